@@ -8,11 +8,10 @@ from math import inf, isfinite, isnan
 from types import NoneType
 from typing import Any, Literal, get_args, get_origin
 
-from diffbotctl.message_types import is_record, is_tuple, parts, type_name
+from diffbotctl.message_types import INTEGER_LIMIT, is_record, is_tuple, parts, type_name
 from diffbotctl.messages import FINITE, Field, fields
 from diffbotctl.units import UnitError, quantity
 
-INTEGER_LIMIT = 1 << 63
 TEXT_MAX_LENGTH = 10_000  # characters
 INFINITIES = {"inf": inf, "-inf": -inf}
 

@@ -13,6 +13,7 @@ from diffbotctl.messages import BUILT_IN, fields
 
 NESTING_MAX = 4  # of tuples and NamedTuples within a field
 FIELDS_MAX = 200  # of one NamedTuple
+INTEGER_LIMIT = 1 << 63  # of a whole number in a message, on either side of 0
 PLAIN_TYPES = (int, float, bool, str)
 
 

@@ -106,7 +106,7 @@ _LOOKALIKES = {
 
 
 class UnitError(ValueError):
-    """A text is not a quantity of the expected kind. The message says why and how to write it."""
+    """A text is not a quantity of the expected kind. The message has the cause and the fix."""
 
 
 def quantity(text: str, unit: str) -> float:

@@ -24,6 +24,7 @@ from diffbotctl.recording.recorder import Recorder
 from diffbotctl.runs.build_graph import assemble
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
+from diffbotctl.testing.command_process import children_of
 from diffbotctl.testing.trials.row import Row, printed
 from prove import wire
 
@@ -193,7 +194,7 @@ def memory() -> Iterator[Row]:
     try:
         time.sleep(2.0)  # now it drives, and everything that a run needs is imported
         pss = private = 0
-        for pid in [process.pid, *children(process.pid)]:
+        for pid in [process.pid, *children_of(process.pid)]:
             text = Path(f"/proc/{pid}/smaps_rollup").read_text()
             fields = {line.split(":")[0]: line.split() for line in text.splitlines()[1:]}
             pss += int(fields["Pss"][1])
@@ -207,12 +208,6 @@ def memory() -> Iterator[Row]:
         "<= 28 MB",
         pss / 1024 <= 28,
     )
-
-
-def children(pid: int) -> list[int]:
-    """Child processes of `pid`."""
-    text = Path(f"/proc/{pid}/task/{pid}/children").read_text()
-    return [int(word) for word in text.split()]
 
 
 def simulated_speed() -> Iterator[Row]:

@@ -11,10 +11,10 @@ class Breaks(Block):
     """Pass the twist on; raise ZeroDivisionError after `after` seconds of the run."""
 
     after = Param(float, default=3.0, unit="s", above=0.0, help="Time at which it raises.")
-    wanted = In(Twist)
+    requested = In(Twist)
     twist = Out(Twist)
 
-    def react(self, now: int, wanted: Twist | None) -> Twist | None:
+    def react(self, now: int, requested: Twist | None) -> Twist | None:
         if now > self.after * 1e9:
             raise ZeroDivisionError("a mistake of the user's")
-        return wanted
+        return requested

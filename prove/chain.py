@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator
 from math import degrees, hypot, pi
 from pathlib import Path
@@ -19,7 +18,7 @@ from diffbotctl.calibrate.steps.squares import corners
 from diffbotctl.config.load import load_robot
 from diffbotctl.plant.chassis import Chassis
 from diffbotctl.testing.calibration_robots import Chained, Wiring, chained, drawn
-from diffbotctl.testing.trials.row import Row, printed
+from diffbotctl.testing.trials.row import Row, print_rows
 
 CHAIN = ("encoders", "motors", "distance", "geometry")
 # A count is 4.7 degrees of heading: counting cannot meet a smaller tolerance.
@@ -339,18 +338,5 @@ def rows(seed: int, robots: int, faulty: int, emulated: int) -> Iterator[Row]:
     yield from driving_rows(seed, robots)
 
 
-def main() -> None:
-    """Print the rows; exit with 1 when a row is missed."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--robots", type=int, default=300)
-    parser.add_argument("--faulty", type=int, default=30)
-    parser.add_argument("--emulated", type=int, default=5)
-    options = parser.parse_args()
-    raise SystemExit(
-        printed(rows(options.seed, options.robots, options.faulty, options.emulated)) > 0
-    )
-
-
 if __name__ == "__main__":
-    main()
+    raise SystemExit(print_rows(rows, __doc__, seed=1, robots=300, faulty=30, emulated=5))

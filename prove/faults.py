@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 import signal
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -15,15 +13,15 @@ from pathlib import Path
 from random import Random
 
 from diffbotctl.recording.reader import RecordingReader
-from diffbotctl.testing.book_board import BookBoard, BookBoardPort
-from diffbotctl.testing.trials import child_faults, host_freeze, runaway, same_end
-from diffbotctl.testing.trials.row import Row, printed
-
-PROGRAM = (
-    "from diffbotctl.config import registry\n"
-    "registry.BLOCKS['breaks'] = 'prove.breaks:Breaks'\n"
-    "from diffbotctl.cli.main import main; main()"
+from diffbotctl.testing.book_board import STOCK, BookBoard, BookBoardPort
+from diffbotctl.testing.command_process import (
+    command_line_with_block,
+    start_in_pipe,
+    start_on_terminal,
 )
+from diffbotctl.testing.trials import child_faults, host_freeze, runaway, same_end
+from diffbotctl.testing.trials.row import Row, print_rows
+
 ZEROS = 4  # last commands on the wire that must be zero: the stop, repeated, for both wheels
 PARALLEL_TRIALS = 6  # each waits most of the time
 RECORDER_TIMEOUT_S = 5.0  # for a recorder whose engine was killed to finish its file
@@ -42,39 +40,14 @@ class Trial:
 
     def words(self, pipeline: str, *more: str) -> list[str]:
         """The command line of diffbotctl."""
-        return [
-            sys.executable,
-            "-c",
-            PROGRAM,
-            "run",
-            pipeline,
-            "--port",
-            self.port.name,
-            "--robot",
-            "book_2wd_stock",
-            "--set",
-            "robot.drive.polarity=checked_by_hand",
-            "--goal",
-            "9 0",
-            "--record",
-            str(self.folder / "run.mcap"),
-            *more,
-        ]
+        words = ("run", pipeline, "--port", self.port.name, *STOCK, "--goal", "9 0")
+        recording = self.folder / "run.mcap"
+        line = (*words, "--record", recording, *more)
+        return command_line_with_block("breaks", "prove.breaks:Breaks", *line)
 
     def start(self, words: list[str], terminal: int | None = None) -> subprocess.Popen[str]:
         """Start it, wait until the wheels turn, and then for a random time."""
-        if terminal is None:
-            process = subprocess.Popen(
-                words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-            )
-        else:
-            process = subprocess.Popen(
-                ["setsid", "--ctty", *words],
-                stdin=terminal,
-                stdout=terminal,
-                stderr=terminal,
-                text=True,
-            )
+        process = start_in_pipe(words) if terminal is None else start_on_terminal(words, terminal)
         self.port.wait_for(lambda board: board.speed["left"] > 3, 30)
         until = self.port.board.now + self.rng.uniform(0.0, DRIVE_TIME_MAX_S)
         self.port.wait_for(lambda board: board.now > until, 30)
@@ -132,7 +105,7 @@ def raises(trial: Trial) -> bool:
     after = trial.rng.uniform(2.5, 2.5 + DRIVE_TIME_MAX_S)
     broken = str(Path(__file__).parent / "broken.yaml")
     words = trial.words(broken, "--set", f"breaks.after={after:.3f} s")
-    process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    process = start_in_pipe(words)
     output = process.communicate(timeout=60)[0]
     return (
         trial.ended_in_zeros()
@@ -209,14 +182,5 @@ def rows(seed: int, trials: int) -> Iterator[Row]:
     yield from runaway.rows(seed, HEALTHY_RUNS * trials, 2 * trials, os.cpu_count() or 1)
 
 
-def main() -> int:
-    """Print the rows."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--trials", type=int, default=50)
-    options = parser.parse_args()
-    return 1 if printed(rows(options.seed, options.trials)) else 0
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(print_rows(rows, __doc__, seed=1, trials=50))

@@ -5,7 +5,6 @@ Everything but the codecs runs the real binary on an emulated Mega 2560 and on a
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Iterator
 from functools import partial
 
@@ -15,12 +14,13 @@ from diffbotctl.testing.trials import (
     board_faults,
     board_restarts,
     board_runs,
+    board_settings,
     flash,
     frame_damage,
     two_channels,
     wheel_loop,
 )
-from diffbotctl.testing.trials.row import Row, printed
+from diffbotctl.testing.trials.row import Row, print_rows
 
 Section = Callable[[], Iterator[Row]]
 
@@ -65,8 +65,8 @@ def chip_sections(seed: int, trials: Callable[[float, int], int], edges: Section
         partial(two_channels.full_speed),
         partial(two_channels.rocking, trials(100, 20)),
         partial(board.bounce, seed, trials(3, 1)),
-        partial(board.refused_settings, seed, trials(400, 40)),
-        partial(board.eeprom_cuts, seed, trials(200, 20)),
+        partial(board_settings.refused_settings, seed, trials(400, 40)),
+        partial(board_settings.eeprom_cuts, seed, trials(200, 20)),
         partial(board.restarts, seed, trials(15, 3)),
         partial(board.deadman, seed, trials(1000, 20)),
         partial(board_faults.storms, seed, trials(100, 20)),
@@ -84,14 +84,5 @@ def trials_of(share: float, full: float, minimum: int) -> int:
     return max(minimum, round(full * share))
 
 
-def main() -> None:
-    """Print the rows; exit with 1 when a row is missed."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--share", type=float, default=1.0, help="fraction of the trials")
-    options = parser.parse_args()
-    raise SystemExit(printed(rows(options.seed, options.share)) > 0)
-
-
 if __name__ == "__main__":
-    main()
+    raise SystemExit(print_rows(rows, __doc__, seed=1, share=1.0))

@@ -18,18 +18,12 @@ from tempfile import TemporaryDirectory
 
 from diffbotctl.start.steps import QUESTIONS
 from diffbotctl.testing.trials.row import Row, printed
+from diffbotctl.testing.virtual_board import START_ANSWERS
 
 ROOT = Path(__file__).parent.parent
 TIME_MAX_S = 120.0  # on two cores
 NECESSARY = ("floor", "measure")  # questions whose answers no file contains
 COMMAND_TIMEOUT_S = 600.0
-ANSWERS = """\
-lifted: yes
-encoders.wheel: [left forward, right forward]
-encoders.proof: both forward
-measure: later
-floor: yes
-"""
 
 
 class Newcomer:
@@ -38,7 +32,7 @@ class Newcomer:
     def __init__(self, place: Path) -> None:
         self.clone, self.folder = place / "clone", place / "robot"
         self.folder.mkdir()
-        (self.folder / "answers.yaml").write_text(ANSWERS)
+        (self.folder / "answers.yaml").write_text(START_ANSWERS)
         homes = {f"XDG_{kind}_HOME": str(place / kind.lower()) for kind in ("STATE", "CACHE")}
         self.environment = os.environ | homes
         self.environment.pop("PYTHONPATH", None)

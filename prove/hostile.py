@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -18,7 +17,7 @@ from diffbotctl.testing.trials import (
     long_run,
     restarts,
 )
-from diffbotctl.testing.trials.row import Row, printed
+from diffbotctl.testing.trials.row import Row, print_rows
 
 MEMORY_MAX_BYTES = 100 << 20
 CPU_MAX_S = 2.0
@@ -125,15 +124,5 @@ def _tables(
         yield commands.run("start", "--status")
 
 
-def main() -> int:
-    """Print the rows of this section alone."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--count", type=int, default=20)
-    parser.add_argument("--hours", type=float, default=0.2)
-    options = parser.parse_args()
-    return printed(rows(options.seed, options.count, options.hours))
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(print_rows(rows, __doc__, seed=1, count=20, hours=0.2))

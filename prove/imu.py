@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator
 from math import cos, degrees, hypot, pi, radians, sin, sqrt
 from pathlib import Path
@@ -16,7 +15,7 @@ from diffbotctl.messages import Goal
 from diffbotctl.plant.simulated_robot import draw_robot
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
-from diffbotctl.testing.trials.row import Row, printed
+from diffbotctl.testing.trials.row import Row, print_rows
 from diffbotctl.time import SECOND
 from prove.motion import OPEN_FLOOR
 
@@ -108,12 +107,12 @@ def heading_sd(ends: list[DriveEnd]) -> float:
     return sqrt(fmean(end.heading * end.heading for end in ends))
 
 
-def rows(seed: int, count: int) -> Iterator[Row]:
-    """Rows 8 and 9 of the issue on kits; `count` robots a row."""
+def rows(seed: int, robots: int) -> Iterator[Row]:
+    """Errors with the gyro and without it; `robots` robots a row."""
     courses = (("1 m", straight, 0.1), ("10 m square", square, 1.5), ("10 m zigzag", zigzag, 0.6))
     for name, course, target in courses:
         both = [
-            [drive(course(), "20 slots", seed * 1000 + number, gyro) for number in range(count)]
+            [drive(course(), "20 slots", seed * 1000 + number, gyro) for number in range(robots)]
             for gyro in (True, False)
         ]
         with_gyro, without = map(heading_sd, both)
@@ -125,8 +124,8 @@ def rows(seed: int, count: int) -> Iterator[Row]:
             f"<= {target} deg",
             ended and with_gyro <= target,
         )
-    yield from tours(seed, count, CALIBRATED)
-    yield from tours(seed, count, EXACT)
+    yield from tours(seed, robots, CALIBRATED)
+    yield from tours(seed, robots, EXACT)
 
 
 def tours(seed: int, count: int, wheels: float) -> Iterator[Row]:
@@ -148,14 +147,5 @@ def tours(seed: int, count: int, wheels: float) -> Iterator[Row]:
             yield Row(name, figure, f"<= {share}", ratio <= share)
 
 
-def main() -> int:
-    """Print all rows. Returns the exit code: 1 when a row is missed."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--robots", type=int, default=40)
-    options = parser.parse_args()
-    return 1 if printed(rows(options.seed, options.robots)) else 0
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(print_rows(rows, __doc__, seed=1, robots=40))

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from statistics import median
 
+from diffbotctl.testing.command_process import children_of, command_line
 from diffbotctl.testing.trials.row import Row, printed
 from prove import wire
 
@@ -22,7 +23,6 @@ MEDIAN_INCREASE_MAX = 0.20  # fraction of the median without load
 P99_MAX_MS = 3.0  # under any load
 ANSWERED_MIN = 0.5  # of the ticks; with fewer the robot has been stopped, and answers are chance
 HUB_GROWTH_MAX_MB = 8.0
-ECHO = "from diffbotctl.cli.main import main; main()"
 PAGE = [sys.executable, "-m", "diffbotctl.testing.plain_page"]
 NEVER_READS = """
 import socket, sys, time
@@ -95,10 +95,7 @@ def rows() -> Iterator[Row]:
                         "prove.screen",
                         "120",
                         "40",
-                        sys.executable,
-                        "-c",
-                        ECHO,
-                        "dash",
+                        *command_line("dash"),
                     ],
                     1,
                     environment,
@@ -113,7 +110,7 @@ def rows() -> Iterator[Row]:
                 Load("the page and big frames", [*PAGE, "load", "--frames"], 1, environment),
                 Load(
                     "ten `topic echo`",
-                    [sys.executable, "-c", ECHO, "topic", "echo", "/odom", "--json"],
+                    command_line("topic", "echo", "/odom", "--json"),
                     10,
                     environment,
                 ),
@@ -149,7 +146,7 @@ def rows() -> Iterator[Row]:
 def run(ticks: wire.Ticks, loads: list[Load], pid: int) -> tuple[float, float]:
     """Measure under each load by turns. Returns the hub's memory in MB before and after."""
     ticks.send(SETTLING_TIME_S)
-    hub = max(children(pid), key=listening)
+    hub = max(children_of(pid), key=listening)
     before = memory(hub)
     for _ in range(ROUNDS):
         for load in loads:
@@ -173,11 +170,6 @@ def load_rows(loads: list[Load]) -> Iterator[Row]:
             f"<= {median_max:.2f}, p99 <= {P99_MAX_MS:g} ms",
             middle <= median_max and p99 <= P99_MAX_MS and len(times) >= ANSWERED_MIN * load.ticks,
         )
-
-
-def children(pid: int) -> list[int]:
-    """Child processes of `pid`."""
-    return [int(word) for word in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
 def listening(pid: int) -> int:

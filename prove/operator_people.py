@@ -15,6 +15,7 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
+from diffbotctl.testing.command_process import start_on_terminal
 from diffbotctl.testing.running import PlainClient, command, moves, running, stands
 from diffbotctl.testing.trials.row import Row
 
@@ -100,13 +101,11 @@ def is_driven(status: dict[str, Any]) -> bool:
     return status["operator.goal"]["number"] == 0 and wheels["left"] < 0 and wheels["right"] < 0
 
 
-def drive(folder: Path) -> tuple[subprocess.Popen[bytes], int]:
+def drive(folder: Path) -> tuple[subprocess.Popen[str], int]:
     """Start `diffbotctl drive` backwards on its own terminal; returns it and the master end."""
     words, environment = command(folder, "drive", "--v", "-0.15", "--for", "60s")
     master, slave = pty.openpty()
-    process = subprocess.Popen(
-        ["setsid", "--ctty", *words], env=environment, stdin=slave, stdout=slave, stderr=slave
-    )
+    process = start_on_terminal(words, slave, environment)
     os.close(slave)
     return process, master
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import os
 import subprocess
-import sys
 import tempfile
 from pathlib import Path
 from time import monotonic, sleep
@@ -13,6 +12,7 @@ from time import monotonic, sleep
 from diffbotctl.control_socket.address import EngineAddress
 from diffbotctl.control_socket.client import ControlClient, choose_engine
 from diffbotctl.errors import UserError
+from diffbotctl.testing.command_process import command_line
 from diffbotctl.ui.dash.app import Dashboard
 from diffbotctl.ui.engine_app import ScreenOptions
 
@@ -20,7 +20,6 @@ SIZES = {"docs/dash.svg": (80, 24), "docs/dash_wide.svg": (160, 50)}
 PIPELINE = Path(__file__).parent / "data" / "picture.yaml"
 GOAL_DISTANCE_M = 1.0  # when the picture is taken
 TIMEOUT_S = 60.0
-PROGRAM = "from diffbotctl.cli.main import main; main()"
 
 
 def draw(path: Path, size: tuple[int, int]) -> str:
@@ -28,7 +27,7 @@ def draw(path: Path, size: tuple[int, int]) -> str:
     with tempfile.TemporaryDirectory() as folder:
         os.environ["XDG_RUNTIME_DIR"] = folder
         words = ["run", str(PIPELINE), "--name", "picture", "--quiet", "--stay"]
-        engine = subprocess.Popen([sys.executable, "-c", PROGRAM, *words], stdout=subprocess.PIPE)
+        engine = subprocess.Popen(command_line(*words), stdout=subprocess.PIPE)
         try:
             asyncio.run(_picture(_engine(), path, size))
         finally:

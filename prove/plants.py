@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator
 from math import degrees
 from pathlib import Path
@@ -17,7 +16,7 @@ from diffbotctl.messages import Twist
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
 from diffbotctl.testing.matrix_case import EQUATIONS, yaml_text
-from diffbotctl.testing.trials.row import Row, printed
+from diffbotctl.testing.trials.row import Row, print_rows
 from prove.motion import OPEN_FLOOR, TOLERANCES, Trip, goals_within, share, trip
 
 LAG = 0.3  # s
@@ -84,14 +83,14 @@ def hand_drive(file: str, seed: int) -> DriveResult:
     )
 
 
-def rows(seed: int, number: int) -> Iterator[Row]:
-    """All rows of both plants; `number` goals for each."""
+def rows(seed: int, goals: int) -> Iterator[Row]:
+    """All rows of both plants; `goals` goals for each."""
     with TemporaryDirectory() as temporary:
         folder = Path(temporary)
         for plant, equations in EQUATIONS.items():
-            yield from _goal_rows(folder, plant, f"plant {plant} ({equations})", seed, number)
+            yield from _goal_rows(folder, plant, f"plant {plant} ({equations})", seed, goals)
         for plant, equations in EQUATIONS.items():
-            yield from _drive_rows(folder, plant, f"plant {plant} ({equations})", seed, number)
+            yield from _drive_rows(folder, plant, f"plant {plant} ({equations})", seed, goals)
 
 
 def _goal_rows(folder: Path, plant: int, name: str, seed: int, number: int) -> Iterator[Row]:
@@ -183,14 +182,5 @@ def _unsure(found: list[Trip]) -> str:
     return f" ({number} unsure)" if number else ""
 
 
-def main() -> int:
-    """Print the rows; exit 1 when one is missed."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--goals", type=int, default=100, help="for each row")
-    options = parser.parse_args()
-    return 1 if printed(rows(options.seed, options.goals)) else 0
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(print_rows(rows, __doc__, seed=1, goals=100))

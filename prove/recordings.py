@@ -8,7 +8,6 @@ import os
 import re
 import signal
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -23,6 +22,7 @@ from mcap.reader import make_reader
 
 from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.recording.recover import recover
+from diffbotctl.testing.command_process import children_of, command_line
 from diffbotctl.testing.trials.row import Row, printed
 from prove import flight_load
 
@@ -34,7 +34,6 @@ PUBLISHED = {
     "foxglove.Log": "3837e1e52d67502baf7b977c7602985ca65da64e2af5b114343f29554945dc54",
     "foxglove.SceneUpdate": "aa4199d1493bd87e7fba5f9a07ff27e5b1e8204e7cbac2058bfe4106445b5be7",
 }
-PROGRAM = "from diffbotctl.cli.main import main; main()"
 CORNERS = ("0.6 0", "0.6 0.6", "0 0.6", "0 0")
 LOSS = 1.0  # s that a SIGKILL may cost
 EARLIEST, LATEST = 1.0, 4.0  # s of driving before it comes
@@ -60,7 +59,7 @@ def rows(seed: int, trials: int) -> Iterator[Row]:
 
 def words(*command: str) -> list[str]:
     """The program as a command line."""
-    return [sys.executable, "-c", PROGRAM, *command]
+    return command_line(*command)
 
 
 def run(*command: str) -> str:
@@ -126,7 +125,7 @@ class Cut:
             if "driving" in line:
                 break
         time.sleep(wait)
-        family = [*children(process.pid), process.pid]
+        family = [*children_of(process.pid), process.pid]
         for pid in family:
             with suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
@@ -149,11 +148,6 @@ class Cut:
                 pass
         again = RecordingReader(target).messages()
         return messages == [(item.time, item.wire, item.data) for item in again]
-
-
-def children(pid: int) -> list[int]:
-    """Child processes of `pid`."""
-    return [int(word) for word in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
 def killed(folder: Path, rng: Random, trials: int) -> Iterator[Row]:
@@ -201,7 +195,7 @@ def cost(what: str, folder: Path, more: list[str]) -> Row:
         env={**os.environ, "XDG_STATE_HOME": str(folder)},
     )
     time.sleep(DRIVE)
-    (recorder,) = children(process.pid)
+    (recorder,) = children_of(process.pid)
     fields = Path(f"/proc/{recorder}/stat").read_text().rpartition(")")[2].split()
     used = (int(fields[11]) + int(fields[12])) / TICK  # utime and stime
     process.terminate()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import signal
@@ -13,13 +12,19 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from diffbotctl.testing.ros2_nodes import COMMANDED_NODE, RosNode, bridge, ros_node, ros_python
+from diffbotctl.testing.ros2_nodes import (
+    COMMANDED_NODE,
+    TWIST,
+    RosNode,
+    bridge,
+    ros_node,
+    ros_python,
+)
 from diffbotctl.testing.running import PlainClient, moves, running, stands
-from diffbotctl.testing.trials.row import NoData, Row, printed
+from diffbotctl.testing.trials.row import NoData, Row, print_rows
 
 STOP_MAX_S, CPU_MAX = 0.5, 0.05
 SECONDS = 10.0
-TWIST = "geometry_msgs/msg/Twist"
 TICKS_PER_SECOND = os.sysconf("SC_CLK_TCK")
 
 
@@ -144,12 +149,5 @@ FAILURES: dict[str, Fail] = {
 }
 
 
-def main() -> int:
-    """Print the rows of this section alone."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--repeats", type=int, default=2, help="of each failure")
-    return 1 if printed(rows(parser.parse_args().repeats)) else 0
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(print_rows(rows, __doc__, repeats=2))

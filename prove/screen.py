@@ -5,12 +5,13 @@ from __future__ import annotations
 import os
 import re
 import struct
-import subprocess
 import sys
 import time
 from fcntl import ioctl
 from select import select
-from termios import TIOCSCTTY, TIOCSWINSZ
+from termios import TIOCSWINSZ
+
+from diffbotctl.testing.command_process import start_on_terminal
 
 QUESTION = b"\x1b[6n"
 ESCAPES = re.compile(rb"\x1b\[[0-9;?<>=]*[A-Za-z]")
@@ -24,15 +25,7 @@ class Drain:
         ioctl(self.master, TIOCSWINSZ, struct.pack("HHHH", lines, columns, 0, 0))
         removed = ("TMUX", "STY", "COLUMNS", "LINES")
         kept = {name: value for name, value in environment.items() if name not in removed}
-        self.process = subprocess.Popen(
-            words,
-            env={**kept, "TERM": "xterm-256color"},
-            stdin=slave,
-            stdout=slave,
-            stderr=slave,
-            start_new_session=True,
-            preexec_fn=lambda: ioctl(0, TIOCSCTTY, 0),
-        )
+        self.process = start_on_terminal(words, slave, {**kept, "TERM": "xterm-256color"})
         os.close(slave)
 
     def read(self, seconds: float) -> bytes:

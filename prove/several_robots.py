@@ -5,7 +5,6 @@ The operator reaches them through ssh (`--at`), and as a node of ROS 2 through a
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -18,7 +17,7 @@ from diffbotctl.runs.run import Run
 from diffbotctl.testing.lossy_network import can_make_namespaces
 from diffbotctl.testing.ros2_nodes import ros_python
 from diffbotctl.testing.trials import two_robots, two_robots_ros2
-from diffbotctl.testing.trials.row import NoData, Row, printed
+from diffbotctl.testing.trials.row import NoData, Row, print_rows
 from diffbotctl.testing.trials.two_robots import CUT_S, DELAY_S, LOSS, ROBOTS, CutOutcome
 
 STOP_MAX_S = 0.5
@@ -125,12 +124,5 @@ def _rows(way: str, outcomes: list[CutOutcome]) -> Iterator[Row]:
     )
 
 
-def main() -> int:
-    """Print the rows of this section alone."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--trials", type=int, default=5)
-    return 1 if printed(rows(parser.parse_args().trials)) else 0
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(print_rows(rows, __doc__, trials=5))

@@ -16,7 +16,8 @@ from pathlib import Path
 from statistics import median
 from typing import NamedTuple
 
-from diffbotctl.testing.book_board import BookBoard, frame
+from diffbotctl.testing.book_board import STOCK, BookBoard, frame
+from diffbotctl.testing.command_process import command_line
 from diffbotctl.testing.trials.row import Row, printed
 
 SECONDS = 12.0  # of ticks in each run
@@ -24,29 +25,22 @@ GOAL_PAIRS = 10  # of 9 m and 12.7 m: no run of a row comes to the end
 PAIR = 24  # bytes of both wheels' commands
 DRAG = 0.15  # of the speed of a wheel, half a second each
 LATE_S = 0.004  # an answer that takes longer is counted, and its number is printed
-PROGRAM = "from diffbotctl.cli.main import main; main()"
 
 
 def command(port: str, recording: Path) -> list[str]:
     """A recorded run of diffbotctl, at a baud rate that does not pace the commands."""
-    return [
-        sys.executable,
-        "-c",
-        PROGRAM,
+    return command_line(
         "run",
         "goal",
         "--port",
         port,
-        "--robot",
-        "book_2wd_stock",
-        "--set",
-        "robot.drive.polarity=checked_by_hand",
+        *STOCK,
         "--set",
         "robot.link.baud=115200",
         *("--goal", "9 0", "--goal", "0 9") * GOAL_PAIRS,
         "--record",
-        str(recording),
-    ]
+        recording,
+    )
 
 
 # Reads what arrives and answers each tick at once: its times are those of the machine itself.

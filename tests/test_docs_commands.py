@@ -17,6 +17,7 @@ import pytest
 
 from diffbotctl.cli.main import COMMANDS, program
 from diffbotctl.processes.real_time import prefer
+from diffbotctl.testing.command_process import start_in_pipe
 from diffbotctl.testing.terminal import Terminal
 from diffbotctl.testing.virtual_board import LONGEST, board, outcome
 
@@ -113,28 +114,18 @@ class Reader:
         # Files of this test alone; the ports of its board are in /tmp/diffbot-*.
         line = re.sub(r"/tmp/(?!diffbot-)", f"{self.environment['TMPDIR']}/", line)
         options = {"cwd": self.work, "env": self.environment}
-        shell = subprocess.Popen(
-            ["bash", "-c", line],
-            text=True,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            **options,
-        )
+        shell = start_in_pipe(["bash", "-c", line], stdin=subprocess.DEVNULL, **options)
         prefer(shell.pid)
         return outcome(shell, **options)
 
     @contextmanager
     def running(self, pipeline):
         """A robot that stands and waits in another terminal, until it is used no more."""
-        engine = subprocess.Popen(
+        engine = start_in_pipe(
             ["bash", "-c", f"exec diffbotctl run {pipeline} --stay"],
             cwd=self.work,
             env=self.environment,
             stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
         )
         try:
             for said in engine.stdout:

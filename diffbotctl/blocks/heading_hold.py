@@ -1,4 +1,4 @@
-"""Heading hold: a robot that is told to drive straight keeps its heading by odometry."""
+"""Heading hold: a robot commanded to drive straight keeps its heading by odometry."""
 
 from __future__ import annotations
 

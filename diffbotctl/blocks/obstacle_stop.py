@@ -16,7 +16,6 @@ STALE: StopCode = "range_stale"
 FAULT: StopCode = "range_fault"
 TOO_CLOSE: StopCode = "too_close"
 OBSTACLE: StopCode = "obstacle"
-SENSOR_CYCLE = 0.0252  # s; longest cycle and settling of a Sharp sensor (data sheet ED-05G101)
 # m; hysteresis: a reading at 20 cm has a noise of 3 mm
 RELEASE_DISTANCE = 0.02
 
@@ -216,15 +215,6 @@ def guard_reaction(
 def sensor_kinds(sensors: Mapping[str, MountedDevice]) -> dict[str, str]:
     """Types of the sensors by name."""
     return {name: str(getattr(sensor, "type", "")) for name, sensor in sensors.items()}
-
-
-def reaction_time(rate: float, debounce: int, delay: float, lag: float) -> float:
-    """Longest time (s) from an obstacle in view to the start of braking.
-
-    `rate` of the telemetry in Hz; `debounce`: readings that must agree; `delay` of a command and
-    `lag` of the motors in s.
-    """
-    return SENSOR_CYCLE + debounce / rate + delay + lag
 
 
 def stopping_distance(speed: float, braking: float, reaction: float) -> float:

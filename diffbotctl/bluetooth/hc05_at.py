@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Generator
 from typing import NamedTuple
 
-AT_BAUD = 38400  # of every HC-05 whose button was held at power-on
 COMMAND_MAX_TRIES = 3  # the first command after power-on is often answered with an error
 BAUD_PREFIX = "+UART:"
 # The usual error numbers; HC-05 AT command set, appendix.

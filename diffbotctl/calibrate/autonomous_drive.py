@@ -34,6 +34,7 @@ from diffbotctl.time import SECOND
 
 STOCK_TOLERANCE_M, STOCK_HEADING_TOLERANCE_RAD = 0.03, 0.07  # of a board with the book's firmware
 DRIVE_TIMEOUT_NS = 180 * SECOND
+REACH_MARGIN_RATIO = 0.25  # of a distance, for a wrong wheel diameter
 
 
 class DriveStyle(NamedTuple):
@@ -54,12 +55,17 @@ class DriveStyle(NamedTuple):
 
 
 # Slow, as Borenstein and Feng ask, yet fast enough for every motor to run smoothly; gentle, so that
-# no tyre slips. Odometry tells where the drive really ended, so tolerances may be wide.
+# no tyre slips. Odometry measures where the drive really ended, so tolerances may be wide.
 CALIBRATION_STYLE = DriveStyle(0.20, 2.0, 0.5, tolerance=0.015, heading_tolerance=0.04)
 DEFAULT_STYLE = DriveStyle()
 
 Waypoint = tuple[float, float, float | None]
 """x, y in m and heading in rad or None, in the frame of the start"""
+
+
+def reach_of(distance: float) -> float:
+    """How far (m) a robot may go that is to drive `distance`."""
+    return distance * (1 + REACH_MARGIN_RATIO)
 
 
 def drive_to(

@@ -9,7 +9,7 @@ ICRA 1997). The counts add errors at both ends of a drive and at each reversal o
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 from math import ceil, hypot, pi
 from typing import NamedTuple, TypeAlias
@@ -95,10 +95,6 @@ class RecordedDrive:
     tick: tuple[float, float]
     """turns of the right and left wheel per count"""
     truth: GroundTruth
-
-    def swapped(self) -> RecordedDrive:
-        """The drive with the columns of the wheels swapped."""
-        return replace(self, turns=self.turns[:, ::-1], tick=self.tick[::-1])
 
     def turns_at(self, times: Floats) -> Floats:
         """Interpolated turns (times, 2)."""

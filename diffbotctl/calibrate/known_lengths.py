@@ -1,4 +1,4 @@
-"""What earlier steps of the calibration say about the lengths, and how sure they are."""
+"""The lengths that earlier steps of the calibration found, with their standard deviations."""
 
 from __future__ import annotations
 

@@ -4,9 +4,9 @@ Each mistake is a hypothesis: a change of the counts or of the poses that undoes
 with the highest posterior density wins; without a mistake is one of them. A change of units changes
 the density of the same data by its Jacobian, so that small numbers do not look like good ones.
 
-Two mistakes are not seen in principle, and cannot be told from a correct file: counts of both
-wheels exchanged are the same as ends mirrored; and without headings, x and y exchanged in squares
-look like a wrong track taken for unequal wheels (UMBmark's two angles change places).
+Two mistakes cannot be distinguished from a correct file in principle: counts of both wheels
+exchanged are the same as ends mirrored; and without headings, x and y exchanged in squares look
+like a wrong track taken for unequal wheels (UMBmark's two angles change places).
 """
 
 from __future__ import annotations

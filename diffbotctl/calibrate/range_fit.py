@@ -33,7 +33,7 @@ GOLDEN_RATIO = (sqrt(5.0) - 1.0) / 2.0
 
 @dataclass(frozen=True, slots=True)
 class RulerPoint:
-    """What the sensor said of an object at a known distance."""
+    """Readings of the sensor with an object at a known distance."""
 
     distance: float
     """m, from the sensor's front"""
@@ -51,7 +51,7 @@ class RulerPoint:
 
 @dataclass(frozen=True, slots=True)
 class RangeFit:
-    """A sensor's curve, and how well it tells the points that it was found from."""
+    """A sensor's curve, and how well it fits the points."""
 
     a: float
     """V m"""

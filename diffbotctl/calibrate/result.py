@@ -16,8 +16,8 @@ RIGHT_DIAMETER, LEFT_DIAMETER = "drive.right.wheel.diameter", "drive.left.wheel.
 TRACK = "drive.track"
 GYRO_SCALE = "imu.scale"
 NOT_MEASURED = "not measured"
-# Significant digits that are written. A tape tells four at best, but what two wheels differ by is
-# known far better than what they have in common.
+# Significant digits that are written. A tape measure gives four at best, but what two wheels differ
+# by is known far better than what they have in common.
 VALUE_DIGITS, SD_DIGITS = 6, 2
 
 FindingValue = float | str | bool | tuple[float, ...]

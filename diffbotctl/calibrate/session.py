@@ -30,6 +30,7 @@ STANDSTILL_TIME_NS = 3 * SECOND // 10  # without an edge: a wheel slower than 1 
 NOISE_STOP_TIME_NS = SECOND  # a stop is taken as confirmed where counts cannot show it
 NOISE_TEST_TIME_S = 1.0  # after a stop
 NOISE_COUNTS_MIN = 5  # in that time; a wheel that coasts gives fewer
+RATED_SPEED_RATIO_MAX = 1.6  # the robot file may state a rated speed that is too low by this
 CAPTURE_TIME_S = 0.3  # the board starts to capture, or sends the remaining edges
 TURN_LIMIT_MARGIN = 1  # count; the edge at which a wheel stood
 KEY_STOP_FIX = "the robot was stopped; run the step again when you are ready"
@@ -244,7 +245,7 @@ class RobotSession:
             return None
         source.capture(self.now, on)
         self.listen(CAPTURE_TIME_S)
-        # The simulated robot also tells the channel; those of channel B are not of interest.
+        # The simulated robot also reports the channel; edges of channel B are not used.
         edges = [RawEdge(*edge[:3]) for edge in source.edges if not any(edge[3:])]
         source.edges.clear()
         return edges

@@ -96,7 +96,7 @@ def correct_geometry(geometry: Geometry, side: float, angles: Angles) -> Geometr
 
     `geometry` is what odometry used during the runs. The ratio found multiplies the one in use: a
     second round that began again from equal wheels would undo the first. Raises ValueError when the
-    angles are beyond what a square can tell.
+    angles are beyond what a square can show.
     """
     # The side is the chord of an arc with radius r: half of it is r sin(beta / 2). The wheels run
     # at r + b/2 and r - b/2; both are multiplied by sin(beta / 2) here, since r may be infinite.

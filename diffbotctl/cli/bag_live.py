@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from diffbotctl.cli.engine_client import attached
+from diffbotctl.cli.engine_client import WATCHER_NICENESS, attached
 from diffbotctl.cli.options import FILE, engine_option, for_option, force_option
 from diffbotctl.cli.output import check_overwrite
 
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from diffbotctl.recording.live_recording import LiveRecording, LiveTopic
 
 FLUSH_PERIOD_S = 0.5
-WATCHER_NICENESS = 10  # the control path goes first on a small machine
 SAVING_TIMEOUT_S = 10.0  # a slow SD card takes a second
 POLL_PERIOD_S = 0.05
 
@@ -61,7 +60,7 @@ def record(
             os.nice(WATCHER_NICENESS)
             until = None if duration is None else time.monotonic() + duration
             cause, lost = _record(client, recording, chosen, until, stopped)
-            recording.finish(cause if not lost else f"{cause}; {lost} messages were lost")
+            recording.end(cause if not lost else f"{cause}; {lost} messages were lost")
         except OSError as error:
             raise _cannot_write(path, error) from error
         finally:
@@ -100,7 +99,7 @@ def _record(
 
 
 def _take(recording: LiveRecording, event: dict[str, Any]) -> int:
-    """Record one line of the stream. Returns how many messages it says were lost."""
+    """Record one line of the stream. Returns how many messages it reports as lost."""
     if "message" in event:
         recording.write(event["topic"], event["message"])
     return int(event.get("lost", 0))
@@ -137,7 +136,7 @@ def _open(path: Path, client: ControlClient, topics: list[LiveTopic]) -> LiveRec
     from diffbotctl.recording.live_recording import LiveRecording
 
     status = client.request("status")
-    # The engine's zero of time, as far as a client can tell.
+    # The engine's zero of time, as a client estimates it.
     epoch = client.about.get("epoch") or time.time_ns() - status["time"]
     about = {
         "version": str(client.about["version"]),

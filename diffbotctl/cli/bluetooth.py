@@ -193,7 +193,7 @@ def baud(rate: str, port: str, robot: str | None, yes: bool) -> int:
     """Set an HC-05, wired to the board as the book has it, to RATE, the board and its file too.
 
     Leads through the module's AT mode: its button must be held while its power comes on. Exit code:
-    1 when the robot file does not say the module's rate in the end.
+    1 when the robot file does not state the module's rate in the end.
     """
     from diffbotctl.bluetooth.hc05_at import BaudChange
     from diffbotctl.cli.choose_port import choose_port
@@ -221,7 +221,7 @@ def baud(rate: str, port: str, robot: str | None, yes: bool) -> int:
 
 
 def _noted(file: RobotFile, now: int, yes: bool) -> bool:
-    """Whether the robot file says the module's rate; it is written where it said another."""
+    """Whether the robot file states the module's rate; another one is replaced."""
     from diffbotctl.calibrate.robot_file import plan_value_change
     from diffbotctl.cli.calibrate_results import own, put
     from diffbotctl.errors import UserError
@@ -251,7 +251,7 @@ def _show(event: object, yes: bool) -> None:
 
 
 def _wait(yes: bool) -> None:
-    """Until the person says that it is so."""
+    """Wait until the user confirms it."""
     import sys
 
     if yes:

@@ -28,7 +28,7 @@ def command(context: click.Context, /, skip: tuple[str, ...], **options: Any) ->
     """Find out what the robot's dimensions really are: all steps in order, or one of them.
 
     encoders, motors, discs (wheels off the ground), distance, geometry, imu (on the floor), range,
-    battery. Each says what it is going to do and waits; any key stops it.
+    battery. Each announces what it will do and waits; any key stops it.
     """
     if context.invoked_subcommand is not None:
         _refuse_lost_options(context)

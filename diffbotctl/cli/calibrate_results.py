@@ -21,7 +21,7 @@ UNWRITTEN = "Nothing was written. The entries are those with a + in front."
 
 
 def keep(path: Path, findings: Sequence[Finding], origin: Provenance, yes: bool) -> bool:
-    """Show what would change in the robot file at `path`, ask, and write it. False: not wanted.
+    """Show what would change in the robot file at `path`, ask, and write it. False: declined.
 
     Raises UserError where it cannot be written or is not plausible.
     """
@@ -31,7 +31,7 @@ def keep(path: Path, findings: Sequence[Finding], origin: Provenance, yes: bool)
 
 
 def own(path: Path) -> Path:
-    """The file to write for the robot at `path`; tells of the copy where it is a shipped one."""
+    """The file to write for the robot at `path`; a shipped one is copied, with a message."""
     from diffbotctl.calibrate.robot_file import writable_copy
 
     mine, was_copied = writable_copy(path)
@@ -41,7 +41,7 @@ def own(path: Path) -> Path:
 
 
 def put(made: FileChange, yes: bool) -> bool:
-    """Show the change, ask, and write it. False: not wanted. Raises RunError."""
+    """Show the change, ask, and write it. False: declined. Raises RunError."""
     from diffbotctl.calibrate.robot_file import write_change
     from diffbotctl.config.lookup import display_path
 

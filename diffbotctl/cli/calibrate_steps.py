@@ -16,6 +16,8 @@ import click
 from diffbotctl.cli.calibrate_results import keep, own, refuse_nobody
 from diffbotctl.cli.options import (
     answers_option,
+    choice_option,
+    number_option,
     port_option,
     robot_option,
     seed_option,
@@ -37,7 +39,7 @@ FOLDER = Path("recordings")
 
 
 class CalibrateOptions(NamedTuple):
-    """What the command line says of every step alike."""
+    """The command-line options that all steps share."""
 
     robot: str | None
     port: str
@@ -182,20 +184,8 @@ def _prompter(
 
 @click.command("encoders")
 @common
-@click.option(
-    "--turns",
-    default=10,
-    show_default=True,
-    type=click.IntRange(1, 100),
-    help="Turns by hand in one go.",
-)
-@click.option(
-    "--rolls",
-    default=3,
-    show_default=True,
-    type=click.IntRange(0, 20),
-    help="How often each wheel is turned by hand; 0: not at all.",
-)
+@number_option("--turns", 10, 1, 100, "Turns by hand in one go.")
+@number_option("--rolls", 3, 0, 20, "How often each wheel is turned by hand; 0: not at all.")
 def encoders(turns: int, rolls: int, **options: Any) -> None:
     """Find out which wire is which, which way is forward, how many slots.
 
@@ -217,16 +207,8 @@ def motors(**options: Any) -> None:
 
 @click.command("distance")
 @common
-@click.option(
-    "--metres",
-    default=1.0,
-    show_default=True,
-    type=click.FloatRange(0.2, 20),
-    help="How far it drives.",
-)
-@click.option(
-    "--repeats", default=5, show_default=True, type=click.IntRange(1, 50), help="How often."
-)
+@number_option("--metres", 1.0, 0.2, 20, "How far it drives.")
+@number_option("--repeats", 5, 1, 50, "How often.")
 def distance(metres: float, repeats: int, **options: Any) -> None:
     """Drive a metre several times, by the tape: finds the size of the wheels."""
     run(["distance"], CalibrateOptions(**options), metres=metres, repeats=repeats)
@@ -234,13 +216,10 @@ def distance(metres: float, repeats: int, **options: Any) -> None:
 
 @click.command("geometry")
 @common
-@click.option(
+@choice_option(
     "--how",
-    type=click.Choice(["squares", "spin", "straight"]),
-    default="squares",
-    show_default=True,
-    help="Squares find track and wheel ratio; a spin the track alone; "
-    "straight runs the ratio alone.",
+    ("squares", "spin", "straight"),
+    "Squares find track and wheel ratio; a spin the track alone; straight runs the ratio alone.",
 )
 @click.option(
     "--side",
@@ -286,20 +265,8 @@ def geometry(
 
 @click.command("imu")
 @common
-@click.option(
-    "--turns",
-    default=10,
-    show_default=True,
-    type=click.IntRange(3, 50),
-    help="Turns on the spot in one go.",
-)
-@click.option(
-    "--repeats",
-    default=1,
-    show_default=True,
-    type=click.IntRange(1, 20),
-    help="How often in each direction.",
-)
+@number_option("--turns", 10, 3, 50, "Turns on the spot in one go.")
+@number_option("--repeats", 1, 1, 20, "How often in each direction.")
 def imu(turns: int, repeats: int, **options: Any) -> None:
     """Find the scale of the gyro by turns on the spot.
 
@@ -323,13 +290,7 @@ def discs(**options: Any) -> None:
 @click.command("range")
 @common
 @click.option("--sensor", default="", help="Which distance sensor; the only one when left out.")
-@click.option(
-    "--seconds",
-    default=5.0,
-    show_default=True,
-    type=click.FloatRange(1, 60),
-    help="How long the voltage is averaged at each distance.",
-)
+@number_option("--seconds", 5.0, 1, 60, "How long the voltage is averaged at each distance.")
 def range_(sensor: str, seconds: float, **options: Any) -> None:
     """Find the curve of a distance sensor, with a rule and a white card.
 

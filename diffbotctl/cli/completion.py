@@ -30,7 +30,7 @@ def command(ctx: click.Context, shell: str) -> None:
 
 
 def teach(command: click.Command) -> click.Command:
-    """Tell a command, and those below it, what its words can be. Only while completing."""
+    """Attach the completions to a command and its subcommands. Only while completing."""
     for parameter in command.params:
         known = KNOWN.get(f"{command.name} {parameter.name}", KNOWN.get(parameter.name or ""))
         if known is not None and isinstance(parameter.type, click.types.StringParamType):

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 SETTLING_TIMEOUT_S = 1.0  # a command takes effect within some instants, and a delay of the machine
 POLL_PERIOD_S = 0.01
+WATCHER_NICENESS = 10  # the control path goes first on a small machine
 
 
 def host() -> str:

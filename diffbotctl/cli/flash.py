@@ -1,6 +1,6 @@
 """`diffbotctl flash firmware`: our program onto the board, and the robot's settings after it.
 
-`diffbotctl blink`: does the board hear us? No motor moves.
+`diffbotctl blink`: check the connection to the board. No motor moves.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from diffbotctl.cli.options import FILE, port_option, robot_option, yes_option
+from diffbotctl.cli.options import FILE, number_option, port_option, robot_option, yes_option
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -128,13 +128,7 @@ def _show_progress(events: Iterable[JobEvent]) -> None:
 @click.command()
 @port_option("auto", only_board=True)
 @robot_option
-@click.option(
-    "--times",
-    default=10,
-    show_default=True,
-    type=click.IntRange(1, 1000),
-    help="How often the light blinks.",
-)
+@number_option("--times", 10, 1, 1000, "How often the light blinks.")
 def blink(port: str, robot: str | None, times: int) -> None:
     """Connect to the board and blink its light: board, cable and port work. No motor moves."""
     from diffbotctl.board.jobs import blink

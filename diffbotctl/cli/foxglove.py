@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import click
 
 from diffbotctl.cli.options import engine_option
+from diffbotctl.cli.tcp_server import require_packages, tcp_port_option
 
 if TYPE_CHECKING:
     from diffbotctl.foxglove.commands import Command
     from diffbotctl.foxglove.server import FoxgloveServer
 
 TCP_PORT = 8765  # that viewers propose
-TCP_PORT_MAX = 65535
 
 
 @click.command()
@@ -31,14 +31,7 @@ TCP_PORT_MAX = 65535
     metavar="URL",
     help="Also accept a viewer that is a web page of this origin, such as http://localhost:8080.",
 )
-@click.option(
-    "--tcp-port",
-    metavar="NUMBER",
-    type=click.IntRange(1, TCP_PORT_MAX),
-    default=TCP_PORT,
-    show_default=True,
-    help="TCP port for viewers.",
-)
+@tcp_port_option(TCP_PORT, "TCP port for viewers.")
 @engine_option
 def command(allow: str, origins: tuple[str, ...], tcp_port: int, engine: str | None) -> int:
     """Serve a running engine to Foxglove and Lichtblick on this machine.
@@ -51,7 +44,7 @@ def command(allow: str, origins: tuple[str, ...], tcp_port: int, engine: str | N
 
     from diffbotctl.control_socket.client import choose_engine
 
-    _require_library()
+    require_packages("E-FOXGLOVE-LIBRARY", "viewers", "foxglove", "aiohttp")
     allowed = _allowed(allow)
 
     from diffbotctl.foxglove.server import KNOWN_ORIGINS, FoxgloveServer, ViewerRules
@@ -79,18 +72,6 @@ def _allowed(text: str) -> frozenset[Command]:
         if word not in known:
             raise click.UsageError(f"--allow: '{word}' is none of {', '.join(known)}")
     return frozenset(Command(word) for word in words)
-
-
-def _require_library() -> None:
-    from diffbotctl.errors import Problem, RunError
-
-    try:
-        import aiohttp
-    except ImportError as error:
-        cause = f"the package {error.name} is not installed"
-        fix = "pip install 'diffbotctl[foxglove]'"
-        raise RunError(Problem("E-FOXGLOVE-LIBRARY", "viewers", cause, fix)) from error
-    del aiohttp
 
 
 def _print_start(server: FoxgloveServer) -> None:

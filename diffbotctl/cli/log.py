@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from diffbotctl.cli.engine_client import attached
+from diffbotctl.cli.engine_client import WATCHER_NICENESS, attached
 from diffbotctl.cli.options import engine_option, for_option, json_option
 from diffbotctl.cli.output import print_json
 from diffbotctl.messages import LOG_LEVELS, LogLine
@@ -19,7 +19,6 @@ from diffbotctl.printable import printable, write_raw
 if TYPE_CHECKING:
     from diffbotctl.control_socket.client import ControlClient
 
-WATCHER_NICENESS = 10  # the control path goes first on a small machine
 COLOURS = {"debug": "bright_black", "warning": "yellow", "error": "red"}
 
 

@@ -1,7 +1,7 @@
-"""What a run has to say while the robot drives: said at once, or later, but never waited for.
+"""Messages to the terminal while the robot drives: written at once or later, without waiting.
 
-A terminal takes nothing more once somebody has pressed Ctrl-S in it, or its ssh hangs. Whoever
-writes to it then sleeps, and a control path that sleeps commands nothing.
+A terminal accepts nothing more after Ctrl-S, or when its ssh hangs. A program that writes to it
+then blocks, and a control path that blocks commands nothing.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ FLAGS = os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC
 
 
 class NonBlockingStderr:
-    """Writes lines to standard error without waiting; what is not taken is said at the end."""
+    """Writes lines to standard error without waiting; the rest of them at the end."""
 
     def __init__(self) -> None:
         self._unsaid = b""
@@ -36,7 +36,7 @@ class NonBlockingStderr:
             self._unsaid = self._unsaid[os.write(file, self._unsaid) :]
 
     def end(self) -> None:
-        """The robot stands: say the rest, however long that takes."""
+        """The robot stands: write the rest, however long that takes."""
         if self._unsaid:
             click.echo(self._unsaid, nl=False, err=True)
         if self._file is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -101,6 +101,22 @@ for_option = click.option(
     type=Quantity("s", positive=True),
     help="Stop after this time, such as 10s.",
 )
+
+
+def number_option(
+    name: str, default: float, minimum: float, maximum: float, help: str
+) -> Callable[[Command], Command]:
+    """An option with a number in a range, whole if `default` is; its help shows both."""
+    kind: click.IntRange | click.FloatRange = click.FloatRange(minimum, maximum)
+    if isinstance(default, int):
+        kind = click.IntRange(int(minimum), int(maximum))
+    return click.option(name, default=default, show_default=True, type=kind, help=help)
+
+
+def choice_option(name: str, choices: Sequence[str], help: str) -> Callable[[Command], Command]:
+    """An option with one of `choices`, the first one by default; its help shows them."""
+    kind = click.Choice(choices)
+    return click.option(name, type=kind, default=choices[0], show_default=True, help=help)
 
 
 def port_option(default: str, only_board: bool = False) -> Callable[[Command], Command]:

@@ -23,7 +23,7 @@ from diffbotctl.cli.options import (
 )
 from diffbotctl.cli.output import check_overwrite, print_json
 from diffbotctl.cli.program_consent import allowed_programs
-from diffbotctl.cli.web import CLOSED, check_options, lan_option, show_page, tcp_port_option
+from diffbotctl.cli.web import CLOSED, check_options, lan_option, page_port_option, show_page
 
 if TYPE_CHECKING:
     from diffbotctl.config.configuration import Configuration
@@ -64,7 +64,7 @@ if TYPE_CHECKING:
 @click.option("--dash", is_flag=True, help="Show the dashboard; closing it ends the run.")
 @click.option("--web", is_flag=True, help="Serve the page of the run to browsers and phones.")
 @lan_option
-@tcp_port_option
+@page_port_option
 @click.option("--name", help="Name of this engine for `--engine`; default: the pipeline's name.")
 @click.option("--group", help="Allow members of this group to command it, through /run.")
 @click.option("--no-socket", is_flag=True, help="No control socket: no client can connect.")

@@ -37,7 +37,7 @@ def check_terminal(has_socket: bool) -> None:
 class SavedTerminal:
     """The terminal as it was, for the engine to give back should the dashboard be killed.
 
-    `words` are what the engine had to say meanwhile.
+    `words` are the messages of the engine in the meantime.
     """
 
     def __init__(self) -> None:

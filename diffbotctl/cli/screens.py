@@ -9,34 +9,20 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from diffbotctl.cli.engine_client import host
-from diffbotctl.cli.options import Quantity, engine_option
+from diffbotctl.cli.options import Quantity, choice_option, engine_option, number_option
 
 if TYPE_CHECKING:
     from diffbotctl.ui.engine_app import EngineApp, ScreenOptions
     from diffbotctl.ui.teleop.keyboard import DriveMode, KeySetName
 
 OPTIONS = (
-    click.option(
-        "--keys",
-        type=click.Choice(["twist", "turtle"]),
-        default="twist",
-        show_default=True,
-        help="Key layout: u i o j k l m , . as in ROS, or w a s d x.",
+    choice_option(
+        "--keys", ("twist", "turtle"), "Key layout: u i o j k l m , . as in ROS, or w a s d x."
     ),
-    click.option(
-        "--mode",
-        type=click.Choice(["hold", "latched"]),
-        default="hold",
-        show_default=True,
-        help="Drive while a key is held, or until the next key.",
+    choice_option(
+        "--mode", ("hold", "latched"), "Drive while a key is held, or until the next key."
     ),
-    click.option(
-        "--hz",
-        type=click.FloatRange(0.5, 30.0),
-        default=10.0,
-        show_default=True,
-        help="Screen updates per second.",
-    ),
+    number_option("--hz", 10.0, 0.5, 30.0, "Screen updates per second."),
     click.option(
         "--speed",
         metavar="SPEED",

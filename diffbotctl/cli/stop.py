@@ -81,7 +81,7 @@ def _stop_hosts(hosts: Iterable[str], engine: str | None, reason: str) -> int:
 
 
 def _stop_far(at: str, engine: str | None, reason: str) -> int:
-    """Stop the engine at `at`, all of them without a name, and say within 3 s how that went."""
+    """Stop the engine at `at`, all of them without a name, and report the result within 3 s."""
     from diffbotctl.control_socket.far_engine import SeveralEnginesError
     from diffbotctl.errors import UsageError, UserError
 
@@ -182,7 +182,7 @@ def resume(engine: str | None) -> int:
     """Allow the robot to move again after a stop that waits for a person. A waiting goal continues.
 
     Ends the stop in force now; later stops are not affected. When nothing is stopped and no goal
-    waits, the command says so and fails.
+    waits, the command reports it and fails.
     """
     with attached(engine, "resume") as client:
         before = client.request("status")

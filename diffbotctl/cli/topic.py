@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from diffbotctl.cli.engine_client import attached, rate_text
+from diffbotctl.cli.engine_client import WATCHER_NICENESS, attached, rate_text
 from diffbotctl.cli.options import engine_option, for_option, json_option
 from diffbotctl.cli.output import print_json
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from diffbotctl.control_socket.client import ControlClient
 
 VELOCITY_PERIOD_S = 0.2  # a velocity published once holds this long; 0.3 s are a lost operator
-WATCHER_NICENESS = 10  # the control path goes first on a small machine
 RATE_PERIOD_S = 1.0
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import click
 
 from diffbotctl.cli.options import engine_option
+from diffbotctl.cli.tcp_server import require_packages, tcp_port_option
 
 if TYPE_CHECKING:
     from diffbotctl.control_socket.address import EngineAddress
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from diffbotctl.web.sessions import Session
 
 TCP_PORT = 8642
-TCP_PORT_MAX = 65535
 CLOSED = (
     "the page's server has ended; the run goes on: Ctrl-C ends it, `diffbotctl web` serves it again"
 )
@@ -31,19 +31,12 @@ QR_COLOURS = ("\x1b[97;40m", "\x1b[0m")  # light on dark, also on a light termin
 lan_option = click.option(
     "--lan", is_flag=True, help="Serve the page in the local network too, with TLS."
 )
-tcp_port_option = click.option(
-    "--tcp-port",
-    metavar="NUMBER",
-    type=click.IntRange(1, TCP_PORT_MAX),
-    default=TCP_PORT,
-    show_default=True,
-    help="TCP port of the page.",
-)
+page_port_option = tcp_port_option(TCP_PORT, "TCP port of the page.")
 
 
 @click.command()
 @lan_option
-@tcp_port_option
+@page_port_option
 @engine_option
 def web(lan: bool, tcp_port: int, engine: str | None) -> int:
     """Serve a page of a running engine: map, driving, goals, parameters, log.
@@ -91,17 +84,7 @@ def _show(lan: bool, tcp_port: int, snapshots: Iterator[RunSnapshot]) -> None:
 
 
 def _require_library() -> None:
-    from diffbotctl.errors import Problem, RunError
-
-    try:
-        import aiohttp
-        import cryptography
-        import segno  # noqa: F401
-    except ImportError as error:
-        cause = f"the package {error.name} is not installed"
-        fix = "pip install 'diffbotctl[web]'"
-        raise RunError(Problem("E-WEB-LIBRARY", "the page", cause, fix)) from error
-    del aiohttp, cryptography
+    require_packages("E-WEB-LIBRARY", "the page", "web", "aiohttp", "cryptography", "segno")
 
 
 def _serve(engine: EngineAddress, lan: bool, tcp_port: int) -> None:

@@ -80,7 +80,7 @@ def load_robot(
 def check(
     name: str, robot: str | None = None, sets: Sequence[str] = (), *, real: bool = False
 ) -> tuple[Problem, ...]:
-    """Every problem of the robot or pipeline file `name`; its `kind` tells which of them it is.
+    """Every problem of the robot or pipeline file `name`; its `kind` decides which of them it is.
 
     A name without a path is looked up among pipelines, then among robots.
     """

@@ -128,7 +128,7 @@ class _Reader:
         return self.section(value, kind, path, is_whole) if is_mapping else None
 
     def _has_kind(self, value: Value, kind: type, declaration: Declaration, path: Path) -> bool:
-        """True for a mapping or list as wanted; notes what is wrong with anything else."""
+        """True for a mapping or list as expected; reports anything else."""
         if isinstance(value.data, kind):
             return True
         if not (declaration.none and value.data is None):

@@ -35,7 +35,7 @@ GAP_MAX = 0.25
 # Of its commanded travel during a goal. A wheel that is below it, while the other one is not,
 # explains why the goal was not reached.
 LAGGING_RATIO = 0.6
-LAGGING_PITCHES = 10.0  # of commanded travel, before the ratio says anything
+LAGGING_PITCHES = 10.0  # of commanded travel, before the ratio is significant
 
 
 Side = Literal["left", "right"]
@@ -178,7 +178,7 @@ class DriveResponse:
         """the wheels of which `newly_weak` has told"""
 
     def begin(self, crawl_command_min: float = 0.0) -> None:
-        """Forget what the operator has been told, and for how long a wheel has stood.
+        """Forget what was reported to the operator, and for how long a wheel has stood.
 
         `crawl_command_min`: command (m/s) below which friction may make a wheel stick and slip.
         """
@@ -297,7 +297,7 @@ class DriveResponse:
     ) -> bool:
         """Whether a wheel was driven again and again, and has not turned in any of the times.
 
-        Its counts alone tell: between two of them odometry takes it for turning.
+        Only its counts show that: between two of them odometry takes it for turning.
         """
         longest = UNCOUNTED_AFTER if other.uncounted_for < wheel.uncounted_for else stuck_after
         travel = max(IDLE_TRAVEL_MIN, IDLE_TRAVEL_PITCHES * self.pitch)

@@ -176,7 +176,7 @@ class ControlClient:
 
 
 def _client_name(engine: EngineAddress, name: str) -> str:
-    """The name for the log; that of a far client tells who it is, because its process does not."""
+    """The name for the log; that of a far client names its user, because its process does not."""
     return f"{name} of {person()}"[:TEXT_MAX_LENGTH] if engine.at else name
 
 

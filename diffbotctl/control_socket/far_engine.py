@@ -1,10 +1,10 @@
 """Connections to an engine on another computer, through ssh.
 
 ssh runs a few lines of Python there, without any package, that find the engine's socket and pass
-bytes between it and their standard input and output. So whoever may log in there as the user of the
-engine may use its socket, and nothing listens on the network. When ssh ends, however it does, the
-engine sees a client that has disconnected; when the link is cut it hears nothing, and its own
-timeouts stop the robot.
+bytes between it and their standard input and output. So anyone who may log in there as the user of
+the engine may use its socket, and nothing listens on the network. When ssh ends, however it does,
+the engine sees a client that has disconnected; when the link is cut it receives nothing, and its
+own timeouts stop the robot.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ class SshConnection:
             theirs.close()
 
     def failure(self, cause: str) -> RunError:
-        """The error when nothing comes: what ssh says, or else `cause`."""
+        """The error when nothing comes: the message of ssh, or else `cause`."""
         with suppress(subprocess.TimeoutExpired):
             self.process.wait(FAILURE_TIMEOUT_S)
         code = self.process.poll()
@@ -134,7 +134,7 @@ class SshConnection:
 
 
 def person() -> str:
-    """Whoever uses this program here, as the engine's log names a far client."""
+    """The user of this program here, as the engine's log names a far client."""
     try:
         user = getuser()
     except (KeyError, OSError):
@@ -143,7 +143,7 @@ def person() -> str:
 
 
 class EngineTime:
-    """The engine's logical time, as a client can tell: never later than it is.
+    """The engine's logical time, as a client estimates it: never later than it is.
 
     A time that comes in a line was true before the line was sent. The largest difference to our
     clock is that of the line with the shortest delay.

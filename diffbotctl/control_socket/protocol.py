@@ -12,7 +12,7 @@ Fields = dict[str, Any]
 
 PROTOCOL = 2
 LINE_MAX_BYTES = 64 << 10  # the longest sensible request has a few hundred
-DRIVE_LEASE_S = 0.3  # age at which a command to drive is refused, if it says when it was made
+DRIVE_LEASE_S = 0.3  # age at which a command to drive is refused, if it states when it was made
 EXAMPLE = 'send one JSON object a line, such as {"method": "stop"}'
 
 
@@ -24,6 +24,11 @@ class RefusalError(Exception):
         self.code = code
         self.cause = cause
         self.fix = fix
+
+    @property
+    def text(self) -> str:
+        """Cause and fix in one line."""
+        return f"{self.cause}; {self.fix}" if self.fix else self.cause
 
     def fields(self) -> Fields:
         """The fields of the error reply."""

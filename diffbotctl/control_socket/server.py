@@ -78,7 +78,7 @@ class Server:
                 self._check_clients(now)
 
     def finish(self, timeout: float) -> None:
-        """Tell all clients that the run has ended; they have `timeout` seconds to read the rest."""
+        """Notify all clients of the run's end; they have `timeout` seconds to read the rest."""
         self.listener.close()
         deadline = time.monotonic() + timeout
         waiting = list(self.clients.values())
@@ -144,7 +144,7 @@ class Server:
     def _dispensable(self, newcomer: Client) -> Client:
         """Who leaves for `newcomer`: who has not greeted, or else the first in a seat for `stop`.
 
-        So whoever connects in order to stop the robot always gets that far.
+        So a client that connects in order to stop the robot always succeeds.
         """
         others = [client for client in self.clients.values() if client is not newcomer]
         silent = (client for client in others if not client.name)

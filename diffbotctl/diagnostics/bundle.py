@@ -1,4 +1,4 @@
-"""A zip file for somebody who helps: facts of the machine, its ports, and the last run."""
+"""A zip file for a helper: facts of the machine, its ports, and the last run."""
 
 from __future__ import annotations
 

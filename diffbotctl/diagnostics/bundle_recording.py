@@ -1,4 +1,4 @@
-"""A copy of a recording without what is private, for somebody who helps."""
+"""A copy of a recording without private contents, for a helper."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 Private are the names of users and computers, home folders, addresses of Bluetooth modules and in
 networks, serial numbers, and what follows the host in a web address: it may be an access code.
-Names that many machines share, such as `pi`, tell nothing about a person and stay.
+Names that many machines share, such as `pi`, reveal nothing about a person and stay.
 """
 
 from __future__ import annotations

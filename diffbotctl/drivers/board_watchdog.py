@@ -1,4 +1,4 @@
-"""The watchdog of one board: tells its process what the driver does, and the driver what it did."""
+"""The watchdog of one board, driver side: reports to its process, and returns what that did."""
 
 from __future__ import annotations
 

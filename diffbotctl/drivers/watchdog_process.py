@@ -148,7 +148,7 @@ def _serve(channel: socket.socket) -> int:
 
 
 class _Watch:
-    """The watchdog's own end: what it knows of the board, and when it heard of the engine."""
+    """The watchdog's own end: what it knows of the board, and when the engine last reported."""
 
     def __init__(self, channel: socket.socket) -> None:
         self.channel = channel

@@ -16,7 +16,7 @@ from typing import Literal, NamedTuple
 
 from diffbotctl.config.lookup import folder
 from diffbotctl.errors import Problem, RunError
-from diffbotctl.links.diffbot_frames import PIN_NONE, BoardCode
+from diffbotctl.links.diffbot_frames import DUTY_ONE, PIN_NONE, BoardCode
 from diffbotctl.processes.real_time import prefer
 
 FIRMWARE = folder("firmware")
@@ -25,7 +25,6 @@ BOOTLOADERS = Path("/usr/share/arduino/hardware/arduino/avr/bootloaders")
 SOURCES = FIRMWARE / "emulator"
 SIMAVR = "libsimavr-dev"
 EEPROM_SIZE = 4096
-DUTY_ONE = 32767
 # Reset causes, as bits of the chip's MCUSR register (data sheet, section 12.5).
 POWER, LINE, BROWNOUT, WATCHDOG = 1, 2, 4, 8
 FIRST_SONAR = 128  # analog channel of the first HC-SR04: the length of its echo, us

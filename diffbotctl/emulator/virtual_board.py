@@ -71,7 +71,7 @@ class VirtualBoard:
     """A board paced to real time. `usb` names the port of UART0, `radio` that of UART1, if any.
 
     The names are links in a new folder, named as Linux names such ports on a real machine, since
-    the name tells USB from Bluetooth.
+    the name distinguishes USB from Bluetooth.
     """
 
     def __init__(self, robot: Robot, seed: int, world: World | None, image: Image) -> None:

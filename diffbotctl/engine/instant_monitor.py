@@ -1,8 +1,8 @@
 """Measures how long the instants of a run take, and reports what takes too long.
 
 While a block computes, no telemetry is read and no command is sent. Times are wall-clock times;
-what the operating system gave to other programs meanwhile (the thread's run delay) is told apart,
-so that a block is not blamed for a busy computer.
+what the operating system gave to other programs meanwhile (the thread's run delay) is counted
+separately, so that a block is not blamed for a busy computer.
 """
 
 from __future__ import annotations

@@ -9,9 +9,10 @@ from typing import Any
 
 from aiohttp import web
 
+from diffbotctl.web.web_socket_connection import SEND_TIMEOUT_S
+
 MESSAGES_MAX = 500  # that wait for a viewer which reads slowly; then the oldest is dropped
 REPLIES_MAX = 1000  # that wait; a viewer that reads nothing is disconnected
-SEND_TIMEOUT_S = 5.0
 
 
 class FrameQueue:

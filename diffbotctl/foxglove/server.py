@@ -1,4 +1,4 @@
-"""The server for viewers: who may connect, and what the run tells them.
+"""The server for viewers: who may connect, and what they receive of the run.
 
 A client of the control socket without rights of its own. It listens on the loopback address only.
 Every program and every web page of the machine can reach that, so each connection must name this
@@ -8,7 +8,6 @@ server as Host, come from an origin that is allowed, and carry the token of the 
 from __future__ import annotations
 
 import asyncio
-import logging
 import secrets
 import socket
 import time
@@ -33,11 +32,12 @@ from diffbotctl.foxglove.viewer_connection import ViewerConnection
 from diffbotctl.recording.viewer_model import viewer_model
 from diffbotctl.ros2.robot_model import configuration_of_run
 from diffbotctl.ros2.velocity_rules import Limits
-from diffbotctl.web.connections import ConnectionLimiter, Peer
+from diffbotctl.web.connections import Peer, serving
+from diffbotctl.web.deadman import BEAT_PERIOD_S
 from diffbotctl.web.request_check import RequestRefusalError, ServerOrigin
 
 VIEWERS_MAX = 8
-BEAT_PERIOD_S = 0.05  # silence is noticed at most so late
+KEEPALIVE_S = 5.0  # that an idle connection stays open
 PARAMETERS_PERIOD_S = 2.0
 TOKEN_BYTES = 16
 RESUMED = "operator.resume"  # the wire on which permission to move comes
@@ -90,33 +90,23 @@ class FoxgloveServer:
 
     async def run(self, is_ready: Callable[[], None]) -> None:
         """Serve until the run has ended. `is_ready` is called when viewers can connect."""
-        for library in ("aiohttp", "asyncio"):  # what strangers send is no news for the terminal
-            logging.getLogger(library).setLevel(logging.CRITICAL)
         await self.client.connect(self.engine, "foxglove")
         await self._read_run()
         application = web.Application()
         application.router.add_get("/{token:.*}", self._open)
-        runner = web.AppRunner(
-            application, access_log=None, handle_signals=False, keepalive_timeout=5.0
-        )
-        await runner.setup()
-        assert runner.server is not None
-        limiter = ConnectionLimiter(self.listener, None, runner.server, self._is_viewer)
-        works = (limiter.run(), self._beat(), self._follow_parameters())
-        tasks = [asyncio.create_task(work) for work in works]
-        is_ready()
-        try:
-            await self.ended.wait()
-            for viewer in self.viewers:
-                viewer.warn("the run has ended")
-            await asyncio.sleep(BEAT_PERIOD_S)  # for the viewers to be told
-        finally:
-            for task in tasks:
-                task.cancel()
-            self.listener.close()
-            with suppress(TimeoutError):
-                async with asyncio.timeout(1.0):
-                    await runner.cleanup()
+        async with serving(application, self.listener, None, self._is_viewer, KEEPALIVE_S):
+            tasks = [
+                asyncio.create_task(work) for work in (self._beat(), self._follow_parameters())
+            ]
+            is_ready()
+            try:
+                await self.ended.wait()
+                for viewer in self.viewers:
+                    viewer.warn("the run has ended")
+                await asyncio.sleep(BEAT_PERIOD_S)  # for the viewers to receive it
+            finally:
+                for task in tasks:
+                    task.cancel()
 
     async def _read_run(self) -> None:
         """Ask for what does not change during the run."""
@@ -192,7 +182,7 @@ class FoxgloveServer:
         return any(viewer.peer == peer for viewer in self.viewers)
 
     def _greeting(self) -> Iterable[str]:
-        """What each viewer is told first."""
+        """The first messages to each viewer."""
         capabilities = ["parameters", "parametersSubscribe", "services", "connectionGraph"]
         capabilities += ["assets", *(["clientPublish"] if self.allowed else [])]
         yield protocol.operation(
@@ -246,7 +236,7 @@ class FoxgloveServer:
                 viewer.driving.beat(now)
 
     async def _follow_parameters(self) -> None:
-        """Tell the viewers what other clients of the run have changed."""
+        """Notify the viewers of what other clients of the run have changed."""
         known: Values = {}
         while True:
             await asyncio.sleep(PARAMETERS_PERIOD_S)
@@ -269,7 +259,7 @@ class FoxgloveServer:
         return connection_graph(self.channels.run_topics, wires, names)
 
     def parameters_changed(self, values: Values, names: Iterable[str]) -> None:
-        """Tell the viewers who follow them."""
+        """Notify the viewers who follow them."""
         names = list(names)
         for viewer in self.viewers:
             viewer.show_parameters(values, names)

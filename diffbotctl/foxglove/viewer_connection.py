@@ -1,21 +1,17 @@
-"""One viewer: its web socket, its subscriptions, and its client of the control socket."""
+"""One viewer: its subscriptions and channels, its parameters, its services."""
 
 from __future__ import annotations
 
-import asyncio
 import json
 import time
 from collections.abc import Coroutine, Iterable
-from contextlib import suppress
 from typing import Any, Protocol
 
 from aiohttp import WSMsgType, web
 
 from diffbotctl.control_socket.address import EngineAddress
-from diffbotctl.control_socket.client import AsyncControlClient
 from diffbotctl.control_socket.connection import TokenBucket
 from diffbotctl.control_socket.protocol import RefusalError
-from diffbotctl.errors import RunError
 from diffbotctl.foxglove import commands, protocol
 from diffbotctl.foxglove.channels import ChannelMessage, RunChannels
 from diffbotctl.foxglove.commands import Command, RobotService
@@ -24,6 +20,7 @@ from diffbotctl.foxglove.parameters import Values, parameter_rows
 from diffbotctl.foxglove.protocol import ClientMessage, Fields, FrameError, ServiceCall
 from diffbotctl.foxglove.viewer_driving import ViewerDriving
 from diffbotctl.ros2.velocity_rules import Limits
+from diffbotctl.web.web_socket_connection import WebSocketConnection
 
 FRAME_MAX_BYTES = 64 << 10
 FRAMES_PER_SECOND = 200.0  # panels publish at most 60 velocities a second
@@ -50,64 +47,48 @@ class ViewerHost(Protocol):
         """The connection graph of the run. Raises RefusalError."""
 
     def parameters_changed(self, values: Values, names: Iterable[str]) -> None:
-        """Parameters have changed; tell those who follow them."""
+        """Parameters have changed; notify those who follow them."""
 
 
-class ViewerConnection:
+class ViewerConnection(WebSocketConnection):
     """Serves one web socket. `name` is unique, such as `viewer 1`."""
 
     def __init__(self, server: ViewerHost, name: str) -> None:
-        self.server = server
-        self.name = name
-        self.socket = web.WebSocketResponse(
+        socket = web.WebSocketResponse(
             protocols=protocol.SUBPROTOCOLS,
             compress=False,
             max_msg_size=FRAME_MAX_BYTES,
             timeout=1.0,
         )
-        self.client = AsyncControlClient(self._on_line, lambda: None)  # the server notices the end
+        super().__init__(socket, TokenBucket(FRAMES_PER_SECOND, FRAME_BURST, time.monotonic()))
+        self.server = server
+        self.name = name
+        self.greeting: Iterable[str] = ()
         self.driving = ViewerDriving(name, server.limits, self._send_request, self.warn)
-        self.transport: asyncio.Transport | None = None
-        self.peer: Any = None
         self.subscriptions: dict[int, int] = {}  # subscription to channel
         self.published: dict[int, Command] = {}  # the viewer's channel to what it is
         self.followed: set[str] = set()  # parameters
-        self.queue = FrameQueue(self.socket, self._disconnect)
-        self.bucket = TokenBucket(FRAMES_PER_SECOND, FRAME_BURST, time.monotonic())
-        self.work: set[asyncio.Task[None]] = set()
+        self.queue = FrameQueue(self.socket, self.disconnect)
 
     async def serve(self, request: web.Request, greeting: Iterable[str]) -> web.WebSocketResponse:
         """Send `greeting`, and serve until the socket is closed."""
-        self.transport = request.transport
-        self.peer = request.transport and request.transport.get_extra_info("peername")
-        await self.socket.prepare(request)
-        try:
-            await self.client.connect(self.server.engine, f"foxglove {self.name}")
-        except RunError as error:
-            await self.socket.send_str(protocol.status(protocol.ERROR, str(error)))
-            await self.socket.close()
-            return self.socket
-        for text in greeting:
+        self.greeting = greeting
+        return await self.serve_client(request, self.server.engine, f"foxglove {self.name}")
+
+    def _refusal_text(self, cause: str) -> str:
+        return protocol.status(protocol.ERROR, cause)
+
+    async def _send_all(self) -> None:
+        await self.queue.run()
+
+    def _on_open(self) -> None:
+        for text in self.greeting:
             self.queue.reply(text)
-        sending = asyncio.create_task(self.queue.run())
-        try:
-            async for message in self.socket:
-                if not self._allows() or not self._frame_received(message.type, message.data):
-                    break
-        finally:
-            self.driving.ended()
-            self.subscriptions.clear()
-            self.server.subscriptions_changed()
-            sending.cancel()
-            for task in self.work:
-                task.cancel()
-            # A socket that is closed with replies unread may lose what was written to it: the
-            # reply to a last request shows that the loss has been read.
-            with suppress(RefusalError):
-                await self.client.request("status")
-            self.client.close()
-        await self.socket.close()
-        return self.socket
+
+    def _on_close(self) -> None:
+        self.driving.ended()
+        self.subscriptions.clear()
+        self.server.subscriptions_changed()
 
     # What is sent.
 
@@ -118,7 +99,7 @@ class ViewerConnection:
                 self._show(subscription, message)
 
     def show_parameters(self, values: Values, names: Iterable[str]) -> None:
-        """Tell the viewer those of the parameters `names` that it follows."""
+        """Send the viewer those of the parameters `names` that it follows."""
         followed = [name for name in names if name in self.followed]
         if followed:
             self._reply_parameters(values, followed, None)
@@ -126,17 +107,12 @@ class ViewerConnection:
     def _show(self, subscription: int, message: ChannelMessage) -> None:
         self.queue.show(protocol.message_data(subscription, message.time, message.data))
 
-    def _disconnect(self) -> None:
-        if self.transport is not None:
-            self.transport.abort()
-
     def warn(self, text: str) -> None:
         """Show a sentence in the viewer's list of problems."""
         self.queue.reply(protocol.status(protocol.WARNING, text))
 
     def _refuse(self, refusal: RefusalError) -> None:
-        text = f"{refusal.cause}; {refusal.fix}" if refusal.fix else refusal.cause
-        self.queue.reply(protocol.status(protocol.ERROR, text))
+        self.queue.reply(protocol.status(protocol.ERROR, refusal.text))
 
     def _reply_parameters(self, values: Values, names: list[str], request: object) -> None:
         extra = {"id": request} if isinstance(request, str) else {}
@@ -145,13 +121,7 @@ class ViewerConnection:
 
     # What is received.
 
-    def _allows(self) -> bool:
-        is_allowed = self.bucket.allows(time.monotonic())
-        self.bucket.spend()
-        return is_allowed
-
     def _frame_received(self, kind: WSMsgType, data: Any) -> bool:
-        """Follow one frame. Returns whether the connection goes on."""
         try:
             if kind is WSMsgType.TEXT:
                 self._operation_received(*protocol.parse_operation(data))
@@ -249,9 +219,7 @@ class ViewerConnection:
     # Requests to the engine.
 
     def _start(self, work: Coroutine[Any, Any, None]) -> None:
-        task = asyncio.create_task(self._guard(work))
-        self.work.add(task)
-        task.add_done_callback(self.work.discard)
+        self.start(self._guard(work))
 
     async def _guard(self, work: Coroutine[Any, Any, None]) -> None:
         try:
@@ -309,8 +277,8 @@ class ViewerConnection:
 
     # The engine.
 
-    def _send_request(self, method: str, **fields: object) -> None:
-        self.client.send(method, method, **fields)
-
     def _on_line(self, line: Fields) -> None:
         self.driving.reply_received(line)
+
+    def _on_run_end(self) -> None:
+        """The server has a client of its own, and warns all viewers."""

@@ -182,7 +182,7 @@ EchoState = Literal["clear", "measured", "too_close"]
 
 
 def echo_distance(seconds: float, facts: EchoFacts) -> tuple[float, EchoState]:
-    """Distance (m) and state of an echo of this length; infinite when nothing was heard."""
+    """Distance (m) and state of an echo of this length; infinite without an echo."""
     distance = 0.5 * SPEED_OF_SOUND * seconds
     if distance >= facts.reach:
         return facts.reach, "clear"

@@ -118,7 +118,7 @@ class DiffbotHost:
         return output
 
     def _has_unknown_mode(self, frame: frames.Frame) -> bool:
-        """True for a state that does not tell what the motors do; it counts as no frame at all."""
+        """True for a state with an unknown mode of the motors; it counts as no frame at all."""
         if not isinstance(frame, State):
             return False
         is_unknown = ModeCode.find(frame.mode) is None

@@ -25,7 +25,6 @@ LDS_SYNC, LDS_FIRST_INDEX = 0xFA, 0xA0
 RPLIDAR_DESCRIPTOR = bytes.fromhex("a55a0500004081")
 RPLIDAR_SAMPLE_BYTES = 5
 RPLIDAR_GAP_MAX = 10  # rays without a sample; at 2000 samples a second one comes for each ray
-BUFFER_MAX_BYTES = 1 << 16
 
 Distances = tuple[float, ...]
 

@@ -118,7 +118,7 @@ def _spoils(cut: BoardParser, data: bytes) -> bool:
 
 
 class StandstillDetector:
-    """Tells from a board's telemetry that both wheels stand."""
+    """Detects in a board's telemetry that both wheels stand."""
 
     def __init__(self, order: StopOrder) -> None:
         self.decoder = RosserialDecoder()

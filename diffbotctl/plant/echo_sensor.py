@@ -11,10 +11,10 @@ from diffbotctl.messages import Range
 from diffbotctl.plant.chassis import Pose
 from diffbotctl.plant.world import World
 
-# An HC-SR04 hears objects within 15 degrees of its axis; those at the rim only when they are large.
+# An HC-SR04 detects objects within 15 degrees of its axis, those at the edge only if large.
 RAYS = tuple(radians(angle) for angle in (-12, -6, 0, 6, 12))
 ENDLESS_US, SILENT_US, NOTHING_US = 0xFFFF, 0, 60_000  # as the emulator takes them
-SHORTEST_US = 100  # the sensor is deaf while its burst leaves
+SHORTEST_US = 100  # the sensor detects nothing while its burst leaves
 
 
 class EchoSensor:

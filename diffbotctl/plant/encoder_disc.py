@@ -76,7 +76,7 @@ def draw_eccentric(disc: EncoderDisc, spread: float, rng: Random) -> EncoderDisc
 
 
 class EncoderPin:
-    """The edges of one disc on their way to the board."""
+    """The edges of a disc with one channel on their way to the board."""
 
     __slots__ = (
         "_changes",
@@ -88,6 +88,7 @@ class EncoderPin:
         "counted_level",
         "pending",
     )
+    taken_directions = ()
 
     def __init__(self, disc: EncoderDisc, falling: bool, rng: Random) -> None:
         """`falling`: the board counts falling edges instead of rising ones."""
@@ -99,18 +100,15 @@ class EncoderPin:
         self._previous = -SCRATCH_INTERVAL_MAX  # ns, the last counted edge
         self._keeps_order = not disc.doubled and disc.bounce_share >= 1.0
 
-    @property
-    def is_watched(self) -> bool:
-        """Whether all changes are collected, not only the counted edges."""
-        return self._changes is not None
-
     def watch(self, on: bool) -> None:
         """Start or stop collecting what `changes` returns."""
         self._changes = deque() if on else None
 
-    def changes(self, until: int) -> list[LevelChange]:
-        """Changes of the watched pin since the last call, until `until`."""
+    def changes(self, until: int, channel: int = 0) -> list[LevelChange]:
+        """Changes of the watched pin since the last call, until `until`; none of channel 1."""
         changes: list[LevelChange] = []
+        if channel:
+            return changes
         while self._changes and self._changes[0].time <= until:
             changes.append(self._changes.popleft())
         return changes
@@ -125,8 +123,17 @@ class EncoderPin:
             times.append(pending.popleft())
         return times
 
-    def record(self, time: int, level: int) -> None:
-        """The disc goes past an edge at `time` (ns), after which the pin is at `level`."""
+    def levels(self, index: int) -> tuple[int, ...]:
+        """Level of the pin after `index` edges: 1 while a slot is open."""
+        return (index % 2,)
+
+    def is_needed(self, index: int, is_forward: bool) -> bool:
+        """Whether the time of edge number `index` is needed: it counts, or the pin is watched."""
+        return self._changes is not None or (index + is_forward) % 2 == self.counted_level
+
+    def record(self, time: int, index: int, is_forward: bool) -> None:
+        """The disc goes past edge number `index` at `time` (ns)."""
+        level = (index + is_forward) % 2
         disc, rng, is_counted = self._disc, self._rng, level == self.counted_level
         if disc.missed:
             if is_counted:

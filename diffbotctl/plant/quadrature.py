@@ -65,7 +65,11 @@ class TwoChannelPins:
             self.taken_directions.append(self._directions.popleft())
         return times
 
-    def is_needed(self, index: int) -> bool:
+    def levels(self, index: int) -> tuple[int, ...]:
+        """Levels of A and B after `index` edges."""
+        return levels_of_two(index)
+
+    def is_needed(self, index: int, is_forward: bool) -> bool:
         """Whether the time of edge number `index` is needed: it counts, or the pins are watched."""
         return self._changes is not None or index % EDGES_PER_PITCH == 0
 

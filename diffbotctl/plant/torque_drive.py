@@ -24,18 +24,16 @@ are shares of the stall torque, speeds rad/s, times ns unless stated.
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from collections import deque
-from collections.abc import Sequence
-from math import atan2, copysign, cos, exp, hypot, inf, pi, sin
+from math import atan2, copysign, cos, exp, hypot, pi, sin
 from random import Random
 from typing import NamedTuple
 
 from diffbotctl.plant.battery import RecoveringBattery
 from diffbotctl.plant.drive_train import Edges
-from diffbotctl.plant.encoder_disc import EncoderDisc, EncoderPin, LevelChange
+from diffbotctl.plant.encoder_disc import EncoderDisc
+from diffbotctl.plant.encoder_wheel import EncoderWheel
 from diffbotctl.plant.motor_bridge import IDEAL_BRIDGE, BridgeModel
-from diffbotctl.plant.quadrature import TwoChannelPins, levels_of_two
 from diffbotctl.plant.wheel import MotorModel
 from diffbotctl.time import MILLISECOND, SECOND
 
@@ -112,16 +110,10 @@ def draw_setup(radii: tuple[float, float], track: float, brakes: bool, rng: Rand
     return DriveSetup(*radii, track, rng.uniform(0.9, 1.6), rng.randint(2, 15), caster, brakes)
 
 
-class TorqueWheel:
-    """One wheel: its state, its disc and its pin. `TorqueDrive` moves it."""
+class TorqueWheel(EncoderWheel):
+    """The state of one wheel. `TorqueDrive` moves it."""
 
     __slots__ = (
-        "_disc",
-        "_edge_index",
-        "_next_edge",
-        "_pin",
-        "_pins",
-        "_previous_edge",
         "angle",
         "drag",
         "hand_speed",
@@ -134,58 +126,17 @@ class TorqueWheel:
     def __init__(
         self, motor: TorqueMotor, disc: EncoderDisc, rng: Random, falling: bool = False
     ) -> None:
-        self.motor, self._disc = motor, disc
-        self._pin = EncoderPin(disc, falling, rng)
-        self._pins = TwoChannelPins(disc, rng) if disc.channels == 2 else None
+        super().__init__(disc, rng, falling)
+        self.motor = motor
         self.angle = self.speed = self.drag = 0.0
         self.now = self.hand_until = 0
         self.hand_speed = 0.0
-        self._edge_index = bisect_right(disc.edges, disc.start)
-        while self._edge_angle(self._edge_index) <= 0.0:
-            self._edge_index += 1
-        self._previous_edge = self._edge_angle(self._edge_index - 1)
-        self._next_edge = self._edge_angle(self._edge_index)
-
-    @property
-    def level(self) -> int:
-        """Level of the pin: 1 while a slot is open."""
-        return self._edge_index % 2 if self._pins is None else self.levels[0]
-
-    @property
-    def levels(self) -> tuple[int, ...]:
-        """Levels of the pins of all channels."""
-        return (self.level,) if self._pins is None else levels_of_two(self._edge_index)
-
-    @property
-    def taken_directions(self) -> Sequence[int]:
-        """1 or -1: of the edges that were taken last; empty with one channel."""
-        return () if self._pins is None else self._pins.taken_directions
-
-    def watch(self, on: bool) -> None:
-        """Start or stop collecting what `changes` returns."""
-        (self._pins or self._pin).watch(on)
-
-    def changes(self, until: int) -> list[LevelChange]:
-        """Changes of the watched pin since the last call, until `until`."""
-        return (self._pins or self._pin).changes(until)
-
-    def changes_b(self, until: int) -> list[LevelChange]:
-        """The same of channel B; none with one channel."""
-        return [] if self._pins is None else self._pins.changes(until, 1)
-
-    def take_edges(self, until: int) -> Edges:
-        """Times of the counted edges since the last call, until `until`."""
-        return (self._pins or self._pin).take(until)
 
     def turn_by_hand(self, angle: float, speed: float) -> int:
         """From now on a hand turns it by `angle` rad at `speed` rad/s. Returns its end, ns."""
         self.hand_until = self.now + round(abs(angle) / speed * SECOND)
         self.hand_speed = copysign(speed, angle)
         return self.hand_until
-
-    def stop_counting(self) -> None:
-        """Ignore all edges from now on, for a run that looks at the truth alone."""
-        self._previous_edge, self._next_edge = -inf, inf
 
     def move(self, start: int, following: float) -> None:
         """Move by one step from `start`; the speed becomes `following`."""
@@ -198,52 +149,8 @@ class TorqueWheel:
         angle = before + 0.5 * (speed + following) * STEP_S
         self.speed, self.angle = following, angle
         if angle >= self._next_edge or angle < self._previous_edge:
-            self._cross_edges(start, before, angle)
-
-    def _cross_edges(self, start: int, before: float, angle: float) -> None:
-        """Pass the edges between two angles; the speed is constant within the step."""
-        pin, pace = self._pin, STEP / (angle - before)
-        if self._pins is not None:
-            self._cross_edges_of_two(self._pins, start, before, angle)
-            return
-        while angle >= self._next_edge:
-            level = 1 - self._edge_index % 2
-            if pin.is_watched or level == pin.counted_level:
-                pin.record(start + int((self._next_edge - before) * pace), level)
-            self._edge_index += 1
-            self._previous_edge = self._next_edge
-            self._next_edge = self._edge_angle(self._edge_index)
-        while angle < self._previous_edge:
-            self._edge_index -= 1
-            level = self._edge_index % 2
-            if pin.is_watched or level == pin.counted_level:
-                pin.record(start + int((self._previous_edge - before) * pace), level)
-            self._next_edge = self._previous_edge
-            self._previous_edge = self._edge_angle(self._edge_index - 1)
-
-    def _cross_edges_of_two(
-        self, pins: TwoChannelPins, start: int, before: float, angle: float
-    ) -> None:
-        """The same with two channels."""
-        pace = STEP / (angle - before)
-        while angle >= self._next_edge:
-            if pins.is_needed(self._edge_index):
-                time = start + int((self._next_edge - before) * pace)
-                pins.record(time, self._edge_index, True)
-            self._edge_index += 1
-            self._previous_edge = self._next_edge
-            self._next_edge = self._edge_angle(self._edge_index)
-        while angle < self._previous_edge:
-            self._edge_index -= 1
-            if pins.is_needed(self._edge_index):
-                time = start + int((self._previous_edge - before) * pace)
-                pins.record(time, self._edge_index, False)
-            self._next_edge = self._previous_edge
-            self._previous_edge = self._edge_angle(self._edge_index - 1)
-
-    def _edge_angle(self, index: int) -> float:
-        turn, place = divmod(index, len(self._disc.edges))
-        return self._disc.edges[place] + turn * 2 * pi - self._disc.start
+            pace = STEP / (angle - before)  # the speed is constant within the step
+            self._cross_edges(angle, lambda place: start + int((place - before) * pace))
 
 
 def _stopped(wheel: TorqueWheel, acceleration: float, torque: float) -> float:

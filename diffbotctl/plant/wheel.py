@@ -5,15 +5,14 @@ an exponential exactly, so that neither the angle nor the time of an edge depend
 cuts time into steps. Speeds are rad/s, angles rad, times integer nanoseconds.
 """
 
-from bisect import bisect_right
 from collections.abc import Sequence
 from math import copysign, exp, inf, log, pi, sin
 from random import Random
 from typing import NamedTuple
 
 from diffbotctl.config.simulation import MotorTruth
-from diffbotctl.plant.encoder_disc import EncoderDisc, EncoderPin, LevelChange
-from diffbotctl.plant.quadrature import TwoChannelPins, levels_of_two
+from diffbotctl.plant.encoder_disc import EncoderDisc
+from diffbotctl.plant.encoder_wheel import EncoderWheel
 from diffbotctl.time import NEVER, SECOND
 
 RIPPLE_STEP = 10_000_000  # ns that the ripple is held: a twentieth of its period at 100 rpm
@@ -66,31 +65,23 @@ def draw_motors(
     return motors[0], motors[1]
 
 
-class WheelModel:
-    """A wheel driven by its motor, and its encoder's pin.
+class WheelModel(EncoderWheel):
+    """A wheel driven by its motor.
 
     `angle` (rad since the start, forward positive) and `speed` (rad/s) hold at `now`.
 
     Time is divided into stretches of exact exponential motion: within one the speed tends from
-    `_settled_speed` + `_excess_speed` towards `_settled_speed`. Edges are numbered; the pin is at
-    level 1 after an odd one. `_previous_edge` and `_next_edge` are the angles between which no edge
-    lies.
+    `_settled_speed` + `_excess_speed` towards `_settled_speed`.
     """
 
     __slots__ = (
-        "_disc",
         "_drag",
-        "_edge_index",
         "_excess_speed",
         "_hand_speed",
         "_hand_until",
         "_keep",
         "_lag",
-        "_next_edge",
         "_phase",
-        "_pin",
-        "_pins",
-        "_previous_edge",
         "_ripple",
         "_scale",
         "_settled_speed",
@@ -115,10 +106,8 @@ class WheelModel:
         falling: bool = False,
     ) -> None:
         """`falling`: the board counts falling edges of the pin instead of rising ones."""
+        super().__init__(disc, rng, falling)
         self.motor = motor
-        self._disc = disc
-        self._pin = EncoderPin(disc, falling, rng)
-        self._pins = TwoChannelPins(disc, rng) if disc.channels == 2 else None
         self.now = now
         self.angle = self.speed = self.duty = 0.0
         self._keep, self._lag, self._drag = motor.keep, motor.lag, 0.0
@@ -126,44 +115,7 @@ class WheelModel:
         self._scale = motor.speed / (1.0 - motor.keep)
         self._step_decay = exp(-RIPPLE_STEP * 1e-9 / motor.lag)
         self._hand_until, self._hand_speed = 0, 0.0  # a hand turns it until then (ns), rad/s
-        self._edge_index = bisect_right(disc.edges, disc.start)
-        # The first edge of a disc may lie a little before its zero.
-        while self._edge_angle(self._edge_index) <= 0.0:
-            self._edge_index += 1
-        self._previous_edge = self._edge_angle(self._edge_index - 1)
-        self._next_edge = self._edge_angle(self._edge_index)
         self._begin_stretch()
-
-    @property
-    def level(self) -> int:
-        """Level of the pin: 1 while a slot is open."""
-        return self._edge_index % 2 if self._pins is None else self.levels[0]
-
-    @property
-    def levels(self) -> tuple[int, ...]:
-        """Levels of the pins of all channels."""
-        return (self.level,) if self._pins is None else levels_of_two(self._edge_index)
-
-    @property
-    def taken_directions(self) -> Sequence[int]:
-        """1 or -1: of the edges that `advance` has returned last; empty with one channel."""
-        return () if self._pins is None else self._pins.taken_directions
-
-    def stop_counting(self) -> None:
-        """Ignore all edges from now on, for a run that looks at the truth alone."""
-        self._previous_edge, self._next_edge = -inf, inf
-
-    def watch(self, on: bool) -> None:
-        """Start or stop collecting what `changes` returns."""
-        (self._pins or self._pin).watch(on)
-
-    def changes(self, until: int) -> list[LevelChange]:
-        """Changes of the watched pin since the last call, until `until`; after `advance`."""
-        return (self._pins or self._pin).changes(until)
-
-    def changes_b(self, until: int) -> list[LevelChange]:
-        """The same of channel B; none with one channel."""
-        return [] if self._pins is None else self._pins.changes(until, 1)
 
     def turn_by_hand(self, angle: float, speed: float) -> int:
         """From now on a hand turns it by `angle` rad at `speed` rad/s. Returns its end, ns."""
@@ -192,9 +144,7 @@ class WheelModel:
             self.now = until
         elif until > self.now:
             self._follow(until)
-        if self._pins is not None:
-            return self._pins.take(until)
-        return self._pin.take(until) if self._pin.pending else ()
+        return self._pins.take(until)
 
     def _begin_stretch(self) -> None:
         """Start a stretch of exact exponential motion at `now`."""
@@ -239,54 +189,11 @@ class WheelModel:
         self.speed = settled + excess * decay
         angle = self._start_angle + settled * elapsed + excess * lag * (1.0 - decay)
         if angle >= self._next_edge or angle < self._previous_edge:
-            self._cross_edges(angle, elapsed)
+            self._cross_edges(angle, lambda place: self._time_at(place, angle, elapsed))
         self.angle = angle
         self.now = until
         if self._stops_at_end and until == self._stretch_end:
             self.speed = 0.0
-
-    def _cross_edges(self, angle: float, elapsed: float) -> None:
-        """Pass the edges up to `angle`, which is reached `elapsed` seconds into the stretch.
-
-        Only those that count are timed, unless the pin is watched.
-        """
-        if self._pins is not None:
-            self._cross_edges_of_two(self._pins, angle, elapsed)
-            return
-        watched, counted = self._pin.is_watched, self._pin.counted_level
-        while angle >= self._next_edge:
-            if watched or 1 - self._edge_index % 2 == counted:
-                self._record_edge(self._next_edge, angle, elapsed, 1 - self._edge_index % 2)
-            self._edge_index += 1
-            self._previous_edge = self._next_edge
-            self._next_edge = self._edge_angle(self._edge_index)
-        while angle < self._previous_edge:
-            self._edge_index -= 1
-            if watched or self._edge_index % 2 == counted:
-                self._record_edge(self._previous_edge, angle, elapsed, self._edge_index % 2)
-            self._next_edge = self._previous_edge
-            self._previous_edge = self._edge_angle(self._edge_index - 1)
-
-    def _cross_edges_of_two(self, pins: TwoChannelPins, angle: float, elapsed: float) -> None:
-        """The same with two channels."""
-        while angle >= self._next_edge:
-            if pins.is_needed(self._edge_index):
-                time = self._time_at(self._next_edge, angle, elapsed)
-                pins.record(time, self._edge_index, True)
-            self._edge_index += 1
-            self._previous_edge = self._next_edge
-            self._next_edge = self._edge_angle(self._edge_index)
-        while angle < self._previous_edge:
-            self._edge_index -= 1
-            if pins.is_needed(self._edge_index):
-                time = self._time_at(self._previous_edge, angle, elapsed)
-                pins.record(time, self._edge_index, False)
-            self._next_edge = self._previous_edge
-            self._previous_edge = self._edge_angle(self._edge_index - 1)
-
-    def _record_edge(self, place: float, angle: float, elapsed: float, level: int) -> None:
-        """Record the edge at angle `place`, after which the pin is at `level`."""
-        self._pin.record(self._time_at(place, angle, elapsed), level)
 
     def _time_at(self, place: float, angle: float, elapsed: float) -> int:
         """When (ns) the angle was `place`; it is `angle` at `elapsed` seconds of the stretch."""
@@ -316,10 +223,6 @@ class WheelModel:
                 return following
             elapsed = following
         return elapsed
-
-    def _edge_angle(self, index: int) -> float:
-        turn, place = divmod(index, len(self._disc.edges))
-        return self._disc.edges[place] + turn * 2 * pi - self._disc.start
 
 
 def settled_speed(motor: MotorModel, duty: float, speed: float, drag: float = 0.0) -> float:

@@ -11,11 +11,10 @@ from math import isfinite
 from numbers import Integral, Real
 from typing import Any, Literal, get_args, get_origin
 
-from diffbotctl.message_types import is_record, is_tuple, parts, type_name
+from diffbotctl.message_types import INTEGER_LIMIT, is_record, is_tuple, parts, type_name
 from diffbotctl.messages import LOG_LEVELS, LogLevel, fields
 
 Encoder = Callable[[Any], bytes]
-INTEGER_LIMIT = 1 << 63
 ENCODER = json.JSONEncoder(allow_nan=False)  # made once: 3 us
 
 

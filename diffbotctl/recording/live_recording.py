@@ -1,22 +1,19 @@
 """A recording that a client makes of a running engine, from the lines that it subscribes to.
 
 It holds what came while the client was connected, of the topics that it chose. The messages are
-written as they came, with the schemas that the engine tells, so that no package has to be installed
+written as they came, with the schemas that the engine sends, so that no package has to be installed
 for their classes. It begins in an unknown state, so it cannot be replayed.
 """
 
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from mcap.writer import CompressionType, Writer
-
+from diffbotctl.recording.recording_file import RecordingFile
 from diffbotctl.recording.run_metadata import LIVE
-from diffbotctl.recording.writer import CHUNK_BYTES
 
 
 class LiveTopic(NamedTuple):
@@ -27,30 +24,23 @@ class LiveTopic(NamedTuple):
     schema: Mapping[str, Any]
 
 
-class LiveRecording:
-    """Writes messages to a new MCAP file. All methods may raise OSError."""
+class LiveRecording(RecordingFile):
+    """Writes messages as they come to a new file."""
 
     def __init__(self, path: Path, about: Mapping[str, str], topics: Sequence[LiveTopic]) -> None:
-        self.file = open(path, "wb")  # noqa: SIM115 - closed by `close`
-        self.writer: Any = Writer(
-            self.file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD
-        )
-        self.writer.start(library="diffbotctl")
-        self.writer.add_metadata("run", {**about, LIVE: "1"})
-        self.epoch = int(about["epoch"])
+        file = open(path, "wb")  # noqa: SIM115 - closed by `close`
+        super().__init__(file, {**about, LIVE: "1"})
         self.channels: dict[str, int] = {}
         schemas: dict[str, int] = {}
         for topic in topics:
             if topic.kind not in schemas:
                 text = json.dumps(topic.schema).encode()
-                schemas[topic.kind] = self.writer.register_schema(topic.kind, "jsonschema", text)
+                schemas[topic.kind] = self.add_schema(topic.kind, text)
             is_driver = topic.name.partition(".")[0] in ("robot", "operator", "input")
-            metadata = {"from": "driver" if is_driver else "block", "kind": topic.kind}
-            self.channels[topic.name] = self.writer.register_channel(
-                topic.name, "json", schemas[topic.kind], metadata
-            )
+            origin = "driver" if is_driver else "block"
+            channel = self.add_channel(topic.name, schemas[topic.kind], origin, topic.kind)
+            self.channels[topic.name] = channel
         self.messages = 0
-        self.instants = 0
         self.last = 0
         self.flush()
 
@@ -68,17 +58,9 @@ class LiveRecording:
         self.writer.add_message(channel, wall_time, data, wall_time, self.instants)
         self.messages += 1
 
-    def flush(self) -> None:
-        """Write everything to the disk, as a chunk that a reader can open."""
-        self.writer.flush()
-        self.file.flush()
-        os.fsync(self.file.fileno())
-
-    def finish(self, cause: str) -> None:
-        """Complete the file; without this it counts as cut."""
-        self.writer.add_metadata("end", {"code": "", "cause": cause, "last": str(self.last)})
-        self.writer.finish()
-        self.file.flush()
+    def end(self, cause: str) -> None:
+        """Complete the file, with why it ended."""
+        self.finish({"code": "", "cause": cause, "last": str(self.last)})
 
     def close(self) -> None:
         """Close the file."""

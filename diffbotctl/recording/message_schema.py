@@ -66,7 +66,7 @@ def _record_schema(kind: type) -> Schema:
 
 
 def _hint_schema(hint: Any) -> Schema:
-    """The schema of a field's type. A fixed tuple says in `items` what viewers understand."""
+    """The schema of a field's type. A fixed tuple states in `items` what viewers understand."""
     options = parts(hint)
     has_none = NoneType in options
     for part in options:

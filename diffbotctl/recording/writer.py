@@ -25,6 +25,7 @@ from diffbotctl.processes.child_process import (
 from diffbotctl.recording.foxglove import ViewerMessages, schema
 from diffbotctl.recording.json_codec import message_encoder
 from diffbotctl.recording.message_schema import json_schema
+from diffbotctl.recording.recording_file import RecordingFile
 from diffbotctl.recording.viewer_layout import viewer_layout
 from diffbotctl.recording.viewer_model import ViewerModel
 from diffbotctl.time import SECOND
@@ -32,7 +33,6 @@ from diffbotctl.time import SECOND
 VIEWER = "viewer"  # origin of messages that are written for viewers and are no part of the run
 STATE = "state"  # name of the attachment with the state from which a replay begins
 URDF, LAYOUT = "robot.urdf", "layout.json"  # names of the attachments for viewers
-CHUNK_BYTES = 256 << 10  # an unpaced run fills it in a few ms, a paced one flushes each second
 
 
 class RecordingHeader(NamedTuple):
@@ -48,38 +48,27 @@ class RecordingHeader(NamedTuple):
     model: ViewerModel = ViewerModel()
 
 
-class RecordingWriter:
-    """Writes instants to an MCAP file, with one JSON channel a wire and some for viewers.
-
-    A file that was completed carries the metadata record `end`; without it the file was cut, and is
-    readable up to its last flush. All methods may raise OSError, for example when the disk is full.
-    """
+class RecordingWriter(RecordingFile):
+    """Writes the instants of a run, with one channel a wire and some for viewers."""
 
     def __init__(self, file: IO[bytes], header: RecordingHeader) -> None:
-        from mcap.writer import CompressionType, Writer  # heavy: only the writing process loads it
-
-        self.file = file
-        self.writer: Any = Writer(file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
-        self.writer.start(library="diffbotctl")
-        self.writer.add_metadata("run", header.about)
-        self.epoch = int(header.about["epoch"])
-        self.instants = 0
+        super().__init__(file, header.about)
         self.channels: list[tuple[int, Any]] = []
         schemas: dict[type, int] = {}
         for place, (wire, kind) in enumerate(header.wires.items()):
             if kind not in schemas:
                 schema_text = json.dumps(json_schema(kind)).encode()
-                schemas[kind] = self._schema(type_name(kind), schema_text)
+                schemas[kind] = self.add_schema(type_name(kind), schema_text)
             origin = "driver" if place < header.sources else "block"
-            channel = self._channel(wire, schemas[kind], origin, type_name(kind))
+            channel = self.add_channel(wire, schemas[kind], origin, type_name(kind))
             self.channels.append((channel, message_encoder(kind)))
         self.viewers = ViewerMessages(self.epoch, header.wires, header.model)
         published = {
-            kind: self._schema(f"foxglove.{kind}", schema(kind))
+            kind: self.add_schema(f"foxglove.{kind}", schema(kind))
             for kind in dict.fromkeys(self.viewers.topics.values())
         }
         self.viewer_channels = {
-            topic: self._channel(topic, published[kind], VIEWER, f"foxglove.{kind}")
+            topic: self.add_channel(topic, published[kind], VIEWER, f"foxglove.{kind}")
             for topic, kind in self.viewers.topics.items()
         }
         self._attach_for_viewers(header.wires)
@@ -97,13 +86,6 @@ class RecordingWriter:
     def _attach(self, time: int, name: str, media_type: str, data: bytes) -> None:
         self.writer.add_attachment(time, time, name, media_type, data)
 
-    def _schema(self, name: str, text: bytes) -> int:
-        return int(self.writer.register_schema(name, "jsonschema", text))
-
-    def _channel(self, topic: str, schema: int, origin: str, kind: str) -> int:
-        metadata = {"from": origin, "kind": kind}
-        return int(self.writer.register_channel(topic, "json", schema, metadata))
-
     def write(self, instant: tuple[Any, ...]) -> None:
         """Write the messages of one instant: (time, message or None for each wire)."""
         time = self.epoch + instant[0]
@@ -118,18 +100,6 @@ class RecordingWriter:
     def attach_state(self, time: int, state: bytes) -> None:
         """Attach the state of the blocks after the instant `time` (ns): a replay begins there."""
         self._attach(self.epoch + time, STATE, "application/octet-stream", state)
-
-    def flush(self) -> None:
-        """Write everything to the disk, as a chunk that a reader can open."""
-        self.writer.flush()
-        self.file.flush()
-        os.fsync(self.file.fileno())
-
-    def finish(self, summary: dict[str, str]) -> None:
-        """Complete the file; without this it counts as cut."""
-        self.writer.add_metadata("end", summary)
-        self.writer.finish()
-        self.file.flush()
 
 
 def start_recorder(path: Path, header: RecordingHeader) -> tuple[socket.socket, int]:

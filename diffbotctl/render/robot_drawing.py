@@ -185,8 +185,8 @@ def _view(view: DrawingView, sheet: DrawingSheet, above: float) -> Iterator[str]
     yield text_element(MARGIN, above + TEXT, view.title)
     for outline in view.outlines:
         yield _outline(outline, sheet)
-    for number, dimension in enumerate(view.dimensions):
-        yield from _dimension(dimension, sheet, number)
+    for dimension in view.dimensions:
+        yield from _dimension(dimension, sheet)
 
 
 def _outline(outline: DrawingOutline, sheet: DrawingSheet) -> str:
@@ -201,7 +201,7 @@ def _outline(outline: DrawingOutline, sheet: DrawingSheet) -> str:
     )
 
 
-def _dimension(dimension: Dimension, sheet: DrawingSheet, number: int) -> Iterator[str]:
+def _dimension(dimension: Dimension, sheet: DrawingSheet) -> Iterator[str]:
     (x1, y1), (x2, y2) = sheet.place(dimension.start), sheet.place(dimension.end)
     upright = abs(x2 - x1) < abs(y2 - y1)
     inside = dimension.start[0] == 0.0 and upright

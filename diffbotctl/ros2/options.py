@@ -1,4 +1,4 @@
-"""What the bridge process is told at its start, as one JSON object."""
+"""Options of the bridge process, as one JSON object."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class ModelFrame(NamedTuple):
 
 
 class RobotModel(NamedTuple):
-    """What ROS needs to know of the robot and the socket does not tell.
+    """Properties of the robot that ROS needs and the socket does not have.
 
     `sensors` are by wire. Without a robot file all of it is empty.
     """

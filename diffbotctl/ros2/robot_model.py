@@ -26,7 +26,7 @@ def model_of_run(status: Fields, robot: str | None) -> tuple[RobotModel, str]:
     """The model of the robot of a run, from the reply to `status`, and what failed.
 
     `robot` names another robot file than that of the run. The files may be missing, as on another
-    computer: then there is no description, and the text says so.
+    computer: then there is no description, and the text states that.
     """
     try:
         if robot is None and status["robot"]:

@@ -75,7 +75,7 @@ def diagnosed_wires(kinds: Mapping[str, str]) -> dict[str, str]:
 
 
 class Diagnosis:
-    """Collects the newest messages of the wires in `kinds`, and says when to publish them."""
+    """Collects the newest messages of the wires in `kinds`, and decides when to publish them."""
 
     def __init__(self, kinds: Mapping[str, str]) -> None:
         self.kinds = diagnosed_wires(kinds)

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, TypeVar
 from diffbotctl.block import Block, In, inputs, outputs, robot_fields
 from diffbotctl.config import node_ports, registry
 from diffbotctl.config.configuration import BlockUse, Configuration
-from diffbotctl.config.robot import Robot
+from diffbotctl.config.robot import Robot, field_value
 from diffbotctl.drivers.robot_ports import is_duty_board
 from diffbotctl.engine.safety_gate import Gate
 from diffbotctl.graph import Graph, Node, join_graphs
@@ -73,7 +73,7 @@ def assemble(configuration: Configuration, real: bool) -> Assembly:
         return Assembly(graph, None, any(part.assembly.unproven for part in parts), parts)
     robot = configuration.robot
     unproven = real and robot is not None and robot.drive.polarity == "unproven"
-    nodes = [_node(use, robot, unproven) for use in configuration.blocks]
+    nodes = [_node(use, unproven) for use in configuration.blocks]
     command = None
     if robot is not None and "wheels" in configuration.robot_wires:
         nodes.append(gate_node(robot, configuration.robot_wires["wheels"]))
@@ -98,7 +98,7 @@ def sources(robot: Robot | None) -> dict[str, type]:
     return wires
 
 
-def _node(use: BlockUse, robot: Robot | None, unproven: bool) -> Node:
+def _node(use: BlockUse, unproven: bool) -> Node:
     values = dict(use.values)
     if unproven:
         for attribute, field in robot_fields(use.cls).items():
@@ -136,15 +136,8 @@ def wheel_speed_node(robot: Robot) -> Node:
 
 def build_block(kind: type[AnyBlock], robot: Robot, **values: Any) -> AnyBlock:
     """A block with the fields of the robot that it declares; `values` override them."""
-    fields = {name: _field(robot, path) for name, path in robot_fields(kind).items()}
+    fields = {name: field_value(robot, path) for name, path in robot_fields(kind).items()}
     return kind(**{**fields, **values})
-
-
-def _field(robot: Robot, path: str) -> Any:
-    value: Any = robot
-    for step in path.split("."):
-        value = value[step] if isinstance(value, dict) else getattr(value, step)
-    return value
 
 
 def wires_of(assembly: Assembly, kind: type) -> list[str]:

@@ -87,7 +87,7 @@ class Run:
         signals: SignalSource | None = None,
         screen_closed: Callable[[], None] | None = None,
     ) -> None:
-        """`show` draws the screen in a process of its own; `tell` takes messages for the user.
+        """`show` draws the screen in a process of its own; `tell` shows a message to the user.
 
         Raises RunError when an output cannot be written or the port cannot be opened.
         """
@@ -292,7 +292,7 @@ class Run:
         try:
             return snapshot.take_snapshot(self.engine)
         except snapshot.StateError:
-            return None  # the black box then begins without a state, and says so
+            return None  # the black box then begins without a state, and states that
 
     def _report_loss(self, text: str) -> None:
         """Report to the user and in the log that a file can no longer be written."""

@@ -1,9 +1,11 @@
-"""Base of the fakes that work in a thread of their own beside a test, until they are closed."""
+"""What works in a thread of its own beside a test, until it is closed."""
 
 from __future__ import annotations
 
 import threading
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Self
 
 from diffbotctl.processes.real_time import prefer
@@ -43,3 +45,21 @@ class BackgroundDevice(ABC):
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+@contextmanager
+def repeating(act: Callable[[], object], period_s: float) -> Iterator[None]:
+    """Call `act` every `period_s` seconds, in a thread."""
+    over = threading.Event()
+
+    def repeat() -> None:
+        while not over.wait(period_s):
+            act()
+
+    thread = threading.Thread(target=repeat)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()

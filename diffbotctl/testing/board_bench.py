@@ -14,8 +14,8 @@ from diffbotctl.emulator.process import MotorChange, PinTransition, StepResult
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import FrameDecoder, encode
 from diffbotctl.links.diffbot_settings import BoardSettings, WheelSettings
+from diffbotctl.time import MILLISECOND as MS
 
-MS = 1_000_000
 # The wheels of the bench do not follow the duty: only the feed-forward is used.
 BOOK = BoardSettings(
     WheelSettings(5, 6, 7, 2, reversed=True, proportional=0.0, integral=0.0),
@@ -33,12 +33,13 @@ UNO = replace(
     shares_usb=True,
 )
 UNO_ROBOT = str(Path(__file__).with_name("uno.yaml"))
-MOTORS = [(5, 6, 7), (8, 9, 10)]
 ENCODERS = (2, 3)
 BAUDS = (115200, 9600)
 # What the chip's dividers make of them at 16 MHz (data sheet, table 22-12).
 REAL_BAUDS = (117647, 9615)
 RADIO, USB = 1, 0
+COMMAND_BYTES = 10
+DEADMAN_TARGET = 320 * MS  # from the last command to motors off: 300 ms, and what it takes
 
 
 class BenchBoard(NamedTuple):

@@ -24,6 +24,8 @@ PUBLISHERS = [(125, "left_ticks", "i"), (126, "right_ticks", "i"), (127, "obstac
 SUBSCRIBERS = [(100, "set_left_speed", "i"), (101, "set_right_speed", "i"), (102, "reset", "b")]
 PERIOD = 0.0606  # s between two reports
 FASTEST = 33.3  # counts a second at full PWM
+# Options of a run on it; unproven motors would drive slowly.
+STOCK = ("--robot", "book_2wd_stock", "--set", "robot.drive.polarity=checked_by_hand")
 
 
 def frame(topic, payload):

@@ -20,7 +20,8 @@ from typing import Any, NamedTuple, Self
 
 import aiohttp
 
-from diffbotctl.testing.page_server import end_with_parent, free_port
+from diffbotctl.testing.command_process import end_with_parent, start_in_pipe
+from diffbotctl.testing.page_server import free_port
 from diffbotctl.testing.running import command
 
 ADDRESS = re.compile(r"ws://127\.0\.0\.1:(\d+)/(\S+)")
@@ -166,14 +167,7 @@ class FoxgloveProcess(NamedTuple):
 def serving_viewers(folder: Path, *words: str) -> Iterator[FoxgloveProcess]:
     """`diffbotctl foxglove words` for the run whose sockets are in `folder`."""
     line, environment = command(folder, "foxglove", "--tcp-port", str(free_port()), *words)
-    process = subprocess.Popen(
-        line,
-        env=environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        preexec_fn=end_with_parent,
-    )
+    process = start_in_pipe(line, env=environment, preexec_fn=end_with_parent)
     lines: list[str] = []
     try:
         assert process.stdout is not None

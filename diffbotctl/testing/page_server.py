@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import http.client
 import re
 import signal
@@ -13,10 +12,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from diffbotctl.testing.command_process import end_with_parent, start_in_pipe
 from diffbotctl.testing.running import command
 
 LINK = re.compile(r"(https?)://([\d.]+):(\d+)/#(\S+)")
-PR_SET_PDEATHSIG = 1  # prctl(2)
 TIMEOUT_S = 60.0  # of a request; a test fails by itself afterwards
 
 
@@ -84,25 +83,13 @@ class PageServer:
         }
 
 
-def end_with_parent() -> None:
-    """Let the kernel kill this process when its parent ends, also by SIGKILL."""
-    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-
-
 @contextmanager
 def serving(folder: Path, *words: str, run: tuple[str, ...] = ()) -> Iterator[PageServer]:
     """`diffbotctl web words` for the run whose sockets are in `folder`; or `run`, with `--web`."""
     first = ("run", *run, "--web") if run else ("web",)
     line, environment = command(folder, *first, "--tcp-port", str(free_port()), *words)
     environment |= {"XDG_STATE_HOME": str(folder / "state")}
-    process = subprocess.Popen(
-        line,
-        env=environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        preexec_fn=end_with_parent,
-    )
+    process = start_in_pipe(line, env=environment, preexec_fn=end_with_parent)
     try:
         yield PageServer(process)
     finally:

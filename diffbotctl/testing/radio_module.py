@@ -19,6 +19,7 @@ from random import Random
 from typing import NamedTuple
 
 from diffbotctl.testing.background import BackgroundDevice
+from diffbotctl.testing.serial_wire import read_available
 
 BUFFER = 1024  # bytes that the module keeps of each direction; it has no flow control
 TIMEOUT_S = 60.0  # of what the module's thread does at once
@@ -152,7 +153,7 @@ class RadioModule(BackgroundDevice):
         def full(size):
             return (away and size > BUFFER) or self.host is None
 
-        self.up.take(now, _read(self.board), full)
+        self.up.take(now, read_available(self.board), full)
         self.down.take(now, said, full)
         if away:
             return
@@ -184,10 +185,3 @@ class RadioModule(BackgroundDevice):
             else:
                 return
             self.passed.append(DeliveredFrame(now, to_host, frame))
-
-
-def _read(file):
-    try:
-        return os.read(file, 4096)
-    except BlockingIOError:
-        return b""

@@ -17,6 +17,9 @@ ROOT = Path(__file__).resolve().parents[2]
 ENVIRONMENT = ROOT / ".venv-ros2" / "bin" / "python"  # made by `make ros2`
 LINE_TIMEOUT_S = 60  # that a test waits for what must come
 COMMANDED_NODE = Path(__file__).parent / "ros2_commanded_node.py"
+TWIST = "geometry_msgs/msg/Twist"
+# Published by rosidl for tf2_msgs/msg/TFMessage; equal hashes let nodes of other builds connect.
+TF_HASH = "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"
 EXIT_TIMEOUT_S = 3  # for each way to end a process
 DOMAINS = 100  # a run in another folder has another one: their nodes do not hear each other
 

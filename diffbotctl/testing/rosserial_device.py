@@ -20,9 +20,9 @@ from math import log
 from random import Random
 
 from diffbotctl.processes.real_time import prefer
+from diffbotctl.time import MILLISECOND as MS
 from diffbotctl.time import SECOND
 
-MS = 1_000_000  # ns
 BYTE_BITS = 10
 LOOP_PAUSE = 20 * MS
 PUBLISH_AFTER = 50 * MS
@@ -104,7 +104,6 @@ class RosserialDevice:
         self.time_answers: list[tuple[int, int]] = []
         self.replies: list[tuple[int, bytes]] = []  # parameter replies
         self.truth: list[tuple[int, float, float]] = []  # counts at each pass, not wrapped
-        self.bad_sums = 0
         self.incoming: deque[tuple[int, int]] = deque()  # arrival, byte
         self.outgoing: deque[tuple[int, int]] = deque()
         self.receive_free = self.send_free = 0
@@ -222,20 +221,17 @@ class RosserialDevice:
             return
         half.append(byte)
         have = len(half)
-        if have == 2 and byte != 0xFE:
-            half.clear()
-        elif have == 5 and sum(half[2:5]) % 256 != 255:
-            self.bad_sums += 1
-            half.clear()
-        elif have == 5 and struct.unpack_from("<H", half, 2)[0] > 512:
+        if (
+            (have == 2 and byte != 0xFE)
+            or (have == 5 and sum(half[2:5]) % 256 != 255)
+            or (have == 5 and struct.unpack_from("<H", half, 2)[0] > 512)
+        ):
             half.clear()
         elif have >= 8 and have == 8 + struct.unpack_from("<H", half, 2)[0]:
             frame = bytes(half)
             half.clear()
             if sum(frame[5:]) % 256 == 255:
                 self._act(now, struct.unpack_from("<H", frame, 5)[0], frame[7:-1])
-            else:
-                self.bad_sums += 1
 
     def _act(self, now: int, topic: int, payload: bytes) -> None:
         if topic == 0:

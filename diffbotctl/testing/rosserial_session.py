@@ -10,8 +10,8 @@ from diffbotctl.links.rosserial_frames import RosserialDecoder, RosserialFrame
 from diffbotctl.links.rosserial_host import RosserialHost
 from diffbotctl.messages import Duty, Encoders, Link, Message
 from diffbotctl.testing.rosserial_device import RATED, RosserialDevice
+from diffbotctl.time import MILLISECOND as MS
 
-MS = 1_000_000
 STEP = 4 * MS  # ns between two looks at the wire, about as often as a port wakes its reader
 
 
@@ -59,10 +59,6 @@ class RosserialSession:
     def links(self) -> list[Link]:
         """All of them, in order."""
         return [message for _, _, message in self.heard if isinstance(message, Link)]
-
-    def up_at(self) -> int:
-        """When the link was up first. Raises StopIteration when it never was."""
-        return next(link.time for link in self.links if link.state == "up")
 
     def lost_frames(self) -> int:
         """Frames that the board sent, that arrived whole, and that were not delivered in order."""

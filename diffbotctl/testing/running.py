@@ -5,11 +5,11 @@ import os
 import re
 import socket
 import subprocess
-import sys
 import time
 from contextlib import contextmanager
 
-PROGRAM = "from diffbotctl.cli.main import main; main()"
+from diffbotctl.testing.command_process import command_line, start_in_pipe
+
 OPEN_FIELD = ["--set", "world.walls=[]"]
 LIVE_LINE = re.compile(r" *\d+\.\d\d s ")  # begins with the run's time
 LONGEST_WAIT = 60  # s that a test waits for a state of the run
@@ -19,7 +19,7 @@ REPLY_TIMEOUT_S = 60  # s that a test waits for what must come; it fails by itse
 def command(folder, *words):
     """How to start `diffbotctl words` with its sockets in `folder`."""
     environment = {"DIFFBOTCTL_RUN": str(folder), **os.environ, "XDG_RUNTIME_DIR": str(folder)}
-    return [sys.executable, "-c", PROGRAM, *words], environment
+    return command_line(*words), environment
 
 
 def cli(folder, *words, **options):
@@ -35,13 +35,7 @@ def cli(folder, *words, **options):
 def running(folder, *words, name="test", prefix=(), sets=OPEN_FIELD):
     """`diffbotctl run words` as a process of the command `prefix`, once its socket answers."""
     line, environment = command(folder, "run", *words, *sets, "--name", name)
-    process = subprocess.Popen(
-        [*prefix, *line],
-        env=environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
+    process = start_in_pipe([*prefix, *line], env=environment)
     try:
         assert process.stdout is not None
         for line in process.stdout:

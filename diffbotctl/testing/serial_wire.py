@@ -15,7 +15,6 @@ from diffbotctl.links.diffbot_codec import FrameDecoder
 from diffbotctl.testing.background import BackgroundDevice
 
 RATES = {getattr(termios, f"B{rate}"): rate for rate in (9600, 19200, 38400, 57600, 115200)}
-BITS = 10  # start, eight data, stop
 
 
 def read_at(rate, data, sent_at):
@@ -95,10 +94,10 @@ class SerialWire(BackgroundDevice):
                 self._carry_once()
 
     def _carry_once(self):
-        up = _read(self.board)
+        up = read_available(self.board)
         if self.ends is None:
             return
-        down = _read(self.ends[0])
+        down = read_available(self.ends[0])
         self.to_board += down
         host = self.host_rate()
         rate = self.rate or host
@@ -117,7 +116,8 @@ def _write(file, data):
         os.write(file, data)
 
 
-def _read(file):
+def read_available(file):
+    """What can be read at once from `file`."""
     try:
         return os.read(file, 4096)
     except BlockingIOError:

@@ -3,12 +3,13 @@
 import os
 import select
 import struct
-import subprocess
 import time
 from fcntl import ioctl
-from termios import TIOCSCTTY, TIOCSWINSZ
+from termios import TIOCSWINSZ
 
 import pyte
+
+from diffbotctl.testing.command_process import start_on_terminal
 
 SCREEN_TIMEOUT_S = 60  # s that a test waits for what must come; it fails by itself afterwards
 
@@ -46,15 +47,7 @@ class Terminal:
         for name in ("TMUX", "STY", "NO_COLOR", "COLUMNS", "LINES"):
             if name not in more:
                 variables.pop(name, None)
-        self.process = subprocess.Popen(
-            command,
-            env=variables,
-            stdin=slave,
-            stdout=slave,
-            stderr=slave,
-            start_new_session=True,
-            preexec_fn=lambda: ioctl(0, TIOCSCTTY, 0),
-        )
+        self.process = start_on_terminal(command, slave, variables)
         self.slave = slave  # kept open, so that its settings can be read when the program is gone
         self.screen = AnsweringScreen(columns, lines, self._write)
         self.stream = pyte.ByteStream(self.screen)

@@ -6,7 +6,6 @@ thread; a command is what a person types at a prompt.
 
 import os
 import subprocess
-import sys
 import threading
 import time
 from contextlib import contextmanager
@@ -14,9 +13,15 @@ from contextlib import contextmanager
 from diffbotctl.config.load import load_robot
 from diffbotctl.emulator.virtual_board import virtual_board
 from diffbotctl.processes.real_time import prefer
+from diffbotctl.testing.command_process import command_line, start_in_pipe
 
-MAIN = "from diffbotctl.cli.main import main; main()"
 LONGEST = 600  # s; everything that is waited for takes a few, up to thirty, on an idle machine
+# To the questions of `calibrate encoders`, and all of `start`, about a robot that is wired rightly.
+ENCODER_ANSWERS = """\
+encoders.wheel: [left forward, right forward]
+encoders.proof: both forward
+"""
+START_ANSWERS = f"lifted: yes\n{ENCODER_ANSWERS}measure: later\nfloor: yes\n"
 RESUME_AFTER_S = 20  # s, after which a person looks whether the robot waits
 # Stops that a computer causes which does not run for a while, or the emulated board on it.
 STALLS = ("host_frozen", "block_overrun", "link_lost", "reconnect")
@@ -39,25 +44,13 @@ def board(image="ours", robot="book_2wd"):
     os.close(end)
 
 
-def command(*words):
-    """A command line."""
-    return [sys.executable, "-c", MAIN, *map(str, words)]
-
-
 def start(*words, **options):
     """Start a command; both its outputs are one pipe.
 
     A host that waits too long for a processor stops its robot until a person resumes. This is about
     what it does on a computer that is not overloaded, so it is preferred where that is permitted.
     """
-    process = subprocess.Popen(
-        command(*words),
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        **options,
-    )
+    process = start_in_pipe(command_line(*words), stdin=subprocess.DEVNULL, **options)
     prefer(process.pid)
     return process
 
@@ -87,7 +80,9 @@ def outcome(process, **options):
                         f"no end within {LONGEST} s; it said:\n{text}\n{why}"
                     ) from None
                 if any(code in why for code in STALLS):
-                    subprocess.run(command("resume"), capture_output=True, check=False, **options)
+                    subprocess.run(
+                        command_line("resume"), capture_output=True, check=False, **options
+                    )
     finally:
         process.kill()  # a run that is left behind would slow down all tests after it
         process.wait()
@@ -96,7 +91,9 @@ def outcome(process, **options):
 
 def _explanation(options):
     """Why the only run is stopped."""
-    told = subprocess.run(command("why"), capture_output=True, text=True, check=False, **options)
+    told = subprocess.run(
+        command_line("why"), capture_output=True, text=True, check=False, **options
+    )
     return told.stdout
 
 

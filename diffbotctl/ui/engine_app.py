@@ -237,7 +237,7 @@ class EngineApp(App[int]):
             await self.client.request(method, **fields)
             self.status = ""
         except RefusalError as refusal:
-            self.status = f"{refusal}; {refusal.fix}" if refusal.fix else str(refusal)
+            self.status = refusal.text
         self.redraw()
 
     # Leaving.

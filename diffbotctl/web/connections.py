@@ -1,18 +1,22 @@
-"""The connections to the page's server: a bounded number, whoever opens how many."""
+"""The connections to a server of this machine; their number is bounded."""
 
 from __future__ import annotations
 
 import asyncio
+import logging
 import socket
 import ssl
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager, suppress
+
+from aiohttp import web
 
 from diffbotctl.errors import Problem, RunError
 
 CONNECTIONS_MAX = 96  # besides those of open pages
 TLS_TIMEOUT_S = 5.0
 RETRY_S = 0.2  # when the system refuses to open another file
+CLEANUP_TIMEOUT_S = 1.0
 Peer = tuple[str, int]
 
 
@@ -34,7 +38,7 @@ def listen(address: str, port: int, code: str, subject: str) -> socket.socket:
 class ConnectionLimiter:
     """Accepts at `listener`. A connection is dropped when CONNECTIONS_MAX later ones have come.
 
-    Those for which `is_page` is true stay. `make_protocol` makes the protocol of a connection.
+    Those for which `is_kept` is true stay. `make_protocol` makes the protocol of a connection.
     """
 
     def __init__(
@@ -42,12 +46,12 @@ class ConnectionLimiter:
         listener: socket.socket,
         context: ssl.SSLContext | None,
         make_protocol: Callable[[], asyncio.Protocol],
-        is_page: Callable[[Peer], bool],
+        is_kept: Callable[[Peer], bool],
     ) -> None:
         self.listener = listener
         self.context = context
         self.make_protocol = make_protocol
-        self.is_page = is_page
+        self.is_kept = is_kept
         self.recent: dict[Peer, socket.socket] = {}  # the oldest first
         self.starting: set[asyncio.Task[None]] = set()
 
@@ -69,7 +73,7 @@ class ConnectionLimiter:
         if len(self.recent) > CONNECTIONS_MAX:
             oldest = next(iter(self.recent))
             dropped = self.recent.pop(oldest)
-            if not self.is_page(oldest):
+            if not self.is_kept(oldest):
                 with suppress(OSError):  # it has ended
                     dropped.shutdown(socket.SHUT_RDWR)
         task = asyncio.create_task(self._start(connection))
@@ -84,3 +88,31 @@ class ConnectionLimiter:
             )
         except OSError:  # also no TLS, such as plain HTTP
             connection.close()
+
+
+@asynccontextmanager
+async def serving(
+    application: web.Application,
+    listener: socket.socket,
+    context: ssl.SSLContext | None,
+    is_kept: Callable[[Peer], bool],
+    keepalive_s: float,
+) -> AsyncIterator[None]:
+    """Serve `application` at `listener`, which is closed at the end; see `ConnectionLimiter`."""
+    for library in ("aiohttp", "asyncio"):  # bad requests are not shown in the terminal
+        logging.getLogger(library).setLevel(logging.CRITICAL)
+    runner = web.AppRunner(
+        application, access_log=None, handle_signals=False, keepalive_timeout=keepalive_s
+    )
+    await runner.setup()
+    assert runner.server is not None
+    limiter = ConnectionLimiter(listener, context, runner.server, is_kept)
+    accepting = asyncio.create_task(limiter.run())
+    try:
+        yield
+    finally:
+        accepting.cancel()
+        listener.close()
+        with suppress(TimeoutError):
+            async with asyncio.timeout(CLEANUP_TIMEOUT_S):
+                await runner.cleanup()

@@ -25,7 +25,7 @@ def encode(fields: Fields) -> str:
 class EngineFeed:
     """Polls the engine while it runs. `publish` takes each picture as JSON, when there are pages.
 
-    `has_pages` tells whether any page is open.
+    `has_pages`: whether any page is open.
     """
 
     def __init__(self, publish: Callable[[str], None], has_pages: Callable[[], bool]) -> None:

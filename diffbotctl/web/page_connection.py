@@ -1,21 +1,17 @@
-"""One open page: its web socket, its client of the control socket, and its dead-man."""
+"""One open page: what it sees, its commands, and its dead-man."""
 
 from __future__ import annotations
 
 import asyncio
 import time
 from collections import deque
-from collections.abc import Coroutine
-from contextlib import suppress
 from typing import Any, Protocol
 
 from aiohttp import WSMsgType, web
 
 from diffbotctl.control_socket.address import EngineAddress
-from diffbotctl.control_socket.client import AsyncControlClient
 from diffbotctl.control_socket.connection import TokenBucket
 from diffbotctl.control_socket.protocol import Fields, RefusalError
-from diffbotctl.errors import RunError
 from diffbotctl.web.deadman import BeatNumbers, DriveResult, PageDeadman, PageLoss
 from diffbotctl.web.engine_feed import EngineFeed, encode
 from diffbotctl.web.page_commands import (
@@ -29,12 +25,12 @@ from diffbotctl.web.page_commands import (
 )
 from diffbotctl.web.plot_samples import PlotSamples
 from diffbotctl.web.sessions import Session
+from diffbotctl.web.web_socket_connection import SEND_TIMEOUT_S, WebSocketConnection
 
 MESSAGE_MAX_BYTES = 4096  # a command has some hundred
 MESSAGES_PER_SECOND = 60.0  # 20 of them drive
 MESSAGE_BURST = 60.0
 NOTES_MAX = 100  # small messages that wait for a page which reads slowly
-SEND_TIMEOUT_S = 5.0  # then a page that reads nothing is disconnected
 HEARTBEAT_S = 4.0  # of the web socket, for pages that only watch
 LOSSES = {"hidden": PageLoss.HIDDEN, "blurred": PageLoss.BLURRED}
 
@@ -62,34 +58,30 @@ class PageHost(Protocol):
         """End the control of `page`."""
 
     def tell_roles(self) -> None:
-        """Tell each page who is in control."""
+        """Notify each page who is in control."""
 
 
-class PageConnection:
+class PageConnection(WebSocketConnection):
     """Serves one web socket of `session`."""
 
     def __init__(self, server: PageHost, session: Session) -> None:
-        self.server = server
-        self.session = session
-        self.socket = web.WebSocketResponse(
+        socket = web.WebSocketResponse(
             protocols=[session.proof],
             compress=False,
             max_msg_size=MESSAGE_MAX_BYTES,
             heartbeat=HEARTBEAT_S,
             timeout=1.0,
         )
-        self.client = AsyncControlClient(self._on_line, self._on_run_end)
+        super().__init__(socket, TokenBucket(MESSAGES_PER_SECOND, MESSAGE_BURST, time.monotonic()))
+        self.server = server
+        self.session = session
         self.deadman = PageDeadman(session.ended, self._send_request, self._on_loss)
-        self.transport: asyncio.Transport | None = None
-        self.peer: Any = None
         self.late_press = 0
         self.notes: deque[str] = deque(maxlen=NOTES_MAX)
         self.picture: str | None = None  # the newest that was not sent yet
         self.plotted = PlotSamples()
         self.wants_whole = True
         self.has_news = asyncio.Event()
-        self.bucket = TokenBucket(MESSAGES_PER_SECOND, MESSAGE_BURST, time.monotonic())
-        self.reads: set[asyncio.Task[None]] = set()
 
     @property
     def name(self) -> str:
@@ -98,35 +90,17 @@ class PageConnection:
 
     async def serve(self, request: web.Request) -> web.WebSocketResponse:
         """Serve until the socket is closed."""
-        self.transport = request.transport
-        self.peer = request.transport and request.transport.get_extra_info("peername")
-        await self.socket.prepare(request)
-        try:
-            await self.client.connect(self.server.engine, self.name)
-        except RunError as error:
-            await self.socket.send_str(encode({"refused": str(error)}))
-            await self.socket.close()
-            return self.socket
-        sending = asyncio.create_task(self._send_all())
-        try:
-            self.server.add(self)
-            async for message in self.socket:
-                if message.type is not WSMsgType.TEXT or not self._allows():
-                    break
-                self._handle(message.data)
-        finally:
-            self.deadman.lose(PageLoss.CLOSED)
-            self.server.remove(self)
-            sending.cancel()
-            for task in self.reads:
-                task.cancel()
-            # A socket that is closed with replies unread may lose what was written to it: the
-            # reply to a last request shows that the loss has been read.
-            with suppress(RefusalError):
-                await self.client.request("status")
-            self.client.close()
-        await self.socket.close()
-        return self.socket
+        return await self.serve_client(request, self.server.engine, self.name)
+
+    def _refusal_text(self, cause: str) -> str:
+        return encode({"refused": cause})
+
+    def _on_open(self) -> None:
+        self.server.add(self)
+
+    def _on_close(self) -> None:
+        self.deadman.lose(PageLoss.CLOSED)
+        self.server.remove(self)
 
     def note(self, **fields: object) -> None:
         """Queue a small message."""
@@ -140,7 +114,6 @@ class PageConnection:
         self.has_news.set()
 
     async def _send_all(self) -> None:
-        """Send what waits, until the socket is closed or reads nothing."""
         try:
             while True:
                 await self.has_news.wait()
@@ -153,8 +126,7 @@ class PageConnection:
                     if samples := self.plotted.drain():
                         await self._send_text(encode({"plot": samples}))
         except (OSError, TimeoutError, RuntimeError):
-            if self.transport is not None:
-                self.transport.abort()  # it reads nothing, or is gone
+            self.disconnect()
 
     def _next_picture(self) -> str | None:
         text, self.picture = self.picture, None
@@ -167,19 +139,16 @@ class PageConnection:
         async with asyncio.timeout(SEND_TIMEOUT_S):
             await self.socket.send_str(text)
 
-    def _allows(self) -> bool:
-        is_allowed = self.bucket.allows(time.monotonic())
-        self.bucket.spend()
-        return is_allowed
-
     # Commands.
 
-    def _handle(self, text: str) -> None:
+    def _frame_received(self, kind: WSMsgType, data: Any) -> bool:
+        if kind is not WSMsgType.TEXT:
+            return False
         try:
-            name, fields = parse_command(text)
-            self._follow(name, fields)
+            self._follow(*parse_command(data))
         except RefusalError as refusal:
             self.refuse(refusal.cause)
+        return True
 
     def refuse(self, cause: str) -> None:
         """Show on the page why something was not done."""
@@ -198,7 +167,7 @@ class PageConnection:
             case "give":
                 self.server.give_control(self)
             case "read":
-                self._start(self._read(*read_request(fields)))
+                self.start(self._read(*read_request(fields)))
             case "plot":
                 self._plot(plotted_fields(fields, self.server.feed.topics))
             case _:
@@ -211,7 +180,7 @@ class PageConnection:
             case "drive":
                 self._drive(drive_command(fields))
             case "resume":
-                self._start(self._request("resume", {}))
+                self.start(self._request("resume", {}))
             case "allow_goals":
                 self.session.sets_goals = True
                 self.server.tell_roles()
@@ -219,30 +188,25 @@ class PageConnection:
                 goal = goal_fields(fields)
                 if not self.session.sets_goals:
                     raise RefusalError("E-REQUEST", "goals were not allowed for this session")
-                self._start(self._request("goto", goal))
+                self.start(self._request("goto", goal))
             case "set":
                 names = ("parameter", "value")
                 setting = {each: fields.get(each) for each in names}
-                self._start(self._request("set_parameter", setting))
+                self.start(self._request("set_parameter", setting))
 
     def _drive(self, command: DriveCommand) -> None:
         now, sent_at = time.monotonic(), self.server.numbers.sent_at(command.number)
         result = self.deadman.drive(now, command.press, sent_at, command.linear, command.angular)
         if result is DriveResult.LATE and command.press != self.late_press:
-            self.late_press = command.press  # the page is told once
+            self.late_press = command.press  # the page is notified once
             self.refuse("the connection is too slow to drive now")
-
-    def _start(self, work: Coroutine[Any, Any, None]) -> None:
-        task = asyncio.create_task(work)
-        self.reads.add(task)
-        task.add_done_callback(self.reads.discard)
 
     async def _request(self, method: str, fields: Fields) -> None:
         try:
             await self.client.request(method, **fields)
             self.note(done=method)
         except RefusalError as refusal:
-            self.refuse(f"{refusal.cause}; {refusal.fix}" if refusal.fix else refusal.cause)
+            self.refuse(refusal.text)
 
     async def _read(self, method: str, fields: Fields) -> None:
         try:
@@ -262,9 +226,6 @@ class PageConnection:
             self._send_request("subscribe", topic=topic)
 
     # The engine.
-
-    def _send_request(self, method: str, **fields: object) -> None:
-        self.client.send(method, method, **fields)
 
     def _on_line(self, line: Fields) -> None:
         if "message" in line:

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import gzip
-import logging
 import socket
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from importlib.resources import files
 from typing import Any, NamedTuple
 
@@ -20,7 +18,7 @@ from diffbotctl.control_socket.protocol import RefusalError
 from diffbotctl.errors import UserError
 from diffbotctl.ros2.robot_model import urdf_of_run
 from diffbotctl.web.certificate import ServerCertificate
-from diffbotctl.web.connections import ConnectionLimiter, Peer
+from diffbotctl.web.connections import Peer, serving
 from diffbotctl.web.deadman import BEAT_PERIOD_S, BeatNumbers
 from diffbotctl.web.engine_feed import EngineFeed
 from diffbotctl.web.link import EVERY_ADDRESS, LOOPBACK, host_names
@@ -31,6 +29,7 @@ from diffbotctl.web.sessions import Session, Sessions
 NO_SESSION = "this device has no session; open the link or scan the code in the terminal"
 PAGES_MAX = 24  # open at once
 BODY_MAX_BYTES = 1024
+KEEPALIVE_S = 10.0  # that an idle connection stays open
 ATTEMPTS_PER_SECOND = 1.0  # codes that are tried
 ATTEMPT_BURST = 10.0
 TYPES = {
@@ -104,8 +103,6 @@ class WebServer:
 
     async def run(self, is_ready: Callable[[], None]) -> None:
         """Serve until the run has ended. `is_ready` is called when the page can be opened."""
-        for library in ("aiohttp", "asyncio"):  # what strangers send is no news for the terminal
-            logging.getLogger(library).setLevel(logging.CRITICAL)
         await self.feed.connect(self.engine)
         application = web.Application(middlewares=[self._check], client_max_size=BODY_MAX_BYTES)
         application.router.add_get("/socket", self._open_socket)
@@ -113,28 +110,17 @@ class WebServer:
         application.router.add_get("/session", self._show_session)
         application.router.add_get("/robot.urdf", self._send_urdf)
         application.router.add_get("/{file:.*}", self._send_asset)
-        runner = web.AppRunner(
-            application, access_log=None, handle_signals=False, keepalive_timeout=10.0
-        )
-        await runner.setup()
-        assert runner.server is not None
         context = None if self.certificate is None else self.certificate.context
-        limiter = ConnectionLimiter(self.listener, context, runner.server, self._is_page)
-        accepting = asyncio.create_task(limiter.run())
-        is_ready()
-        beating = asyncio.create_task(self._beat())
-        try:
-            await self.feed.run()
-            for page in self.pages:
-                page.note(ended=True)
-            await asyncio.sleep(BEAT_PERIOD_S)  # for the pages to be told
-        finally:
-            beating.cancel()
-            accepting.cancel()
-            self.listener.close()
-            with suppress(TimeoutError):
-                async with asyncio.timeout(1.0):
-                    await runner.cleanup()
+        async with serving(application, self.listener, context, self._is_page, KEEPALIVE_S):
+            is_ready()
+            beating = asyncio.create_task(self._beat())
+            try:
+                await self.feed.run()
+                for page in self.pages:
+                    page.note(ended=True)
+                await asyncio.sleep(BEAT_PERIOD_S)  # for the pages to receive it
+            finally:
+                beating.cancel()
 
     def _is_page(self, peer: Peer) -> bool:
         return any(page.peer == peer for page in self.pages)
@@ -143,7 +129,7 @@ class WebServer:
 
     @web.middleware
     async def _check(self, request: web.Request, handler: Any) -> web.StreamResponse:
-        """Check Host and Origin; refusals are said in words."""
+        """Check Host and Origin; a refusal is a text."""
         try:
             address = request.transport.get_extra_info("sockname")[0] if request.transport else ""
             check_origin(self.origin, address, request.method, request.headers)
@@ -268,7 +254,7 @@ class WebServer:
             self.tell_roles()
 
     def tell_roles(self) -> None:
-        """Tell each page who is in control."""
+        """Notify each page who is in control."""
         name = None if self.driver is None else self.driver.name
         for page in self.pages:
             page.note(

@@ -25,7 +25,7 @@ class DeviceKind(StrEnum):
 
 
 def device_kind(user_agent: str) -> DeviceKind:
-    """The kind of device that a browser says it runs on; nothing else of its text is used."""
+    """The kind of device that a browser claims to run on; nothing else of its text is used."""
     text = user_agent.lower()
     if "ipad" in text or "tablet" in text or ("android" in text and "mobile" not in text):
         return DeviceKind.TABLET

@@ -14,29 +14,30 @@ from diffbotctl.messages import GOAL_EXIT_CODES, Encoders, Goal, GoalEnd, Odomet
 MS = 1_000_000
 STEP = 20 * MS  # ns between two poses
 NONE = (0.0,) * 6
+ROBOT = {
+    "patience": 3.0,
+    "speed": 0.3,
+    "turn_rate": 4.0,
+    "acceleration": 1.0,
+    "braking": 1.5,
+    "track": 0.125,
+    "wheelbase": None,
+    "lag": 0.02,
+    "left_diameter": 0.065,
+    "right_diameter": 0.065,
+    "left_slots": 20,
+    "right_slots": 20,
+    "left_rated": 10.5,
+    "right_rated": 10.5,
+    "command_delay": 0.0,
+}
 
 
 class Course:
     """An ideal robot at 50 Hz: it moves as the last twist says. Keeps twists and states."""
 
     def __init__(self, moves=True, calibrated=GEOMETRY, **values):
-        self.block = GoalFollower(
-            **{"patience": 3.0, "lag": 0.02, **values},
-            speed=0.3,
-            turn_rate=4.0,
-            acceleration=1.0,
-            braking=1.5,
-            track=0.125,
-            wheelbase=None,
-            left_diameter=0.065,
-            left_slots=20,
-            right_slots=20,
-            right_diameter=0.065,
-            left_rated=10.5,
-            right_rated=10.5,
-            command_delay=0.0,
-            calibration=dict.fromkeys(calibrated),
-        )
+        self.block = GoalFollower(**{**ROBOT, **values}, calibration=dict.fromkeys(calibrated))
         self.block.reset()
         self.moves = moves
         self.covariance, self.warning, self.geometry_sd = NONE, "", 0.0
@@ -442,24 +443,8 @@ def test_slow_motors_creep_slowly():
     course = Course()
     # 10.5 rad/s * 0.0325 m, and 20 slots of 10.2 mm: the encoder must count four times a second.
     assert course.block.least_speed == 0.035
-    fine = GoalFollower(
-        speed=0.1,
-        turn_rate=4.0,
-        acceleration=1.0,
-        braking=1.5,
-        track=0.125,
-        wheelbase=None,
-        lag=0.1,
-        left_diameter=0.065,
-        right_diameter=0.065,
-        left_slots=2000,
-        right_slots=2000,
-        left_rated=5.0,
-        right_rated=5.0,
-        command_delay=0.0,
-        calibration={},
-    )
-    fine.reset()
+    slow = {"left_slots": 2000, "right_slots": 2000, "left_rated": 5.0, "right_rated": 5.0}
+    fine = Course(speed=0.1, lag=0.1, **slow).block
     assert fine.least_speed == pytest.approx(0.1 * 5.0 * 0.0325)
     fast = Course(creep=0.02)
     assert fast.block.least_speed == 0.02

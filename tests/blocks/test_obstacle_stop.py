@@ -8,15 +8,16 @@ from hypothesis import strategies as st
 
 from diffbotctl.blocks.obstacle_stop import (
     ObstacleStop,
+    guard_reaction,
     limit_to,
     max_safe_speed,
-    reaction_time,
     stopping_distance,
 )
+from diffbotctl.config.load import load_robot
 from diffbotctl.config.robot import MountSection, SensorSection
 from diffbotctl.messages import Range, Resume, Twist
+from diffbotctl.time import MILLISECOND as MS
 
-MS = 1_000_000  # ns
 FORWARD = (0.3, 0.6)  # m/s, rad/s
 
 
@@ -79,9 +80,10 @@ def test_safe_speed_at_the_limits(free, speed):
     assert max_safe_speed(free, 1.5, 0.2) == speed
 
 
-def test_reaction_time():
-    # the sensor's 25.2 ms, two frames of 25 ms, 15 ms of link, 100 ms of motor
-    assert reaction_time(40.0, 2, 0.015, 0.1) == pytest.approx(0.1902)
+def test_reaction_of_a_sharp_sensor():
+    sensors = load_robot("book_2wd").robot.sensors
+    # the sensor's 25.2 ms and two frames of 25 ms
+    assert guard_reaction(sensors, "front", 40.0, 2) == pytest.approx(0.0752)
 
 
 def test_slowing_keeps_the_curvature():

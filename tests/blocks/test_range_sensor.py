@@ -8,8 +8,8 @@ from diffbotctl.blocks.range_sensor import REACH, RangeSensor, distance_at, volt
 from diffbotctl.config.robot import SensorSection
 from diffbotctl.messages import Resume, Volts
 from diffbotctl.plant.sharp_ir import volts
+from diffbotctl.time import MILLISECOND as MS
 
-MS = 1_000_000  # ns
 SHARP = {"front": SensorSection(type="sharp_gp2y0a41sk0f", pin="A0")}
 
 

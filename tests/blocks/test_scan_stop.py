@@ -14,8 +14,8 @@ from diffbotctl.messages import Odometry, Scan, Twist
 from diffbotctl.plant.chassis import Pose
 from diffbotctl.plant.collision import BodyOutline, clearance
 from diffbotctl.plant.world import Pillar, Wall, World
+from diffbotctl.time import MILLISECOND as MS
 
-MS = 1_000_000
 ROBOT = load_robot("turtlebot3_burger").robot
 # It reaches 38 mm ahead of its axle, 102 mm back and 89 mm to the sides; its scanner sits 32 mm
 # behind the axle. It reacts within 40 + 1 + 50 ms = 91 ms and brakes by 1 m/s2.

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from diffbotctl.blocks.speed_limiter import SpeedLimiter
 from diffbotctl.control.velocity_limits import acceleration_limited, brake_limited
 from diffbotctl.messages import Twist
+from diffbotctl.time import MILLISECOND as MS
 
-MS = 1_000_000
 SPEED, TURN_RATE = 0.3, 4.0  # m/s, rad/s
 
 

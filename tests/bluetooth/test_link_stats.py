@@ -12,8 +12,8 @@ from diffbotctl.bluetooth.link_stats import (
 from diffbotctl.bluetooth.rate_advice import advise_rate, max_telemetry_rate
 from diffbotctl.testing.radio_module import RadioModule
 from diffbotctl.testing.virtual_board import board, diffbotctl, flat
+from diffbotctl.time import MILLISECOND as MS
 
-MS = 1_000_000
 # Four frames, taken each 25 ms by a clock that is 700 ms behind; number 2 never came.
 FRAMES = [
     Arrival(1000 * MS, 290 * MS, 62),  # 10 ms on the way

@@ -9,8 +9,8 @@ from diffbotctl.calibrate.steps.encoders import EncoderStep
 from diffbotctl.config.load import load_robot
 from diffbotctl.links.diffbot_telemetry import RawEdge
 from diffbotctl.prompts.answers_file import AnswersFile
+from diffbotctl.time import MILLISECOND as MS
 
-MS = 1_000_000
 ROBOT = load_robot("book_2wd").robot  # glitch 2 ms; 20 slots and 100 rpm: open for 15 ms
 
 

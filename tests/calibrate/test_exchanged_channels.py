@@ -7,9 +7,9 @@ import pytest
 import diffbotctl.testing
 from diffbotctl.config.load import load_robot
 from diffbotctl.testing.running import cli
+from diffbotctl.testing.virtual_board import ENCODER_ANSWERS
 
 HALL = Path(diffbotctl.testing.__file__).with_name("mega_hall.yaml")
-ANSWERS = "encoders.wheel: [left forward, right forward]\nencoders.proof: both forward\n"
 
 
 @pytest.mark.parametrize("port", ["sim", "emulated"])
@@ -19,7 +19,7 @@ def test_exchanged_channels_are_found_and_written(tmp_path, port):
         f"format: 1\nkind: robot\ninclude: {HALL}\n"
         "simulation: {wiring: {left_encoder: exchanged}}\n"
     )
-    answers.write_text(ANSWERS)
+    answers.write_text(ENCODER_ANSWERS)
     words = ["calibrate", "encoders", "--robot", str(robot), "--port", port, "--rolls", "0"]
     code, said, complaints = cli(tmp_path, *words, "--answers", str(answers), "--yes", cwd=tmp_path)
     assert code == 0, said + complaints

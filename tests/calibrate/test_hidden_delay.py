@@ -10,8 +10,7 @@ from diffbotctl.config.load import load_robot
 from diffbotctl.messages import Encoders
 from diffbotctl.prompts.answers_file import AnswersFile
 from diffbotctl.testing.calibration_robots import SilentScreen
-
-MS = 1_000_000
+from diffbotctl.time import MILLISECOND as MS
 
 
 def ended(running):

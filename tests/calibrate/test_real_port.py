@@ -9,6 +9,7 @@ import pytest
 
 from diffbotctl.config.load import load_robot
 from diffbotctl.testing import virtual_board as board
+from diffbotctl.testing.command_process import command_line
 from diffbotctl.testing.terminal import Terminal
 
 SHIPPED = Path(__file__).parent.parent.parent / "robots" / "book_2wd.yaml"
@@ -32,8 +33,7 @@ def robot(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "mine.yaml"
     shutil.copyfile(SHIPPED, path)
-    answers = "encoders.wheel: [left forward, right forward]\nencoders.proof: both forward\n"
-    (tmp_path / "answers.yaml").write_text(answers)
+    (tmp_path / "answers.yaml").write_text(board.ENCODER_ANSWERS)
     return path
 
 
@@ -66,7 +66,7 @@ def test_wires_are_proven_over_the_radio(robot):
 
 def test_a_question_at_a_terminal_has_no_time_limit(robot):
     with board.board() as virtual:
-        words = board.command(
+        words = command_line(
             "calibrate", "encoders", "--rolls", 0, "--robot", robot, "--port", virtual.usb
         )
         with Terminal(words, columns=160) as terminal:
@@ -85,7 +85,7 @@ def test_a_question_at_a_terminal_has_no_time_limit(robot):
 
 
 def test_an_interrupt_reports_that_the_robot_stands_still(robot):
-    words = board.command("calibrate", "distance", "--robot", robot, "--port", "sim")
+    words = command_line("calibrate", "distance", "--robot", robot, "--port", "sim")
     with Terminal(words) as terminal:
         terminal.until(lambda text: "Any key stops the robot" in text)
         terminal.type("\x03")

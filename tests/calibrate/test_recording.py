@@ -1,11 +1,11 @@
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from diffbotctl.calibrate.log_reader import read_counts
 from diffbotctl.errors import UsageError
+from diffbotctl.testing.command_process import command_line
 from diffbotctl.testing.trials.calibration import rows
 
 ROOT = Path(__file__).parent.parent.parent
@@ -13,16 +13,7 @@ ROOT = Path(__file__).parent.parent.parent
 
 def test_counts_of_a_recorded_run(tmp_path):
     file = tmp_path / "run.mcap"
-    command = [
-        sys.executable,
-        "-c",
-        "from diffbotctl.cli.main import main; main()",
-        "run",
-        "pipelines/goal.yaml",
-        "--record",
-        str(file),
-        "--fast",
-    ]
+    command = command_line("run", "pipelines/goal.yaml", "--record", file, "--fast")
     result = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
     assert result.returncode == 0, result.stderr
     log = read_counts(file, (20, 20))

@@ -12,8 +12,8 @@ from diffbotctl.config.load import load_robot
 from diffbotctl.links.diffbot_telemetry import RawEdge
 from diffbotctl.prompts.answers_file import AnswersFile
 from diffbotctl.testing.calibration_robots import SilentScreen
+from diffbotctl.time import MILLISECOND as MS
 
-MS = 1_000_000
 FILE = load_robot("book_2wd")
 ROBOT = FILE.robot  # glitch 2 ms
 

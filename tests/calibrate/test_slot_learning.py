@@ -11,8 +11,8 @@ from diffbotctl.config.load import load
 from diffbotctl.messages import Encoders, Wheels
 from diffbotctl.plant.robot_parameters import plant_parameters
 from diffbotctl.plant.simulated_robot import SimulatedRobot
+from diffbotctl.time import MILLISECOND as MS
 
-MS = 1_000_000
 SLOTS = 20
 PITCH = 2 * pi / SLOTS  # rad
 WAYS = ((300, 3.0), (300, 6.0), (10_000, 8.0), (1000, 0.0))  # ms, rad/s; each way

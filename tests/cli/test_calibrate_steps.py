@@ -6,7 +6,6 @@ import re
 import select
 import shutil
 import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -16,14 +15,10 @@ from click.testing import CliRunner
 from diffbotctl.cli.calibrate import command
 from diffbotctl.config.load import load_robot
 from diffbotctl.errors import RunError
+from diffbotctl.testing.calibration_robots import ANSWERS
+from diffbotctl.testing.command_process import command_line
 
 ROOT = Path(__file__).parent.parent.parent
-PROGRAM = "from diffbotctl.cli.main import main; main()"
-ANSWERS = """\
-encoders: {measure: eye}
-distance.reading: {measure: tape, noise: 1 mm}
-geometry: {measure: tape, noise: 2 mm}
-"""
 LONGEST = 60  # s
 
 
@@ -128,7 +123,7 @@ class Terminal:
     def __init__(self, *words):
         self.end, other = pty.openpty()
         self.process = subprocess.Popen(
-            [sys.executable, "-c", PROGRAM, "calibrate", *map(str, words)],
+            command_line("calibrate", *words),
             stdin=other,
             stdout=other,
             stderr=other,

@@ -7,10 +7,10 @@ import sys
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
 from diffbotctl.cli import COMPLETING, completion
 from diffbotctl.cli.main import COMMANDS
+from tests.command_result import invoke
 
 ROOT = Path(__file__).parents[2]
 SHELLS = ("bash", "zsh", "fish")
@@ -110,10 +110,7 @@ def test_completing_a_command_imports_none(place):
 
 
 def script(shell):
-    result = CliRunner().invoke(completion.command, [shell], standalone_mode=False)
-    if result.exception is not None:
-        raise result.exception
-    return result.output
+    return invoke(completion.command, shell)[1]
 
 
 def test_bash_itself_completes(place):

@@ -4,12 +4,12 @@ import subprocess
 import sys
 
 import pytest
-from click.testing import CliRunner
 
 from diffbotctl.cli import blocks, check, graph
 from diffbotctl.codes import code_texts
 from diffbotctl.config import registry
 from diffbotctl.errors import UsageError
+from tests.command_result import invoke
 
 
 @pytest.fixture(autouse=True)
@@ -17,16 +17,8 @@ def own_cache(tmp_path_factory, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
 
 
-def run(command, *words):
-    """The exit code and the output, as main() would make them."""
-    result = CliRunner().invoke(command, words, standalone_mode=False)
-    if result.exception is not None:
-        raise result.exception
-    return result.return_value, result.output
-
-
 def test_check_finds_nothing_in_the_shipped_files():
-    code, output = run(check.check, "goal", "square", "hello", "book_2wd", "book_2wd_counts")
+    code, output = invoke(check.check, "goal", "square", "hello", "book_2wd", "book_2wd_counts")
     assert code == 0
     assert output.splitlines() == [
         "goal: no errors",
@@ -40,7 +32,7 @@ def test_check_finds_nothing_in_the_shipped_files():
 def test_check_takes_several_files_and_says_all(tmp_path):
     wrong = tmp_path / "wrong.yaml"
     wrong.write_text("format: 1\nkind: robot\ninclude: book_2wd\nlimits: {speed: 5 deg, sped: 1}\n")
-    code, output = run(check.check, str(wrong), "goal", "--set", "follower.tolerance=1 mm")
+    code, output = invoke(check.check, str(wrong), "goal", "--set", "follower.tolerance=1 mm")
     assert code == 2
     assert "E-UNIT" in output
     assert "E-KEY-UNKNOWN" in output
@@ -50,7 +42,7 @@ def test_check_takes_several_files_and_says_all(tmp_path):
 
 
 def test_warnings_do_not_fail_a_check():
-    code, output = run(check.check, "goal", "--robot", "book_2wd_stock", "--real")
+    code, output = invoke(check.check, "goal", "--robot", "book_2wd_stock", "--real")
     assert code == 0
     assert "W-TOLERANCE" in output
     assert "W-POLARITY" in output
@@ -60,31 +52,31 @@ def test_warnings_do_not_fail_a_check():
 
 @pytest.mark.parametrize("name", ["nothing", "./nothing.yaml", "/", "..", "/dev/null"])
 def test_check_of_what_is_not_there(name):
-    code, output = run(check.check, name)
+    code, output = invoke(check.check, name)
     assert code == 2
     assert "E-FILE" in output
 
 
 @pytest.mark.parametrize("code", code_texts())
 def test_every_code_is_explained(code):
-    assert code_texts()[code].title in run(check.explain, code)[1]
+    assert code_texts()[code].title in invoke(check.explain, code)[1]
     assert len(code_texts()[code].text) > 80, "a title alone is no explanation"
-    assert run(check.explain, code.lower())[0] == 0
+    assert invoke(check.explain, code.lower())[0] == 0
 
 
 def test_explain_without_a_code_lists_all():
-    _, output = run(check.explain)
+    _, output = invoke(check.explain)
     assert len(output.splitlines()) == len(code_texts())
 
 
 def test_an_unknown_code():
     with pytest.raises(UsageError) as caught:
-        run(check.explain, "E-PIN-PWN")
+        invoke(check.explain, "E-PIN-PWN")
     assert caught.value.problems[0].fix == "did you mean E-PIN-PWM?"
 
 
 def test_blocks_lists_every_block_with_its_sentence():
-    code, output = run(blocks.command)
+    code, output = invoke(blocks.command)
     assert code == 0
     lines = output.splitlines()
     names = [*registry.names(), *registry.driver_names()]
@@ -95,13 +87,13 @@ def test_blocks_lists_every_block_with_its_sentence():
 
 @pytest.mark.parametrize("name", registry.BLOCKS)
 def test_blocks_show(name):
-    _, output = run(blocks.command, "show", name)
+    _, output = invoke(blocks.command, "show", name)
     assert output.startswith(f"{name}\n")
     assert "outputs" in output
 
 
 def test_blocks_show_says_all_that_is_declared():
-    _, output = run(blocks.command, "show", "obstacle_stop")
+    _, output = invoke(blocks.command, "show", "obstacle_stop")
     for words in (
         "range   Range (fresh for the parameter stale_after)",
         "twist  Twist  The safe velocity.",
@@ -115,12 +107,12 @@ def test_blocks_show_says_all_that_is_declared():
 
 def test_blocks_show_of_an_unknown_block():
     with pytest.raises(UsageError) as caught:
-        run(blocks.command, "show", "odometri")
+        invoke(blocks.command, "show", "odometri")
     assert caught.value.problems[0].fix == "did you mean odometry?"
 
 
 def test_the_graph_of_the_smallest_pipeline():
-    _, output = run(graph.command, "hello")
+    _, output = invoke(graph.command, "hello")
     assert output.splitlines() == [
         "pipelines/hello.yaml",
         "└── talker",
@@ -129,14 +121,14 @@ def test_the_graph_of_the_smallest_pipeline():
 
 
 def test_the_graph_shows_what_the_builder_adds():
-    _, output = run(graph.command, "goal", "--robot", "book_2wd_stock")
+    _, output = invoke(graph.command, "goal", "--robot", "book_2wd_stock")
     assert "wheels Wheels -> gate.command" in output
     assert "wheels Wheels -> wheel_speed.wheels" in output
     assert "duty Duty -> robot.duty" in output
 
 
 def test_the_graph_as_mermaid():
-    _, output = run(graph.command, "hello", "--mermaid")
+    _, output = invoke(graph.command, "hello", "--mermaid")
     assert output.splitlines() == [
         "flowchart LR",
         "    talker[talker]",
@@ -149,8 +141,8 @@ def test_every_wire_of_a_pipeline_is_drawn_once():
     from diffbotctl.config.load import load
     from diffbotctl.runs.build_graph import assemble
 
-    _, tree = run(graph.command, "goal")
-    _, mermaid = run(graph.command, "goal", "--mermaid")
+    _, tree = invoke(graph.command, "goal")
+    _, mermaid = invoke(graph.command, "goal", "--mermaid")
     nodes = assemble(load("goal"), False).graph.nodes
     wires = sum(len(node.wires) for node in nodes) + 1  # and the command that leaves
     assert tree.count(" -> ") == wires

@@ -18,6 +18,7 @@ from diffbotctl.errors import UserError
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
 from diffbotctl.testing.virtual_board import diffbotctl, flat
+from tests.command_result import invoke
 
 ROOT = Path(__file__).parents[2]
 # What is inherent in the kit, and said: no obstacle sensor; HC-05 and USB on one port.
@@ -26,17 +27,11 @@ WARNINGS = {"W-UNGUARDED", "W-WIRING-SHARED", "W-SKID-STEER"}
 UNSURE = {"four_wheels"}
 
 
-@pytest.fixture(autouse=True)
-def folder(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 def new_robot(*words):
-    result = CliRunner().invoke(new.command, ["robot", *words], standalone_mode=False)
-    if result.exception is not None:
-        raise result.exception
-    return result.output
+    return invoke(new.command, "robot", *words)[1]
 
 
 def test_kit_without_a_name_lists_them():

@@ -1,15 +1,14 @@
 """The commands that show a robot's model, as a person runs them."""
 
 import subprocess
-import sys
 from xml.etree import ElementTree
 
-PROGRAM = [sys.executable, "-c", "from diffbotctl.cli.main import main; main()"]
+from diffbotctl.testing.command_process import command_line
 
 
 def run(*arguments, cwd=None, code=0):
     """What the program prints for `arguments`."""
-    done = subprocess.run([*PROGRAM, *arguments], capture_output=True, text=True, cwd=cwd)
+    done = subprocess.run(command_line(*arguments), capture_output=True, text=True, cwd=cwd)
     assert done.returncode == code, done.stderr
     return done.stdout if code == 0 else done.stderr
 

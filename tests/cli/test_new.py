@@ -10,7 +10,6 @@ import tty
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
 from diffbotctl.cli import check, new
 from diffbotctl.config.load import load, load_robot
@@ -18,48 +17,40 @@ from diffbotctl.errors import UserError
 from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
+from diffbotctl.testing.command_process import MAIN, command_line
+from tests.command_result import invoke
 
 ROOT = Path(__file__).parents[2]
 
 
-@pytest.fixture(autouse=True)
-def at_home(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.chdir(tmp_path)
-
-
-def run(command, *words):
-    result = CliRunner().invoke(command, words, standalone_mode=False)
-    if result.exception is not None:
-        raise result.exception
-    return result.return_value, result.output
+pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 @pytest.mark.parametrize("kind", ["robot", "pipeline"])
 def test_a_new_file_has_no_problem_and_asks_nothing(kind):
-    code, output = run(new.command, kind, "mine")
+    code, output = invoke(new.command, kind, "mine")
     path = f"{kind}s/mine.yaml"
     assert f"written: {path}" in output
-    code, output = run(check.check, path)
+    code, output = invoke(check.check, path)
     assert (code, output) == (0, f"{path}: no errors\n")
 
 
 def test_a_new_robot_is_the_kit_of_the_book():
-    run(new.command, "robot", "mine")
+    invoke(new.command, "robot", "mine")
     ours, book = load_robot("mine").robot, load_robot("book_2wd").robot
     for part in ("drive", "sensors", "limits", "simulation"):  # sections compare by their fields
         assert repr(getattr(ours, part)) == repr(getattr(book, part))
 
 
 def test_a_new_pipeline_drives_a_new_robot_to_its_goal():
-    run(new.command, "robot", "mine")
-    run(new.command, "pipeline", "mine")
+    invoke(new.command, "robot", "mine")
+    invoke(new.command, "pipeline", "mine")
     result = Run(load("mine"), RunOptions(fast=True)).go()
     assert (result.reached, result.goals) == (1, 1)
 
 
 def test_the_editor_s_line_leads_to_a_schema():
-    run(new.command, "robot", "mine")
+    invoke(new.command, "robot", "mine")
     uri = Path("robots/mine.yaml").read_text().splitlines()[0].partition("$schema=")[2]
     assert Path(uri.removeprefix("file://")).is_file()
 
@@ -77,25 +68,24 @@ def test_the_editor_s_line_leads_to_a_schema():
 )
 def test_names_that_cannot_be(words, code):
     with pytest.raises(UserError) as told:
-        run(new.command, *words)
+        invoke(new.command, *words)
     assert told.value.problems[0].code == code
     assert not [path for path in Path().rglob("*") if "cache" not in path.parts]
 
 
 @pytest.mark.parametrize("kind", ["robot", "pipeline", "block", "driver", "message", "program"])
 def test_nothing_is_written_over(kind):
-    run(new.command, kind, "mine")
+    invoke(new.command, kind, "mine")
     before = {path: path.read_text() for path in Path().rglob("*.*") if path.is_file()}
     with pytest.raises(UserError) as told:
-        run(new.command, kind, "mine")
+        invoke(new.command, kind, "mine")
     assert told.value.problems[0].code == "E-FILE-WRITE"
     assert {path: path.read_text() for path in before} == before
 
 
 def test_a_disk_without_room_leaves_no_half_a_robot():
-    words = [sys.executable, "-c", "from diffbotctl.cli.main import main; main()"]
     done = subprocess.run(
-        [*words, "new", "robot", "mine"],
+        command_line("new", "robot", "mine"),
         capture_output=True,
         text=True,
         env=os.environ | {"PYTHONPATH": str(ROOT)},
@@ -103,6 +93,9 @@ def test_a_disk_without_room_leaves_no_half_a_robot():
     )
     assert done.returncode == 2 and "E-FILE-WRITE" in done.stderr
     assert not list(Path("robots").iterdir())
+
+
+PROGRAM = ("-c", MAIN)
 
 
 def python(*words, path):
@@ -133,43 +126,41 @@ def pip_install(folder, target):
 
 
 def test_a_new_message_installs_runs_and_is_recorded(tmp_path):
-    run(new.command, "message", "gas")
+    invoke(new.command, "message", "gas")
     folder, target = tmp_path / "gas", tmp_path / "installed"
     pip_install(folder, target)
-    program = ["-c", "from diffbotctl.cli.main import main; main()"]
     line = ["run", folder / "gas.yaml", "--fast", "--quiet", "--record", "gas.mcap"]
-    code, said = python(*program, *line, path=[target, ROOT])
+    code, said = python(*PROGRAM, *line, path=[target, ROOT])
     assert (code, "INCOMPLETE" in said) == (0, False), said
-    code, said = python(*program, "replay", "gas.mcap", "--check", path=[target, ROOT])
+    code, said = python(*PROGRAM, "replay", "gas.mcap", "--check", path=[target, ROOT])
     assert (code, "same" in said) == (0, True), said
-    code, said = python(*program, "bag", "export", "gas.mcap", "gas.gas", path=[ROOT])
+    code, said = python(*PROGRAM, "bag", "export", "gas.mcap", "gas.gas", path=[ROOT])
     assert said.startswith("time,gas.gas.distance,gas.gas.state,gas.gas.turns\n"), said
     assert ",far," in said  # the goal is 1.1 m away, and `far` begins at 0.5 m
 
 
 def test_a_new_message_s_own_test_passes(tmp_path):
-    run(new.command, "message", "gas")
+    invoke(new.command, "message", "gas")
     folder = tmp_path / "gas"
     code, said = python("-m", "pytest", "-q", folder, path=[folder, ROOT])
     assert (code, "4 passed" in said) == (0, True), said
 
 
 def test_a_new_driver_reads_its_device_and_is_replayed_without_it(tmp_path):
-    run(new.command, "driver", "sonar")
+    invoke(new.command, "driver", "sonar")
     folder, target = tmp_path / "sonar", tmp_path / "installed"
     pip_install(folder, target)
-    program = ["-c", "from diffbotctl.cli.main import main; main()"]
-    code, said = python(*program, "blocks", path=[target, ROOT])
+    code, said = python(*PROGRAM, "blocks", path=[target, ROOT])
     assert "sonar           (driver) Read a distance sensor" in said, said
     line = ["run", folder / "sonar.yaml", "--quiet", "--for", "2s", "--record", "sonar.mcap"]
-    code, said = python(*program, *line, path=[target, ROOT])
+    code, said = python(*PROGRAM, *line, path=[target, ROOT])
     assert code == 1 and "E-DEVICE" in said and "sonar.yaml:6:3" in said
     assert "source sonar (/dev/ttyUSB0): No such file or directory" in said
     master, slave = os.openpty()
     tty.setraw(slave)
     os.write(master, b"412\n" * 5)
     words = [*line, "--set", f"sonar.device={os.ttyname(slave)}"]
-    code, said = python(*program, *words, path=[target, ROOT])
+    code, said = python(*PROGRAM, *words, path=[target, ROOT])
     os.close(master)
     os.close(slave)
     distances = [
@@ -178,12 +169,12 @@ def test_a_new_driver_reads_its_device_and_is_replayed_without_it(tmp_path):
         if item.wire == "sonar.range"
     ]
     assert distances == [0.412] * 5, said
-    code, said = python(*program, "replay", "sonar.mcap", "--check", path=[target, ROOT])
+    code, said = python(*PROGRAM, "replay", "sonar.mcap", "--check", path=[target, ROOT])
     assert (code, "same" in said) == (0, True), said
 
 
 def test_a_new_driver_s_own_tests_pass(tmp_path):
-    run(new.command, "driver", "sonar")
+    invoke(new.command, "driver", "sonar")
     folder = tmp_path / "sonar"
     code, said = python("-m", "pytest", "-q", folder, path=[folder, ROOT])
     assert (code, "6 passed" in said) == (0, True), said
@@ -193,17 +184,16 @@ def test_a_new_driver_s_own_tests_pass(tmp_path):
 def test_a_new_program_runs_as_it_stands(language, tmp_path):
     if language == "node" and shutil.which("node") is None:
         pytest.skip("no Node.js on this machine: `node` is not found")
-    run(new.command, "program", "nose", "--language", language)
+    invoke(new.command, "program", "nose", "--language", language)
     folder = tmp_path / "nose"
     build = re.search(r"^    (cc .*)$", (folder / "README.md").read_text(), re.M)
     if build:
         flags = " -std=c99 -Wall -Wextra -Werror -pedantic"
         subprocess.run(build[1] + flags, shell=True, cwd=folder, check=True)
-    program = ["-c", "from diffbotctl.cli.main import main; main()"]
     words = ["run", folder / "nose.yaml", "--quiet", "--for", "2s", "--record", "nose.mcap"]
-    code, said = python(*program, *words, path=[ROOT])
+    code, said = python(*PROGRAM, *words, path=[ROOT])
     assert code == 1 and "E-PROGRAM-CONSENT" in said
-    code, said = python(*program, *words, "--allow-programs", path=[ROOT])
+    code, said = python(*PROGRAM, *words, "--allow-programs", path=[ROOT])
     assert "final stop confirmed" in said, said
     heard = [
         item.message.text
@@ -211,25 +201,24 @@ def test_a_new_program_runs_as_it_stands(language, tmp_path):
         if item.wire == "listener.heard"
     ]
     assert len(heard) > 5 and all("m from the start" in text for text in heard)
-    code, said = python(*program, "replay", "nose.mcap", "--check", path=[ROOT])
+    code, said = python(*PROGRAM, "replay", "nose.mcap", "--check", path=[ROOT])
     assert (code, "same" in said) == (0, True), said
 
 
 def test_a_new_block_installs_through_its_entry_point_and_drives(tmp_path):
-    run(new.command, "block", "half_speed")
+    invoke(new.command, "block", "half_speed")
     folder, target = tmp_path / "half_speed", tmp_path / "installed"
     pip_install(folder, target)
-    program = ["-c", "from diffbotctl.cli.main import main; main()"]
-    code, said = python(*program, "blocks", path=[target, ROOT])
+    code, said = python(*PROGRAM, "blocks", path=[target, ROOT])
     assert "half_speed      Scale the requested velocity." in said, said
     code, said = python(
-        *program, "run", folder / "half_speed.yaml", "--fast", "--quiet", path=[target, ROOT]
+        *PROGRAM, "run", folder / "half_speed.yaml", "--fast", "--quiet", path=[target, ROOT]
     )
     assert (code, "1 of 1 reached" in said) == (0, True), said
 
 
 def test_a_new_block_s_own_test_passes(tmp_path):
-    run(new.command, "block", "half_speed")
+    invoke(new.command, "block", "half_speed")
     folder = tmp_path / "half_speed"
     code, said = python("-m", "pytest", "-q", folder, path=[folder, ROOT])
     assert code == 0, said

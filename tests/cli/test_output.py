@@ -5,7 +5,7 @@ import subprocess
 
 import pytest
 
-from diffbotctl.testing.virtual_board import command
+from diffbotctl.testing.command_process import command_line
 
 # Each prints letters beyond ASCII to a UTF-8 terminal: boxes, braille, branches.
 PICTURES = (
@@ -18,7 +18,7 @@ PICTURES = (
 
 def said(*words, stdout=subprocess.PIPE, **variables):
     return subprocess.run(
-        command(*words),
+        command_line(*words),
         stdin=subprocess.DEVNULL,
         stdout=stdout,
         stderr=subprocess.PIPE,

@@ -4,23 +4,16 @@ import shutil
 import subprocess
 
 import pytest
-from click.testing import CliRunner
 
 from diffbotctl.cli import run, service
 from diffbotctl.errors import UsageError
+from tests.command_result import invoke
 
-
-@pytest.fixture(autouse=True)
-def at_home(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 def unit(*words):
-    result = CliRunner().invoke(service.command, words, standalone_mode=False)
-    if result.exception is not None:
-        raise result.exception
-    return result.output
+    return invoke(service.command, *words)[1]
 
 
 def verified(text, folder):

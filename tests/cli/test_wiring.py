@@ -4,7 +4,6 @@ import re
 from xml.etree import ElementTree
 
 import pytest
-from click.testing import CliRunner
 from rich.console import Console
 
 from diffbotctl.cli import wiring
@@ -15,6 +14,7 @@ from diffbotctl.config.load import load_robot
 from diffbotctl.errors import UserError
 from diffbotctl.render.wiring_svg import BOXES, PAINTS, wiring_svg
 from diffbotctl.render.wiring_terminal import wiring_text
+from tests.command_result import invoke
 
 # Written by hand from robots/book_2wd.yaml: pin of the Mega 2560, part, its pin, colour.
 BOOK = {
@@ -293,10 +293,7 @@ def test_the_divider_of_the_battery_is_drawn(tmp_path, battery, series):
 
 
 def run(*words):
-    result = CliRunner().invoke(wiring.command, words, standalone_mode=False)
-    if result.exception is not None:
-        raise result.exception
-    return result.output
+    return invoke(wiring.command, *words)[1]
 
 
 def test_the_command_fits_eighty_columns_and_names_every_wire():

@@ -15,8 +15,8 @@ from diffbotctl.control.speed_loop import (
     WheelSpeedLoop,
     default_gains,
 )
+from diffbotctl.time import MILLISECOND as MS
 
-MS = 1_000_000
 # 5 rad/s: 0.1 against friction and 5 x 0.08: duty 0.5.
 FORWARD = SpeedGains(0.1, 0.08, 0.0, 0.0)
 PI_GAINS = SpeedGains(0.1, 0.08, 0.02, 0.5)

@@ -25,9 +25,8 @@ from diffbotctl.drivers.goal_queue import Operator
 from diffbotctl.engine.live_changes import LiveChanges
 from diffbotctl.graph import Graph
 from diffbotctl.messages import Goal, Stop
+from diffbotctl.time import MILLISECOND as MS
 from diffbotctl.time import NEVER
-
-MS = 1_000_000
 
 
 class Desk:

@@ -7,15 +7,10 @@ from pathlib import Path
 import pytest
 
 from diffbotctl.cli.stop import resume_result
+from diffbotctl.testing.command_process import children_of
 from diffbotctl.testing.running import PlainClient, cli, moves, running, stands
 
 FAR = ("goal", "--stay", "--goal", "30 0")
-
-
-def children_of(pid):
-    """Process numbers of the children of `pid`, by what the kernel reports."""
-    listed = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
-    return [int(each) for each in listed]
 
 
 def hub_of(folder, pid):

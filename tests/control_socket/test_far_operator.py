@@ -14,8 +14,8 @@ from diffbotctl.testing.far_host import far_host
 from diffbotctl.testing.lost_terminal import drive
 from diffbotctl.testing.running import PlainClient, cli, command, moves, running, stands
 from diffbotctl.testing.terminal import Terminal
+from diffbotctl.time import SECOND as S
 
-S = 1_000_000_000
 LIMIT = (
     S  # ns to wheels commanded to zero on a busy machine; 0.3 s and a telemetry period is the rule
 )

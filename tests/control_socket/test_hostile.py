@@ -15,6 +15,7 @@ import pytest
 from diffbotctl.control_socket.address import group_folder
 from diffbotctl.control_socket.protocol import LINE_MAX_BYTES
 from diffbotctl.control_socket.server import CLIENTS_MAX, STOP_SEATS
+from diffbotctl.testing.command_process import children_of
 from diffbotctl.testing.running import REPLY_TIMEOUT_S, PlainClient, cli, running
 from diffbotctl.testing.trials import hostile_sockets
 
@@ -190,13 +191,12 @@ def test_connecting_again_and_again_leaves_nothing_behind(folder):
 
 
 def hub_of(pid):
-    children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
     listeners = [
         child
-        for child in children
+        for child in children_of(pid)
         if any("socket:" in os.readlink(f) for f in Path(f"/proc/{child}/fd").iterdir())
     ]
-    return max(map(int, listeners))
+    return max(listeners)
 
 
 def test_a_client_that_half_closes_still_gets_its_answers_and_its_stream(folder):

@@ -3,13 +3,12 @@
 import os
 import signal
 import subprocess
-from fcntl import ioctl
-from termios import TIOCSCTTY
 
 import pytest
 
 from diffbotctl.messages import Stop, Twist, Wheels
 from diffbotctl.recording.reader import RecordingReader
+from diffbotctl.testing.command_process import start_on_terminal
 from diffbotctl.testing.running import PlainClient, cli, command, moves, running, stands
 
 LIMIT = 500_000_000  # ns within which the wheels are commanded to zero
@@ -82,15 +81,7 @@ def test_a_driver_behind_a_closed_terminal_is_lost(tmp_path):
         client = PlainClient(tmp_path)
         client.until(moves)
         ours, theirs = os.openpty()
-        driver = subprocess.Popen(
-            line,
-            env=environment,
-            stdin=theirs,
-            stdout=theirs,
-            stderr=theirs,
-            start_new_session=True,
-            preexec_fn=lambda: ioctl(0, TIOCSCTTY, 0),
-        )
+        driver = start_on_terminal(line, theirs, environment)
         os.close(theirs)
         client.until(drives)
         os.close(ours)  # the terminal closes: the kernel sends SIGHUP

@@ -13,8 +13,8 @@ from diffbotctl.device import DeviceError
 from diffbotctl.drivers.joystick import BUTTONS, EVENT, Joystick, find_joystick
 from diffbotctl.messages import Twist
 from diffbotctl.testing.running import PlainClient, cli, moves, running, stands
+from diffbotctl.time import MILLISECOND as MS
 
-MS = 1_000_000
 KEY, ABS, SYN = 1, 3, 0
 BUTTON = BUTTONS["left_shoulder"]
 LEFT_Y, LEFT_X = 1, 0

@@ -18,8 +18,8 @@ from diffbotctl.params import Param
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
 from diffbotctl.time import NEVER
+from diffbotctl.time import SECOND as S
 
-S = 1_000_000_000
 PIPELINE = """
 format: 1
 kind: pipeline

@@ -9,9 +9,8 @@ from diffbotctl.block import Block, Every, In, Out
 from diffbotctl.graph import Graph, LoopError, Node, in_order
 from diffbotctl.messages import Text, Twist, Wheels
 from diffbotctl.params import Param
+from diffbotctl.time import MILLISECOND as MS
 from diffbotctl.time import NEVER
-
-MS = 1_000_000
 
 
 class Double(Block):

@@ -8,8 +8,8 @@ from diffbotctl.config.load import load_robot
 from diffbotctl.engine.safety_gate import Gate
 from diffbotctl.log import WARNING, Log
 from diffbotctl.messages import Encoders, Link, Resume, Stop, Wheels
+from diffbotctl.time import MILLISECOND as MS
 
-MS = 1_000_000
 RATED = 100 * 2 * pi / 60  # rad/s: 100 rpm
 MOTOR = load_robot("book_2wd").robot.drive.left.motor
 

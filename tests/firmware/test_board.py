@@ -6,17 +6,19 @@ from itertools import pairwise
 import pytest
 
 from diffbotctl.emulator.emulated_robot import motor_pins
-from diffbotctl.emulator.process import DUTY_ONE, LINE, Emulator, bootloader, build
+from diffbotctl.emulator.process import LINE, Emulator, bootloader, build
 from diffbotctl.links import diffbot_frames as frames
-from diffbotctl.testing.board_bench import BOOK, MS, RADIO, UNO, USB, BoardBench, speed
+from diffbotctl.testing.board_bench import BOOK, RADIO, UNO, USB, BoardBench, speed
 from diffbotctl.testing.trials import (
     board,
     board_faults,
     board_restarts,
     board_runs,
+    board_settings,
     frame_damage,
     wheel_loop,
 )
+from diffbotctl.time import MILLISECOND as MS
 
 
 def mode(bench):
@@ -32,8 +34,8 @@ def mode(bench):
         lambda: board.telemetry(10),
         lambda: board.edges(seconds=0.2),
         lambda: board.bounce(3, 1),
-        lambda: board.refused_settings(3, 25),
-        lambda: board.eeprom_cuts(3, 1),
+        lambda: board_settings.refused_settings(3, 25),
+        lambda: board_settings.eeprom_cuts(3, 1),
         lambda: board.restarts(3, 3),
         lambda: board.deadman(3, 18),
         lambda: board_faults.storms(3, 12),
@@ -169,7 +171,7 @@ def test_raw_duty():
     with BoardBench() as bench:
         bench.ready()
         bench.turn(1)
-        bench.send(RADIO, frames.DutyFrame(1, 16384, -DUTY_ONE))
+        bench.send(RADIO, frames.DutyFrame(1, 16384, -frames.DUTY_ONE))
         assert mode(bench) == "duty"
         assert bench.duty == pytest.approx([0.5, -1.0], abs=0.004)
         bench.wait(300)

@@ -11,7 +11,8 @@ from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import pack
 from diffbotctl.links.diffbot_settings import GyroInput, RangeInput
 from diffbotctl.testing import firmware_parts
-from diffbotctl.testing.board_bench import BOOK, MS, RADIO, UNO, BoardBench, speed
+from diffbotctl.testing.board_bench import BOOK, RADIO, UNO, BoardBench, speed
+from diffbotctl.time import MILLISECOND as MS
 
 SETTINGS = {
     name: replace(settings, telemetry=30, gyro=GyroInput(0x68))

@@ -15,7 +15,7 @@ from diffbotctl.links.diffbot_frames import (
 )
 from diffbotctl.testing import firmware_parts
 from diffbotctl.testing.board_bench import BOOK
-from diffbotctl.testing.trials.board import spoil
+from diffbotctl.testing.trials.board_settings import spoil
 
 GOOD = BOOK.frame()
 TICK = 4_000  # ns

@@ -10,7 +10,8 @@ from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import pack
 from diffbotctl.links.diffbot_settings import RangeInput
 from diffbotctl.testing import firmware_parts
-from diffbotctl.testing.board_bench import BOOK, MS, UNO, BoardBench
+from diffbotctl.testing.board_bench import BOOK, UNO, BoardBench
+from diffbotctl.time import MILLISECOND as MS
 
 PINS = {
     "mega2560": (BOOK, [(24, 50), (25, 51), (26, 11), (27, 12)]),

@@ -10,8 +10,9 @@ from diffbotctl.links.rosserial_host import RosserialHost
 from diffbotctl.links.rosserial_topics import TopicNames
 from diffbotctl.messages import Duty, Text, Volts, Wheels
 from diffbotctl.testing.rosserial_device import PUBLISHERS, RATED, SUBSCRIBERS, RosserialDevice
-from diffbotctl.testing.rosserial_session import MS, RosserialSession, pair_in
+from diffbotctl.testing.rosserial_session import RosserialSession, pair_in
 from diffbotctl.testing.trials.rosserial import RECORDINGS, recorded, rows
+from diffbotctl.time import MILLISECOND as MS
 from diffbotctl.time import SECOND
 
 

@@ -8,8 +8,7 @@ import pytest
 from diffbotctl.links.rosserial_frames import encode
 from diffbotctl.links.rosserial_stop import BoardParser, StandstillDetector, StopOrder, filler
 from diffbotctl.links.rosserial_wheels import pair_frames
-
-MS = 1_000_000
+from diffbotctl.time import MILLISECOND as MS
 
 
 def every_cut(written):

@@ -15,9 +15,8 @@ from diffbotctl.plant.range_sensors import Scanner
 from diffbotctl.plant.robot_parameters import plant_parameters
 from diffbotctl.plant.simulated_robot import SimulatedRobot
 from diffbotctl.plant.world import Pillar, Wall, World
+from diffbotctl.time import MILLISECOND as MS
 from diffbotctl.time import SECOND
-
-MS = 1_000_000
 
 
 def robot_of(name, world=None, seed=1):

@@ -8,8 +8,8 @@ from diffbotctl.control.speed_loop import SpeedGains
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.messages import Duty, Wheels
 from diffbotctl.plant.simulated_board import BOARD_MODELS, SimulatedBoard
+from diffbotctl.time import MILLISECOND as MS
 
-MS = 1_000_000
 # Half duty for 5 rad/s by the feed-forward alone.
 GAINS = SpeedGains(static=0.1, slope=0.08, proportional=0.0, integral=0.0)
 HELD = 14_900_000  # ns; 10.4 ms on the wire and 4.5 ms by radio

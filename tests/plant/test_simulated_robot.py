@@ -12,9 +12,9 @@ from diffbotctl.plant.robot_parameters import MountedSensor, PlantParameters
 from diffbotctl.plant.sharp_ir import RESIDUAL_VOLTS, volts
 from diffbotctl.plant.simulated_robot import SimulatedRobot
 from diffbotctl.plant.world import Wall, World
+from diffbotctl.time import MILLISECOND as MS
 from diffbotctl.time import SECOND
 
-MS = 1_000_000
 FRAME = 25 * MS
 GAINS = SpeedGains(0.1, 0.0859, 0.0, 0.02)
 MACHINE = PlantParameters(

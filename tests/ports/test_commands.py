@@ -3,7 +3,6 @@
 import os
 import shlex
 import subprocess
-import sys
 import tempfile
 from pathlib import Path
 
@@ -18,15 +17,15 @@ from diffbotctl.errors import RunError
 from diffbotctl.ports.access import SystemUser
 from diffbotctl.ports.diagnosis import survey_ports
 from diffbotctl.testing.book_board import BookBoardPort
+from diffbotctl.testing.command_process import command_line
 from diffbotctl.testing.fake_machine import CH340, MEGA, FakeMachine
 
-MAIN = "from diffbotctl.cli.main import main; main()"
 NOBODY = 65534
 
 
 def run(*words):
     """Exit code, and the output with line breaks folded."""
-    command = [sys.executable, "-c", MAIN, *map(str, words)]
+    command = command_line(*words)
     done = subprocess.run(command, capture_output=True, text=True)
     assert "Traceback" not in done.stderr
     return done.returncode, " ".join((done.stdout + done.stderr).split())

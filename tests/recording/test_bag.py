@@ -12,12 +12,11 @@ from diffbotctl.errors import RunError, UsageError
 from diffbotctl.recording.comparison import recording_differences
 from diffbotctl.recording.fields import all_columns, choose_columns, column_wires, table_rows
 from diffbotctl.recording.reader import RecordingReader, recording_info
+from tests.command_result import invoke
 
 
 def bag_output(*words):
-    result = CliRunner().invoke(program, ["bag", *map(str, words)], standalone_mode=False)
-    assert result.exception is None, result.exception
-    return result.return_value, result.output
+    return invoke(program, "bag", *words)
 
 
 def test_info_counts_the_messages(goal):

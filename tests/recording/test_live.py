@@ -12,9 +12,9 @@ from diffbotctl.recording.black_box_store import BlackBoxStore, RunMetadata
 from diffbotctl.recording.reader import RecordingReader, recording_info
 from diffbotctl.testing import own_package
 from diffbotctl.testing.running import PlainClient, cli, command, moves, running, stands
+from diffbotctl.time import SECOND as S
 
 ROOT = Path(__file__).parents[2]
-S = 1_000_000_000
 
 
 @pytest.fixture

@@ -4,8 +4,7 @@ import pytest
 
 from diffbotctl.messages import Goal, GoalState, Odometry, Stop
 from diffbotctl.recording.metrics import MetricsAccumulator
-
-S = 1_000_000_000
+from diffbotctl.time import SECOND as S
 
 
 def at(time, x, y):

@@ -1,20 +1,17 @@
 """Output files: what diffbotctl wrote may be overwritten, and only that."""
 
 import pytest
-from click.testing import CliRunner
 
 from diffbotctl.cli import bag, robot_model
 from diffbotctl.cli.output import check_overwrite, has_mark
 from diffbotctl.errors import UsageError
+from tests.command_result import invoke
 
 FIELD = "odometry.odometry.x"
 
 
 def run(command, *words):
-    result = CliRunner().invoke(command, [str(word) for word in words], standalone_mode=False)
-    if result.exception is not None:
-        raise result.exception
-    return result.return_value
+    return invoke(command, *words)[0]
 
 
 def writers(goal):

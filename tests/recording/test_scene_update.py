@@ -5,7 +5,6 @@ from math import inf, pi, sqrt
 from xml.etree import ElementTree
 
 import pytest
-from click.testing import CliRunner
 from jsonschema import Draft7Validator
 from mcap.reader import make_reader
 
@@ -21,6 +20,7 @@ from diffbotctl.recording.viewer_layout import viewer_layout
 from diffbotctl.recording.viewer_model import ViewerModel, viewer_model
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
+from tests.command_result import invoke
 
 TIME = 1_700_000_000_000_000_007
 VALIDATOR = Draft7Validator(json.loads(schema("SceneUpdate")))
@@ -151,9 +151,7 @@ def test_a_recording_holds_world_robot_trail_and_scan(recording):
 
 
 def bag(*words):
-    result = CliRunner().invoke(program, ["bag", *map(str, words)], standalone_mode=False)
-    assert result.exception is None, result.exception
-    return result.output
+    return invoke(program, "bag", *words)[1]
 
 
 def test_a_recording_holds_robot_model_and_layout(recording):

@@ -25,10 +25,9 @@ from diffbotctl.ros2.conversion import SensorModel
 from diffbotctl.ros2.options import RobotModel
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
+from diffbotctl.testing.ros2_nodes import TF_HASH
 from diffbotctl.time import SECOND
 
-# Published by rosidl for these definitions; equal hashes let nodes of other builds connect.
-TF_HASH = "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"
 EPOCH = 1_700_000_000 * SECOND
 
 

@@ -7,7 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from diffbotctl.testing.ros2_nodes import COMMANDED_NODE, bridge, ros_node, ros_python
+from diffbotctl.testing.ros2_nodes import (
+    COMMANDED_NODE,
+    TF_HASH,
+    TWIST,
+    bridge,
+    ros_node,
+    ros_python,
+)
 from diffbotctl.testing.running import PlainClient, cli, moves, running, stands
 
 pytestmark = pytest.mark.skipif(
@@ -15,7 +22,6 @@ pytestmark = pytest.mark.skipif(
     reason="no rclpy here: `make ros2` installs it where its wheels exist (x86-64)",
 )
 PROGRAMS = Path(__file__).parent / "programs"
-TWIST = "geometry_msgs/msg/Twist"
 # Topic, type, quality of service of the subscriber.
 OUTPUTS = [
     ("/odom", "nav_msgs/msg/Odometry", ""),
@@ -26,8 +32,6 @@ OUTPUTS = [
     ("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", ""),
     ("/robot_description", "std_msgs/msg/String", "latched"),
 ]
-# Published by rosidl for these definitions; equal hashes let nodes of other builds connect.
-TF_HASH = "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"
 
 
 @pytest.fixture(scope="module")

@@ -10,15 +10,16 @@ from pathlib import Path
 import pytest
 
 from diffbotctl.flash.intel_hex import write_hex
-from diffbotctl.testing.virtual_board import LONGEST, command, diffbotctl, flat, run
+from diffbotctl.testing.command_process import command_line, start_in_pipe
+from diffbotctl.testing.virtual_board import LONGEST, diffbotctl, flat, run
 
 
 @contextmanager
 def emulated(*words):
     """Start `emulate`; its process, and its USB and radio port."""
-    shell = [*command("emulate", *words)]
+    shell = [*command_line("emulate", *words)]
     shell.insert(1, "-u")
-    process = subprocess.Popen(shell, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    process = start_in_pipe(shell)
     said = ""
     try:
         while "Ctrl-C ends" not in said:
@@ -70,7 +71,7 @@ def test_missing_packages_are_named(tmp_path):
     without = {**os.environ, "PATH": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path)}
     for words in (("emulate", "book_2wd"), ("run", "goal", "--port", "emulated", "--quiet")):
         done = subprocess.run(
-            command(*words), env=without, capture_output=True, text=True, check=False
+            command_line(*words), env=without, capture_output=True, text=True, check=False
         )
         assert done.returncode == 1
         assert re.search("sudo apt-get install( [a-z-]+)* gcc", flat(done.stderr)), done.stderr

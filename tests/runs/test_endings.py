@@ -2,8 +2,6 @@
 
 import os
 import signal
-import subprocess
-import sys
 import threading
 import time
 
@@ -15,20 +13,15 @@ from diffbotctl.config.load import load
 from diffbotctl.messages import Goal, Twist
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
+from diffbotctl.testing.command_process import command_line, start_in_pipe
 from diffbotctl.testing.trials.host_freeze import HANGING_PIPELINE
 from diffbotctl.time import SECOND
 
 FAR = ["run", "goal", "--goal", "30 0", "--set", "world.walls=[]"]
-PROGRAM = "from diffbotctl.cli.main import main; main()"
 
 
 def start(*words):
-    return subprocess.Popen(
-        [sys.executable, "-c", PROGRAM, *words],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
+    return start_in_pipe(command_line(*words))
 
 
 def read_until(process, words):

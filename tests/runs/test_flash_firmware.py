@@ -5,7 +5,6 @@ import os
 import re
 import select
 import signal
-import subprocess
 import termios
 import time
 from contextlib import suppress
@@ -18,11 +17,11 @@ from diffbotctl.errors import RunError
 from diffbotctl.flash.flasher import flash as job
 from diffbotctl.flash.intel_hex import write_hex
 from diffbotctl.testing.board_bench import BOOK
+from diffbotctl.testing.command_process import command_line, start_in_pipe, start_on_terminal
 from diffbotctl.testing.fake_machine import FakeMachine
 from diffbotctl.testing.virtual_board import (
     LONGEST,
     board,
-    command,
     diffbotctl,
     flash,
     flat,
@@ -51,9 +50,7 @@ def test_the_light_blinks_after_flashing():
 def test_an_interrupted_flash_can_be_done_again(how):
     with board(image=None) as virtual:
         words = ("flash", "firmware", "--port", virtual.usb, "--robot", "book_2wd", "--yes")
-        first = subprocess.Popen(
-            command(*words), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-        )
+        first = start_in_pipe(command_line(*words))
         wait_until(lambda: written(virtual, 1024))
         first.send_signal(how)
         said, _ = first.communicate()
@@ -87,14 +84,7 @@ def test_no_is_no():
 def on_a_terminal(words, answer):
     """Run a command on a terminal of its own, answer its question; (exit code, what it showed)."""
     master, slave = os.openpty()
-    process = subprocess.Popen(
-        command(*words),
-        stdin=slave,
-        stdout=slave,
-        stderr=slave,
-        start_new_session=True,
-        env={**os.environ, "TERM": "xterm"},
-    )
+    process = start_on_terminal(command_line(*words), slave, {**os.environ, "TERM": "xterm"})
     os.close(slave)
     shown, until = b"", time.monotonic() + LONGEST
     with suppress(OSError):  # the terminal hangs up when the command has ended

@@ -8,9 +8,6 @@ import os
 import re
 import shutil
 import subprocess
-import threading
-import tty
-from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -26,6 +23,7 @@ from diffbotctl.links.diffbot_host import DiffbotHost
 from diffbotctl.testing.board_bench import BOOK
 from diffbotctl.testing.book_board import BookBoardPort
 from diffbotctl.testing.serial_wire import SerialWire
+from diffbotctl.testing.trials.port_answers import named_port, talking
 from diffbotctl.testing.virtual_board import board, diffbotctl, flash, flat, run
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
@@ -40,42 +38,11 @@ def meet(port, *words):
     return code, flat(said)
 
 
-@contextmanager
-def open_end(folder, name):
-    """A port under this name, and the file where whoever is behind it reads and writes."""
-    master, slave = os.openpty()
-    tty.setraw(slave)
-    (folder / name).symlink_to(os.ttyname(slave))
-    yield folder / name, master
-    os.close(master)
-    os.close(slave)
-
-
-@contextmanager
-def talking(end, line):
-    """Somebody behind a port says the same over and over, and hears nothing."""
-    over = threading.Event()
-
-    def talk():
-        while not over.wait(0.05):
-            with suppress(BlockingIOError):
-                os.write(end, line)
-
-    os.set_blocking(end, False)
-    thread = threading.Thread(target=talk)
-    thread.start()
-    try:
-        yield
-    finally:
-        over.set()
-        thread.join()
-
-
 @pytest.mark.parametrize(
     ("name", "tried"), [("rfcomm0", RADIO_RATES), ("ttyUSB0", "115200 or 9600")]
 )
 def test_a_silent_port(tmp_path, name, tried):
-    with open_end(tmp_path, name) as (port, _):
+    with named_port(tmp_path, name) as (port, _):
         code, said = diffbotctl(*run(port))
     assert code == 1
     said = flat(said)
@@ -106,7 +73,10 @@ def test_the_bootloader_alone():
 
 
 def test_a_firmware_that_prints_lines(tmp_path):
-    with open_end(tmp_path, "rfcomm0") as (port, end), talking(end, b"distance 12 cm\r\n"):
+    with (
+        named_port(tmp_path, "rfcomm0") as (port, end),
+        talking(end, lambda _: b"distance 12 cm\r\n", 0.05),
+    ):
         code, said = meet(port)
     assert code == 1
     assert "E-BOARD-UNKNOWN" in said
@@ -114,29 +84,10 @@ def test_a_firmware_that_prints_lines(tmp_path):
     assert "flash firmware" in said
 
 
-@contextmanager
-def echoing(end):
-    """A line whose TX and RX touch: each byte comes back."""
-    over = threading.Event()
-
-    def echo():
-        while not over.wait(0.002):
-            with suppress(BlockingIOError):
-                os.write(end, os.read(end, 4096))
-
-    os.set_blocking(end, False)
-    thread = threading.Thread(target=echo)
-    thread.start()
-    try:
-        yield
-    finally:
-        over.set()
-        thread.join()
-
-
 @pytest.mark.parametrize("name", ["rfcomm0", "ttyUSB0"])
 def test_an_echoing_line_is_no_board(tmp_path, name):
-    with open_end(tmp_path, name) as (port, end), echoing(end):
+    # TX and RX touch: each byte comes back.
+    with named_port(tmp_path, name) as (port, end), talking(end, lambda heard: heard):
         code, said = meet(port)
     assert code == 1
     assert "E-PORT-ECHO" in said and "returns what is sent" in said

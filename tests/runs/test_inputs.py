@@ -1,8 +1,6 @@
 """Inputs of a pipeline: declared, published by clients, stale after their timeout, replayed."""
 
 import json
-import threading
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -12,9 +10,10 @@ from diffbotctl.drivers.goal_queue import Operator
 from diffbotctl.drivers.input_leases import InputLeases
 from diffbotctl.messages import Range, Twist
 from diffbotctl.recording.reader import RecordingReader
+from diffbotctl.testing.background import repeating
 from diffbotctl.testing.running import PlainClient, cli, moves, running, stands
+from diffbotctl.time import MILLISECOND as MS
 
-MS = 1_000_000
 PIPELINE = """
 format: 1
 kind: pipeline
@@ -37,22 +36,10 @@ def pipeline(tmp_path):
     return path
 
 
-@contextmanager
 def publishing(client, topic, message):
     """`client` publishes the message 20 times a second, from a thread, until the end."""
-    over = threading.Event()
-
-    def publish():
-        while not over.wait(0.05):
-            client.send(json.dumps({"method": "publish", "topic": topic, "message": message}))
-
-    thread = threading.Thread(target=publish)
-    thread.start()
-    try:
-        yield
-    finally:
-        over.set()
-        thread.join()
+    line = json.dumps({"method": "publish", "topic": topic, "message": message})
+    return repeating(lambda: client.send(line), 0.05)
 
 
 def refusal(client, topic, **message):

@@ -4,7 +4,6 @@ import os
 import re
 import select
 import subprocess
-import sys
 import tty
 from random import Random
 
@@ -12,15 +11,15 @@ import pytest
 
 from diffbotctl.testing.background import BackgroundDevice
 from diffbotctl.testing.book_board import BookBoardPort
+from diffbotctl.testing.command_process import command_line
 
-MAIN = "from diffbotctl.cli.main import main; main()"
 LONGEST = 60  # s
 
 
 def digest(*words, hash_seed="random"):
     """The digest that a command prints, run as a process of its own."""
     done = subprocess.run(
-        [sys.executable, "-c", MAIN, *map(str, words)],
+        command_line(*words),
         stdin=subprocess.DEVNULL,
         text=True,
         capture_output=True,

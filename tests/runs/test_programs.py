@@ -11,7 +11,8 @@ import pytest
 
 from diffbotctl.config.load import check, load
 from diffbotctl.programs import consent
-from diffbotctl.testing.running import PROGRAM, PlainClient, moves, running, stands
+from diffbotctl.testing.command_process import command_line
+from diffbotctl.testing.running import PlainClient, moves, running, stands
 from diffbotctl.testing.terminal import Terminal
 from diffbotctl.testing.trials import programs
 from diffbotctl.testing.trials.programs import CAUSES
@@ -130,7 +131,7 @@ def test_a_program_that_cannot_be_started_is_named(tmp_path, pipeline):
 
 
 def test_a_person_is_asked_once_and_again_after_a_change(tmp_path, pipeline):
-    words = [sys.executable, "-c", PROGRAM, "run", str(pipeline), "--quiet", "--for", "1s"]
+    words = command_line("run", pipeline, "--quiet", "--for", "1s")
 
     def asked(answer):
         with Terminal(words, dict(os.environ)) as terminal:

@@ -20,6 +20,7 @@ from diffbotctl.replay.resimulate import resimulate, why_not_resimulable
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
 from diffbotctl.time import SECOND
+from tests.command_result import invoke
 
 WHEELS = "gate.wheels"
 SLOWER = ("robot.limits.speed=0.15 m/s",)
@@ -33,9 +34,7 @@ def goal(tmp_path_factory):
 
 
 def said(*words):
-    result = CliRunner().invoke(program, ["replay", *map(str, words)], standalone_mode=False)
-    assert result.exception is None, result.exception
-    return result.return_value, result.output
+    return invoke(program, "replay", *words)
 
 
 def test_driving_once_more_unchanged_is_the_run_itself(goal):

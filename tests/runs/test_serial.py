@@ -3,17 +3,12 @@
 import os
 import re
 import signal
-import subprocess
-import sys
 
 import pytest
 
 from diffbotctl.processes.real_time import prefer
-from diffbotctl.testing.book_board import BookBoardPort
-
-PROGRAM = "from diffbotctl.cli.main import main; main()"
-STOCK = ["--robot", "book_2wd_stock", "--set", "robot.drive.polarity=checked_by_hand"]
-
+from diffbotctl.testing.book_board import STOCK, BookBoardPort
+from diffbotctl.testing.command_process import command_line, start_in_pipe
 
 STARTED = []
 
@@ -28,12 +23,7 @@ def port():
 
 
 def start(port, *words):
-    process = subprocess.Popen(
-        [sys.executable, "-c", PROGRAM, "run", "goal", "--port", port.name, *STOCK, *words],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
+    process = start_in_pipe(command_line("run", "goal", "--port", port.name, *STOCK, *words))
     prefer(process.pid)  # a host without a processor stops the robot
     STARTED.append(process)
     return process

@@ -1,7 +1,6 @@
 """Whole runs of the robots that exist in the simulator only."""
 
 import subprocess
-import sys
 from math import hypot
 
 import pytest
@@ -10,6 +9,7 @@ from diffbotctl.config.load import load
 from diffbotctl.messages import Goal
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
+from diffbotctl.testing.command_process import command_line
 
 
 def go(pipeline, robot=None, sets=(), **options):
@@ -66,12 +66,11 @@ def test_the_burger_stays_within_its_limits():
     "words", [("run", "wander", "--for", "6s"), ("run", "turtle", "--goal", "7 6")]
 )
 def test_runs_are_replayed_bit_for_bit(words, tmp_path):
-    program = [sys.executable, "-c", "from diffbotctl.cli.main import main; main()"]
     log = str(tmp_path / "log.mcap")
     made = subprocess.run(
-        [*program, *words, "--fast", "--quiet", "--record", log], capture_output=True, text=True
+        command_line(*words, "--fast", "--quiet", "--record", log), capture_output=True, text=True
     )
     assert made.returncode == 0, made.stderr
-    again = subprocess.run([*program, "replay", log, "--check"], capture_output=True, text=True)
+    again = subprocess.run(command_line("replay", log, "--check"), capture_output=True, text=True)
     assert again.returncode == 0, again.stdout + again.stderr
     assert "bit for bit" in again.stdout

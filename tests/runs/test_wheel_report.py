@@ -3,8 +3,7 @@
 import pytest
 
 from diffbotctl.emulator.virtual_board import WheelReport
-
-MS = 1_000_000
+from diffbotctl.time import MILLISECOND as MS
 
 
 def reports(*samples):

@@ -9,17 +9,11 @@ import pytest
 
 from diffbotctl.config.load import load_robot
 from diffbotctl.emulator.process import IMAGE
+from diffbotctl.testing.command_process import command_line
 from diffbotctl.testing.terminal import Terminal
-from diffbotctl.testing.virtual_board import board, command, diffbotctl
+from diffbotctl.testing.virtual_board import START_ANSWERS, board, diffbotctl
 
 ROOT = Path(__file__).parents[2]
-ALL = """\
-lifted: yes
-encoders.wheel: [left forward, right forward]
-encoders.proof: both forward
-measure: later
-floor: yes
-"""
 
 
 class Person:
@@ -73,7 +67,7 @@ def test_without_a_board_it_comes_to_a_simulated_goal_asks_nothing_and_says_what
 def test_a_blank_board_comes_to_a_goal_and_nothing_is_asked_twice(person):
     with board(image=None) as virtual:
         ports = ("--port", virtual.usb, "--radio", virtual.radio)
-        code, said = person.types("start", *ports, answers=ALL)
+        code, said = person.types("start", *ports, answers=START_ANSWERS)
         assert code == 0, said
         assert said.count("1 of 1 reached") == 3, said  # simulated, metre, goal
         assert (
@@ -103,7 +97,7 @@ def test_a_board_that_is_ready_is_not_flashed_and_a_visit_can_be_left(person):
         assert person.done() == ["simulated", "robot", "board", "firmware"]
         code, said = person.types(*words)
         assert code == 2 and "there is no terminal to ask at" in said
-        code, said = person.types(*words, answers=ALL)
+        code, said = person.types(*words, answers=START_ANSWERS)
         assert code == 0, said
         assert person.done()[-1] == "goal"
         assert "5 of 8  Wheels and" in said and "2 of 8  Your robot file\n" not in said
@@ -111,7 +105,7 @@ def test_a_board_that_is_ready_is_not_flashed_and_a_visit_can_be_left(person):
 
 def test_a_wheel_that_turns_backward_is_turned_round_in_the_file(person):
     with board(image=IMAGE) as virtual:
-        answers = ALL.replace("[left forward,", "[left backward,").replace(
+        answers = START_ANSWERS.replace("[left forward,", "[left backward,").replace(
             "floor: yes", "floor: no"
         )
         code, said = person.types("start", "--port", virtual.usb, answers=answers)
@@ -122,7 +116,7 @@ def test_a_wheel_that_turns_backward_is_turned_round_in_the_file(person):
 
 def test_a_wheel_that_stands_still_stops_the_path(person):
     with board(image=IMAGE) as virtual:
-        answers = ALL.replace("[left forward,", "[none, none,")
+        answers = START_ANSWERS.replace("[left forward,", "[none, none,")
         code, said = person.types("start", "--port", virtual.usb, answers=answers)
     assert code == 1
     assert "E-CALIBRATE-ROBOT" in said
@@ -133,7 +127,7 @@ def test_a_wheel_that_stands_still_stops_the_path(person):
 def test_at_a_prompt_it_can_be_left_with_a_key_and_goes_on(person):
     person.types("start")  # as far as it comes without a board
     with board(image=IMAGE) as virtual:
-        line = shlex.join([*command("start"), "--port", str(virtual.usb)])
+        line = shlex.join([*command_line("start"), "--port", str(virtual.usb)])
         shell = ["bash", "-c", f"cd {shlex.quote(str(person.folder))} && exec {line}"]
         with Terminal(shell, person.environment, columns=100, lines=50) as terminal:
             terminal.until(lambda text: "Are the wheels off the ground?" in text)
@@ -157,7 +151,7 @@ def test_a_robot_with_the_book_s_firmware_is_left_as_it_is(person):
     text = "format: 1\nkind: robot\ninclude: book_2wd_stock\n"
     (person.folder / "robots" / "old.yaml").write_text(text)
     with board(image=IMAGE) as virtual:
-        code, said = person.types("start", "--port", virtual.usb, answers=ALL)
+        code, said = person.types("start", "--port", virtual.usb, answers=START_ANSWERS)
     assert code == 0, said
     assert "the board keeps the firmware of the book" in said
     assert person.done() == ["simulated", "robot", "board"]

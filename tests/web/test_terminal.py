@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from diffbotctl.testing.command_process import children_of
 from diffbotctl.testing.page_server import PageServer, free_port, serving
 from diffbotctl.testing.running import cli, running
 from diffbotctl.testing.terminal import Terminal
@@ -48,8 +49,7 @@ def test_the_run_goes_on_when_its_page_is_killed(environment):
     with Terminal(run_web(), environment) as terminal:
         terminal.until(lambda text: "works once" in text, "the link")
         parent = terminal.process.pid
-        children = Path(f"/proc/{parent}/task/{parent}/children").read_text().split()
-        page = next(pid for pid in map(int, children) if listens(pid))
+        page = next(pid for pid in children_of(parent) if listens(pid))
         os.kill(page, signal.SIGKILL)
         terminal.until(lambda text: "the run goes on" in text, "the news that it has ended")
         terminal.type("\x03")

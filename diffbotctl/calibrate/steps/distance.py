@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import partial
 from math import hypot
 
-from diffbotctl.calibrate.autonomous_drive import drive_to
+from diffbotctl.calibrate.autonomous_drive import drive_to, reach_of
 from diffbotctl.calibrate.confidence import RobustMean, robust_mean
 from diffbotctl.calibrate.contradiction import ask_checked, scale_contradiction
 from diffbotctl.calibrate.known_lengths import known_difference_sd, known_sd
@@ -18,7 +18,6 @@ from diffbotctl.prompts.question import MarkFloor, MotionNotice, Question
 
 REPEATS = 5
 TAPE_SD_RATIO = 0.001  # of the distance
-REACH_MARGIN_RATIO = 0.25  # of the distance, for a wrong wheel diameter
 READING_ERROR_RATIO_MAX = 0.35  # of the distance; more is a mistake in writing
 MM = 1000.0
 
@@ -36,7 +35,7 @@ class DistanceStep:
     def run(self, session: RobotSession) -> StepRun:
         """Drive and have the distance measured, repeatedly; the scale is tape over odometry."""
         session.connect()
-        reach = self.metres * (1 + REACH_MARGIN_RATIO)
+        reach = reach_of(self.metres)
         yield MotionNotice(
             f"The robot drives {self.metres:g} m straight ahead, {self.repeats} times, and at most "
             f"{reach:.2f} m: clear the floor in front of it.",

@@ -19,7 +19,7 @@ from diffbotctl.calibrate.contradiction import (
     turn_contradiction,
 )
 from diffbotctl.calibrate.result import Finding, PartResult
-from diffbotctl.calibrate.session import NOISE_COUNTS_MIN, RobotSession
+from diffbotctl.calibrate.session import NOISE_COUNTS_MIN, RATED_SPEED_RATIO_MAX, RobotSession
 from diffbotctl.calibrate.step import Event, Message, Outcome, StepProgress, StepRun
 from diffbotctl.calibrate.wiring_detection import (
     OTHER_SIDE,
@@ -35,7 +35,6 @@ from diffbotctl.prompts.question import ManualAction, MarkFloor, MotionNotice, Q
 
 PULSE_TIME_S = 0.4  # the board detects a stall after 0.5 s without edges above 0.3 of duty
 WEAK_DUTY, STRONG_DUTY = 0.45, 0.8  # three times a usual dead band; enough for a stiff gear
-RATED_SPEED_RATIO_MAX = 1.6  # the robot file may state a rated speed that is too low by this
 ROLL_LISTEN_TIME_S = 0.5  # until the last edge is reported
 TURNS_PER_ROLL = 10  # an error of 5 degrees at the end is 0.14 %
 ROLLS_PER_WHEEL = 3  # so that a miscounted one is detected

@@ -31,7 +31,7 @@ from diffbotctl.calibrate.motor_fit import (
 )
 from diffbotctl.calibrate.motor_lag_fit import fit_common_lag
 from diffbotctl.calibrate.result import Finding
-from diffbotctl.calibrate.session import RobotSession, drive_sides
+from diffbotctl.calibrate.session import RATED_SPEED_RATIO_MAX, RobotSession, drive_sides
 from diffbotctl.calibrate.step import Outcome, StepRun
 from diffbotctl.config.robot import SIDES, Robot
 from diffbotctl.control.speed_loop import default_gains
@@ -43,7 +43,6 @@ SPEED_LIMIT_RATIO = 0.95  # of the rated speed; the rest is for the loops and a 
 STATIC_DUTY_MAX = 0.75
 DIRECTION_DIFFERENCE_MAX = 0.15  # of the rated speed; more is a fault of gear or driver
 COMMAND_JITTER_MIN_S = 0.005  # standard deviation, for a board that does not report the time
-RATED_SPEED_RATIO_MAX = 1.6  # the robot file may state a rated speed that is too low by this
 BATTERY_LISTEN_TIME_S = 1.0
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from statistics import fmean, stdev
 from typing import Any
 
+from diffbotctl.calibrate.contradiction import ATTEMPTS_MAX
 from diffbotctl.calibrate.range_fit import (
     RULER_DISTANCES_M,
     RangeFit,
@@ -29,7 +30,6 @@ READINGS_MIN = 20
 STEADY_DEVIATIONS_MAX = 5.0  # between the halves of the readings; more, and the card has moved
 STEADY_MIN_V = 0.005  # one step of the converter
 BATTERY_LISTEN_TIME_S = 2.5  # a board that measures its battery reports it in this time
-ATTEMPTS_MAX = 3
 DISTANCE_MIN_M, DISTANCE_MAX_M = 0.03, 0.50  # outside, a point does not help the curve
 CURVE_POINTS = 57  # of the plot
 CM, MM, MV = 100.0, 1000.0, 1000.0

@@ -11,7 +11,7 @@ from collections.abc import Generator
 from dataclasses import dataclass
 from typing import Any
 
-from diffbotctl.calibrate.autonomous_drive import drive_to
+from diffbotctl.calibrate.autonomous_drive import drive_to, reach_of
 from diffbotctl.calibrate.confidence import robust_mean
 from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, Finding
 from diffbotctl.calibrate.session import RobotSession
@@ -22,7 +22,6 @@ from diffbotctl.config.robot import Robot
 from diffbotctl.prompts.question import MarkFloor, MotionNotice, Question
 
 REPEATS = 4  # from each end
-REACH_MARGIN_RATIO = 0.25  # of the length, for a wrong wheel diameter
 OFFSET_SD_MIN_M = 0.001  # of a ruler beside a string
 MM = 1000.0
 
@@ -40,7 +39,7 @@ class StraightStep:
     def run(self, session: RobotSession) -> StepRun:
         """Drive along the string and have the offset measured, from alternating ends."""
         session.connect()
-        reach = self.metres * (1 + REACH_MARGIN_RATIO)
+        reach = reach_of(self.metres)
         yield MotionNotice(
             f"Stretch a string of {self.metres:g} m on the floor. The robot drives along it, "
             f"{self.repeats} times from each end, and at most {reach:.2f} m.",

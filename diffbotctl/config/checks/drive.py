@@ -62,7 +62,7 @@ def check_deadman(context: CheckContext) -> None:
 def check_edges(context: CheckContext) -> None:
     """Compare the edges at full speed with the frames that a board with edge times sends.
 
-    Odometry counts the edges of finer encoders, whose slots it does not tell apart.
+    Odometry counts the edges of finer encoders, whose slots it does not distinguish.
     """
     if not has_encoders(context):
         return
@@ -306,7 +306,7 @@ def has_encoders(context: CheckContext) -> bool:
 
 
 def check_missing_encoders(context: CheckContext) -> None:
-    """Refuse goals of a robot without encoders; otherwise say what works."""
+    """Refuse goals of a robot without encoders; otherwise warn of what does not work."""
     channels = [context.values(f"drive.{side}.encoder.channels") for side in SIDES]
     if (0,) not in channels:
         return

@@ -167,7 +167,7 @@ def _plain_or_none(message: Message | None) -> Fields | None:
 
 
 def handle_save_black_box(context: RequestContext, request: requests.SaveBlackBoxRequest) -> Fields:
-    """Begin to write a file, or tell whether one was written. Another process writes it."""
+    """Begin to write a file, or report whether one was written. Another process writes it."""
     store = context.store
     if store is None:
         cause = (

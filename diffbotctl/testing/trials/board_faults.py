@@ -16,8 +16,9 @@ from diffbotctl.links.diffbot_codec import FrameDecoder
 from diffbotctl.links.diffbot_settings import BAUDS, BoardSettings
 from diffbotctl.links.link_protocol import USB_BAUD
 from diffbotctl.testing.board_bench import (
+    COMMAND_BYTES,
+    DEADMAN_TARGET,
     ENCODERS,
-    MS,
     RADIO,
     BoardBench,
     speed,
@@ -25,11 +26,11 @@ from diffbotctl.testing.board_bench import (
     wire_ns,
 )
 from diffbotctl.testing.trials.row import Row
+from diffbotctl.time import MILLISECOND as MS
 from diffbotctl.time import SECOND
 
-DEADMAN_TARGET = 320 * MS
 STOP_TARGET = 50 * MS
-STOP_BYTES, COMMAND_BYTES = 6, 10
+STOP_BYTES = 6
 STORM_RATES = (1_000, 200_000)  # pulses/s
 SPEED_MARGIN = 8  # of storm.c: below this multiple of its rated speed a wheel is believed
 STORM_FLAGS = (frames.FLAG_LEFT_STORM, frames.FLAG_RIGHT_STORM)

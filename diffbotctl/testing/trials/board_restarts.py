@@ -19,8 +19,8 @@ from diffbotctl.runs.robot_run import PortRobot
 from diffbotctl.runs.run import Run
 from diffbotctl.testing.board_bench import trial_board
 from diffbotctl.testing.trials.row import Row
+from diffbotctl.time import MILLISECOND as MS
 
-MS = 1_000_000
 LONGEST = 60.0  # s of virtual time for the goal, the wait included
 OFF_WITHIN = 320 * MS
 WAIT = 2_000 * MS  # before the operator consents: far more than any stop takes

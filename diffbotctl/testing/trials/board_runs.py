@@ -18,13 +18,13 @@ from diffbotctl.runs.options import RunOptions, RunResult
 from diffbotctl.runs.run import Run
 from diffbotctl.testing.board_bench import (
     ENCODERS,
-    MS,
     RADIO,
     BoardBench,
     speed,
     trial_board,
 )
 from diffbotctl.testing.trials.row import Row
+from diffbotctl.time import MILLISECOND as MS
 
 LONGEST = 60.0  # s of virtual time for one goal
 QUANTUM = 1 / 255  # of duty: eight bits of PWM

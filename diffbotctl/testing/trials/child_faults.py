@@ -7,7 +7,6 @@ itself. Nothing is left behind: no process, no socket; the motors are off.
 
 from __future__ import annotations
 
-import argparse
 import os
 import signal
 import subprocess
@@ -22,11 +21,12 @@ from typing import NamedTuple
 
 from diffbotctl.processes.real_time import prefer
 from diffbotctl.recording.reader import recording_info
-from diffbotctl.testing.book_board import BookBoard, BookBoardPort
+from diffbotctl.testing.book_board import STOCK, BookBoard, BookBoardPort
+from diffbotctl.testing.command_process import children_of
 from diffbotctl.testing.running import cli, command
 from diffbotctl.testing.serial_wire import SerialWire
 from diffbotctl.testing.trials.leftovers import leftovers, processes_of
-from diffbotctl.testing.trials.row import Row, printed
+from diffbotctl.testing.trials.row import Row, print_rows
 
 CHILDREN = ("hub", "recorder", "log", "screen", "watchdog")
 EMULATOR = "emulator"
@@ -39,7 +39,6 @@ AFTER_S = 1.5  # of the board's time, during which the run has to go on driving
 UNPLUGGED_S = (0.5, 3.0)
 HOST_FROZEN, FROZEN_MAX = "STOP host_frozen", 2
 FAR = ("--goal", "30 0", "--set", "world.walls=[]")
-STOCK = ("--robot", "book_2wd_stock", "--set", "robot.drive.polarity=checked_by_hand")
 
 
 class SensingBoard(BookBoard):
@@ -80,7 +79,7 @@ class DrivingRun:
 
     def child(self, kind: str) -> int:
         """The pid of one of CHILDREN, told by what only this child has."""
-        for pid in children(self.process.pid):
+        for pid in children_of(self.process.pid):
             if kind == _kind(pid, self.recording, self.log):
                 return pid
         raise AssertionError(f"there is no child {kind}")
@@ -103,12 +102,6 @@ class DrivingRun:
             with suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
         self.process.wait()
-
-
-def children(pid: int) -> list[int]:
-    """The pids of the children of a process; none of one that has ended."""
-    path = Path(f"/proc/{pid}/task/{pid}/children")
-    return [int(child) for child in path.read_text().split()] if path.exists() else []
 
 
 def _kind(pid: int, recording: Path, log: Path) -> str:
@@ -293,14 +286,5 @@ def rows(seed: int, trials: int) -> Iterator[Row]:
         )
 
 
-def main() -> int:
-    """Print the rows."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--trials", type=int, default=3)
-    options = parser.parse_args()
-    return int(printed(rows(options.seed, options.trials)) > 0)
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(print_rows(rows, __doc__, seed=1, trials=3))

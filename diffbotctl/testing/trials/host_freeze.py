@@ -6,7 +6,6 @@ bytes wait in the kernel at 9600 baud, so that a host is often cut off within a 
 
 from __future__ import annotations
 
-import argparse
 import os
 import pty
 import signal
@@ -25,8 +24,10 @@ from typing import NamedTuple
 from diffbotctl.block import Block, In, Out
 from diffbotctl.messages import Twist
 from diffbotctl.params import Param
+from diffbotctl.testing.book_board import STOCK
+from diffbotctl.testing.command_process import children_of, command_line_with_block, start_in_pipe
 from diffbotctl.testing.rosserial_device import RosserialDevice, RosserialDevicePort
-from diffbotctl.testing.trials.row import Row, printed
+from diffbotctl.testing.trials.row import Row, print_rows
 from diffbotctl.time import SECOND
 
 STOP_TARGET_S = 0.5  # from the fault to PWM 0 on both motors
@@ -69,13 +70,8 @@ class Stand:
 
     def start(self, words: list[str]) -> subprocess.Popen[str]:
         """Start a run; returns when both motors are on."""
-        self.process = subprocess.Popen(
-            [*words, "--port", os.ttyname(self.host), *STOCK],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            start_new_session=True,
-        )
+        line = [*words, "--port", os.ttyname(self.host), *STOCK]
+        self.process = start_in_pipe(line, start_new_session=True)
         assert self.wait(lambda: all(self.device.pwm), START_TIMEOUT_S), self.end()
         return self.process
 
@@ -129,14 +125,12 @@ def stand(seed: int) -> Iterator[Stand]:
         os.close(place.board)
 
 
-STOCK = ["--robot", "book_2wd_stock", "--set", "robot.drive.polarity=checked_by_hand"]
 PROGRAM = [sys.executable, "-m", "diffbotctl", "run", "goal", "--goal", "9 0"]
 
 
 def watchdog_of(process: subprocess.Popen[str]) -> int:
     """The pid of the watchdog process: the child in a session of its own."""
-    children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
-    return next(int(child) for child in children if os.getsid(int(child)) == int(child))
+    return next(child for child in children_of(process.pid) if os.getsid(child) == child)
 
 
 def frozen(seed: int, whole_group: bool = False) -> FreezeOutcome:
@@ -172,11 +166,6 @@ blocks:
   limiter:    {block: speed_limiter, in: {twist: hangs.twist}}
   kinematics: {block: diff_drive,    in: {twist: limiter.twist}}
 """
-HANGING_PROGRAM = (
-    "from diffbotctl.config import registry\n"
-    f"registry.BLOCKS['hangs'] = '{__name__}:Hangs'\n"
-    "from diffbotctl.cli.main import main; main()"
-)
 HANG_TIME_S = 2.5
 
 
@@ -204,8 +193,8 @@ def hanging(seed: int) -> FreezeOutcome:
     with stand(seed) as place, tempfile.TemporaryDirectory() as folder:
         pipeline = Path(folder) / "hanging.yaml"
         pipeline.write_text(HANGING_PIPELINE)
-        words = [sys.executable, "-c", HANGING_PROGRAM, "run", str(pipeline), "--goal", "9 0"]
-        process = place.start([*words, "--set", f"hangs.after={after:.3f} s"])
+        words = ("run", pipeline, "--goal", "9 0", "--set", f"hangs.after={after:.3f} s")
+        process = place.start(command_line_with_block("hangs", f"{__name__}:Hangs", *words))
         assert process.stdout is not None
         for line in process.stdout:
             if HANGS in line:
@@ -280,14 +269,5 @@ def rows(seed: int, trials: int) -> Iterator[Row]:
         )
 
 
-def main() -> int:
-    """Print the rows."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--trials", type=int, default=30)
-    options = parser.parse_args()
-    return 1 if printed(rows(options.seed, options.trials)) else 0
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(print_rows(rows, __doc__, seed=1, trials=30))

@@ -15,6 +15,7 @@ from random import Random
 from typing import Any, NamedTuple
 
 from diffbotctl.control_socket.dispatch import METHODS
+from diffbotctl.testing.command_process import children_of
 from diffbotctl.testing.running import PlainClient, moves, running
 from diffbotctl.testing.trials.hostile_yaml import odd_value
 
@@ -174,8 +175,7 @@ def _connected(folder: Path) -> socket.socket:
 
 def _family(pid: int) -> list[int]:
     """A process and its children."""
-    children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
-    return [pid, *map(int, children)]
+    return [pid, *children_of(pid)]
 
 
 def _peak_bytes(pid: int) -> int:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 import select
 import tempfile
-import threading
 import tty
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from random import Random
 from typing import NamedTuple
@@ -19,6 +19,7 @@ from diffbotctl.errors import RunError
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links import stk500_frames
 from diffbotctl.links.diffbot_codec import encode, encode_payload, pack
+from diffbotctl.testing.background import repeating
 from diffbotctl.testing.book_board import BookBoard
 
 Say = Callable[[bytes], bytes]  # what was heard in, what is said out
@@ -95,41 +96,47 @@ ANSWERS = [
 ]
 
 
+@contextmanager
+def named_port(folder: Path, name: str) -> Iterator[tuple[Path, int]]:
+    """A serial port called `name` in `folder`, and the file of whoever is behind it."""
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    (folder / name).symlink_to(os.ttyname(slave))
+    try:
+        yield folder / name, master
+    finally:
+        os.close(master)
+        os.close(slave)
+
+
 def problem_of(answer: Answer) -> tuple[str, str]:
     """Code and fix of what is said; ("", "") when the board could be driven."""
-    with tempfile.TemporaryDirectory() as folder:
-        master, slave = os.openpty()
-        tty.setraw(slave)
-        port = Path(folder) / answer.device
-        port.symlink_to(os.ttyname(slave))
-        over = threading.Event()
-        talker = threading.Thread(target=_talk, args=(master, answer.make(), over))
-        talker.start()
+    robot = load_robot("book_2wd").robot
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        named_port(Path(folder), answer.device) as (port, end),
+        talking(end, answer.make()),
+    ):
         try:
-            robot = load_robot("book_2wd").robot
             for _ in identify(str(port), diffbot_host(robot, str(port))):
                 pass
         except RunError as error:
             return error.problems[0].code, error.problems[0].fix
-        finally:
-            over.set()
-            talker.join()
-            os.close(master)
-            os.close(slave)
     return "", ""
 
 
-def _talk(end: int, say: Say, over: threading.Event) -> None:
-    os.set_blocking(end, False)
-    while not over.wait(POLL_PERIOD_S):
+def talking(end: int, say: Say, period_s: float = POLL_PERIOD_S) -> AbstractContextManager[None]:
+    """Somebody behind a port writes what `say` returns for what has come, again and again."""
+
+    def talk() -> None:
         ready = select.select([end], [], [], 0)[0]
-        heard = os.read(end, 4096) if ready else b""
-        answer = say(heard)
+        answer = say(os.read(end, 4096) if ready else b"")
         if answer:
-            try:
+            with suppress(BlockingIOError):  # nobody reads: lost, as on a line
                 os.write(end, answer)
-            except BlockingIOError:
-                continue  # nobody reads: lost, as on a line
+
+    os.set_blocking(end, False)
+    return repeating(talk, period_s)
 
 
 def is_right(answer: Answer) -> bool:

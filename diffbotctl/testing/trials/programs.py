@@ -13,7 +13,7 @@ from typing import NamedTuple
 from diffbotctl.messages import Stop, Wheels
 from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.replay.replay import replay
-from diffbotctl.testing.running import PROGRAM
+from diffbotctl.testing.command_process import command_line
 from diffbotctl.time import SECOND
 
 TIMEOUT_S = 0.3
@@ -165,7 +165,7 @@ def fail(
     words = ["run", str(pipeline), "--stay", "--quiet", "--allow-programs"]
     words += ["--record", str(recording), "--no-socket"]
     process = subprocess.Popen(
-        [sys.executable, "-c", PROGRAM, *words],
+        command_line(*words),
         env={**os.environ, "XDG_STATE_HOME": str(folder / "state")},
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,

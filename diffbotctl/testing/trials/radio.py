@@ -5,7 +5,6 @@ In virtual time; `tests/bluetooth` drives over the same radio in real time, thro
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 from collections.abc import Iterator
 from itertools import pairwise
@@ -25,7 +24,7 @@ from diffbotctl.runs.robot_run import PortRobot
 from diffbotctl.runs.run import Run
 from diffbotctl.testing.radio_module import DeliveredFrame
 from diffbotctl.testing.remote_board import RemoteBoard
-from diffbotctl.testing.trials.row import Row, printed
+from diffbotctl.testing.trials.row import Row, print_rows
 
 OUTAGE = 5.0  # s
 SILENCE = 0.100  # s; less must not stop the robot
@@ -182,14 +181,5 @@ def rows(seed: int, trials: int = 30) -> Iterator[Row]:
     )
 
 
-def main() -> None:
-    """Print every row."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--trials", type=int, default=30)
-    asked = parser.parse_args()
-    raise SystemExit(printed(rows(asked.seed, asked.trials)) > 0)
-
-
 if __name__ == "__main__":
-    main()
+    raise SystemExit(print_rows(rows, __doc__, seed=1, trials=30))

@@ -7,7 +7,6 @@ the motors off; at the end no socket but that of the last killed run.
 
 from __future__ import annotations
 
-import argparse
 import os
 import signal
 import subprocess
@@ -19,11 +18,11 @@ from pathlib import Path
 from random import Random
 
 from diffbotctl.recording.reader import recording_info
-from diffbotctl.testing.book_board import BookBoardPort
+from diffbotctl.testing.book_board import STOCK, BookBoardPort
 from diffbotctl.testing.running import command
-from diffbotctl.testing.trials.child_faults import STOCK, SensingBoard, is_off
+from diffbotctl.testing.trials.child_faults import SensingBoard, is_off
 from diffbotctl.testing.trials.leftovers import leftovers, processes_of
-from diffbotctl.testing.trials.row import Row, printed
+from diffbotctl.testing.trials.row import Row, print_rows
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGKILL)
 LIFETIME_MAX_S = 2.0  # of a run that a signal ends
@@ -91,14 +90,5 @@ def rows(seed: int, count: int) -> Iterator[Row]:
     yield Row(what, f"{len(faults)}", "0", not faults)
 
 
-def main() -> int:
-    """Print the row."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--count", type=int, default=1000)
-    options = parser.parse_args()
-    return int(printed(rows(options.seed, options.count)) > 0)
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(print_rows(rows, __doc__, seed=1, count=1000))

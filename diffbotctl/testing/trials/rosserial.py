@@ -14,8 +14,9 @@ from typing import NamedTuple
 from diffbotctl.links.rosserial_host import RosserialHost
 from diffbotctl.messages import Duty, Encoders, Message
 from diffbotctl.testing.rosserial_device import RATED, RosserialDevice
-from diffbotctl.testing.rosserial_session import MS, RosserialSession
+from diffbotctl.testing.rosserial_session import RosserialSession
 from diffbotctl.testing.trials.row import Row, printed
+from diffbotctl.time import MILLISECOND as MS
 from diffbotctl.time import SECOND
 
 # The first is a session of an emulated board, kept beside the checkout; the second is our own.

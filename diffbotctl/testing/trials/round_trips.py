@@ -19,7 +19,8 @@ from pathlib import Path
 from statistics import median
 from typing import NamedTuple
 
-from diffbotctl.testing.running import PROGRAM, PlainClient
+from diffbotctl.testing.command_process import command_line
+from diffbotctl.testing.running import PlainClient
 
 RATE = 200.0
 # Arguments: the number of round trips, and the file for their times in ns.
@@ -235,7 +236,7 @@ def _connect(folder: Path) -> PlainClient:
 def _engine(folder: Path, pipeline: Path, *words: str) -> Iterator[subprocess.Popen[bytes]]:
     """A recorded run of the pipeline."""
     path = folder / f"{pipeline.stem}.mcap"
-    line = [sys.executable, "-c", PROGRAM, "run", str(pipeline), "--quiet", "--stay", *words]
+    line = command_line("run", pipeline, "--quiet", "--stay", *words)
     process = subprocess.Popen(
         [*line, "--record", str(path), "--force"],
         env={**os.environ, "XDG_RUNTIME_DIR": str(folder)},

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import argparse
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 
@@ -35,3 +36,14 @@ def printed(rows: Iterable[Row]) -> int:
         print(row.line(), flush=True)
         missed += not row.met
     return missed
+
+
+def print_rows(rows: Callable[..., Iterable[Row]], description: str, **defaults: float) -> int:
+    """Print `rows` of the numbers `defaults`, each of which an option of the command line changes.
+
+    Returns the exit code: 1 when a row is missed.
+    """
+    parser = argparse.ArgumentParser(description=description)
+    for name, default in defaults.items():
+        parser.add_argument(f"--{name}", type=type(default), default=default)
+    return int(printed(rows(**vars(parser.parse_args()))) > 0)

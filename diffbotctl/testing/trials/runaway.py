@@ -7,7 +7,6 @@ the matrix, and the shipped robots with random motors, on both plants.
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 from collections.abc import Iterator
 from functools import partial
@@ -32,7 +31,7 @@ from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.robot_run import PortRobot
 from diffbotctl.runs.run import Run
 from diffbotctl.testing.matrix_case import EQUATIONS, Case, ObservedRun, set_up
-from diffbotctl.testing.trials.row import Row, printed
+from diffbotctl.testing.trials.row import Row, print_rows
 from diffbotctl.time import SECOND
 
 CODE = "wheel_runaway"
@@ -228,16 +227,5 @@ def rows(seed: int, healthy: int, faulty: int, processes: int = 1) -> Iterator[R
     )
 
 
-def main() -> int:
-    """Print the rows."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--healthy", type=int, default=1000)
-    parser.add_argument("--faulty", type=int, default=100)
-    parser.add_argument("--processes", type=int, default=1)
-    options = parser.parse_args()
-    return int(printed(rows(options.seed, options.healthy, options.faulty, options.processes)) > 0)
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(print_rows(rows, __doc__, seed=1, healthy=1000, faulty=100, processes=1))

@@ -6,7 +6,6 @@ and cause of the latched stops have to be equal, and the board's rate of telemet
 
 from __future__ import annotations
 
-import argparse
 import re
 from collections.abc import Iterator
 from typing import Any, NamedTuple
@@ -18,7 +17,7 @@ from diffbotctl.graph import Sink
 from diffbotctl.messages import Encoders, Goal
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
-from diffbotctl.testing.trials.row import Row, printed
+from diffbotctl.testing.trials.row import Row, print_rows
 from diffbotctl.time import SECOND
 
 PORTS = ("sim", "emulated")
@@ -242,12 +241,5 @@ def rows(seed: int) -> Iterator[Row]:
     )
 
 
-def main() -> int:
-    """Print the row."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=3)
-    return int(printed(rows(parser.parse_args().seed)) > 0)
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(print_rows(rows, __doc__, seed=3))

@@ -9,8 +9,9 @@ from math import sqrt
 from diffbotctl.emulator.process import PinTransition
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_settings import BoardSettings
-from diffbotctl.testing.board_bench import ENCODERS, MS, BoardBench, trial_board
+from diffbotctl.testing.board_bench import ENCODERS, BoardBench, trial_board
 from diffbotctl.testing.trials.row import Row
+from diffbotctl.time import MILLISECOND as MS
 from diffbotctl.time import SECOND
 
 PINS_B = {frames.BoardCode.MEGA2560: (22, 23), frames.BoardCode.ATMEGA328P: (4, 12)}

@@ -11,11 +11,12 @@ import os
 import subprocess
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
+from diffbotctl.testing.command_process import start_in_pipe
 from diffbotctl.testing.far_host import ssh_path, start_server
 from diffbotctl.testing.lossy_network import LossyNetwork
 from diffbotctl.testing.running import PlainClient, command, moves, running
@@ -56,13 +57,8 @@ class FarRobots:
     def start(self, *words: str) -> subprocess.Popen[str]:
         """`diffbotctl words` on the operator's computer."""
         line, environment = command(self.folder / OPERATOR, *words)
-        return subprocess.Popen(
-            [*self.network.inside(OPERATOR), *line],
-            env={**environment, "PATH": self.path},
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
+        environment = {**environment, "PATH": self.path}
+        return start_in_pipe([*self.network.inside(OPERATOR), *line], env=environment)
 
     def drive_both(self) -> list[subprocess.Popen[str]]:
         """Drive both robots until they move at the same time; the operator's programs."""
@@ -148,16 +144,15 @@ def cut_trial(folder: Path, seed: int) -> CutOutcome:
     )
 
 
-def main() -> int:
-    """Print the trials."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--trials", type=int, default=3)
+def print_trials(trial: Callable[[Path, int], CutOutcome], description: str, count: int) -> None:
+    """Print the outcomes of `trial`; `--trials NUMBER` on the command line changes `count`."""
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("--trials", type=int, default=count)
     for seed in range(parser.parse_args().trials):
         with tempfile.TemporaryDirectory() as name:
             os.environ["XDG_STATE_HOME"] = name
-            print(cut_trial(Path(name), seed), flush=True)
-    return 0
+            print(trial(Path(name), seed), flush=True)
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    print_trials(cut_trial, __doc__, 3)

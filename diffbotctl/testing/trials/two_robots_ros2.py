@@ -6,30 +6,28 @@ rclpy (`make ros2`).
 
 from __future__ import annotations
 
-import argparse
-import os
-import tempfile
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from diffbotctl.testing.ros2_nodes import COMMANDED_NODE, RosNode, bridge, ros_node
+from diffbotctl.testing.ros2_nodes import COMMANDED_NODE, TWIST, RosNode, bridge, ros_node
 from diffbotctl.testing.running import moves, stands
 from diffbotctl.testing.trials.two_robots import (
     ADDRESSES,
+    ATTEMPTS,
     CUT_S,
     OBSERVED_S,
     OPERATOR,
     ROBOTS,
     CutOutcome,
     FarRobots,
+    print_trials,
     two_robots,
 )
 
 RATE_HZ = 20  # of the velocities, as a joystick sends them
-ATTEMPTS = 10
-TWIST, ODOMETRY = "geometry_msgs/msg/Twist", "nav_msgs/msg/Odometry"
+ODOMETRY = "nav_msgs/msg/Odometry"
 SETTLE_S = 1.0  # for what was on the way, several times its delay
 
 
@@ -112,16 +110,5 @@ def seen(node: RosNode, topics: Iterable[str]) -> bool:
     return all(any(f'"{topic}"' in line for line in list(node.printed)) for topic in topics)
 
 
-def main() -> int:
-    """Print the trials."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--trials", type=int, default=1)
-    for seed in range(parser.parse_args().trials):
-        with tempfile.TemporaryDirectory() as name:
-            os.environ["XDG_STATE_HOME"] = name
-            print(cut_trial(Path(name), seed), flush=True)
-    return 0
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    print_trials(cut_trial, __doc__, 1)
