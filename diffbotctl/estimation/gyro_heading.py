@@ -7,7 +7,7 @@ from math import degrees, sqrt
 from diffbotctl.estimation.gyro_pose_filter import GyroPoseFilter
 from diffbotctl.estimation.gyro_turn import GyroTurn
 from diffbotctl.estimation.pose_filter import WheelTravel
-from diffbotctl.messages import Encoders
+from diffbotctl.messages import Encoders, Imu, ImuState
 
 # Time without edges and commands after which the wheels stand. With few slots they creep on unseen,
 # for about four lags of their motors.
@@ -91,6 +91,17 @@ class GyroHeading:
         """The bias with its standard deviation."""
         sd = sqrt(self.gyro.variance)
         return f"bias {degrees(self.gyro.bias):.3f} +- {degrees(sd):.3f} deg/s"
+
+    def message(self, time: int, is_calibrated: bool) -> Imu:
+        """What the gyro shows at `time` (ns); `is_calibrated`: its scale is."""
+        step, rate = self._pose.step, 0.0
+        state: ImuState = "failed" if self.fault else "zeroing"
+        if self._is_used:
+            state = "working"
+            if step is not None and step.seconds:
+                rate = step.angle / step.seconds
+        bias, sd = self.gyro.bias, sqrt(self.gyro.variance)
+        return Imu(time, state, rate, bias, sd, is_calibrated, self.fault)
 
     def _fail(self, fault: str) -> None:
         self.gyro.restart()

@@ -1,11 +1,13 @@
 """A robot with an IMU, simulated and emulated: its heading, and goals with a gyro that fails."""
 
+from itertools import pairwise
 from math import degrees, hypot, sqrt
 
 import pytest
 
 from diffbotctl.config.load import check, load
 from diffbotctl.drivers.goal_queue import Operator
+from diffbotctl.estimation.gyro_turn import BIAS_MAX, BIAS_SD_MAX
 from diffbotctl.links import link_protocol
 from diffbotctl.links.diffbot_codec import WIRE_BYTES
 from diffbotctl.links.diffbot_frames import InertialFrame
@@ -30,12 +32,13 @@ FAULTS = ("silent", "bus_held", "stuck")
 
 
 class RunWithPoses(Run):
-    """A run that keeps the poses of its odometry."""
+    """A run that keeps the poses of its odometry, and the states of its IMU."""
 
     def _sinks(self):
-        self.poses = []
+        self.poses, self.imus = [], []
         sinks = super()._sinks()
         sinks["odometry.odometry"].append(lambda now, pose: self.poses.append(pose))
+        sinks["odometry.imu"].append(lambda now, imu: self.imus.append(imu))
         return sinks
 
 
@@ -78,6 +81,20 @@ def test_nothing_moves_before_the_bias_was_measured(drive):
     assert run.poses[0][1:4] == (0.0, 0.0, 0.0)
 
 
+def test_the_state_of_the_imu_has_its_rate_and_its_bias(drive):
+    """The rates add up to the turn; the bias has the sd that odometry requires at first."""
+    run, result = drive("sim")
+    states = [imu.state for imu in run.imus]
+    first = states.index("working")
+    assert states == ["zeroing"] * first + ["working"] * (len(states) - first)
+    assert {imu.rate for imu in run.imus[:first]} == {0.0}
+    turn = sum(imu.rate * (imu.time - before.time) / SECOND for before, imu in pairwise(run.imus))
+    assert turn == pytest.approx(result.truth.pose.heading, abs=0.02)
+    last = run.imus[-1]
+    assert 0.0 < run.imus[first].bias_sd <= BIAS_SD_MAX and abs(last.bias) < BIAS_MAX
+    assert last.calibrated and last.cause == ""
+
+
 @pytest.mark.parametrize("fault", FAULTS)
 @pytest.mark.parametrize("port", ["sim", "emulated"])
 def test_a_gyro_that_is_dead_at_the_start_is_refused_before_any_motion(drive, port, fault):
@@ -101,6 +118,8 @@ def test_a_gyro_that_fails_under_way_leaves_no_goal_sure(drive, port, include, f
     run, result = drive(port, include=include, fault=fault, start=3.0)
     assert result.ending.code == 3, result.ending.cause
     assert "IMU" in result.ending.cause
+    assert [imu.state for imu in run.imus[-2:]] == ["failed"] * 2
+    assert run.imus[-1].cause in result.ending.cause
     widened = next(pose.time for pose in run.poses if pose.warning)
     assert widened - 3 * SECOND <= SECOND // 2
     at_once = next(pose for pose in run.poses if pose.time == widened)

@@ -12,7 +12,8 @@ from rich.table import Table
 from rich.text import Text
 
 from diffbotctl import messages
-from diffbotctl.messages import Battery, Duty, Goal, GoalState, Link, Range, Wheels
+from diffbotctl.estimation.imu_text import imu_lines
+from diffbotctl.messages import Battery, Duty, Goal, GoalState, Imu, Link, Range, Wheels
 from diffbotctl.time import SECOND
 from diffbotctl.ui.dash.state import RunView
 from diffbotctl.ui.plot.plots import render_chart
@@ -55,7 +56,7 @@ Row = tuple[str, str | Text]
 
 
 def facts_panel(view: RunView, width: int, plain: bool = False) -> Table:
-    """Pose, goal, wheels, range, battery, link and stop, in `width` characters."""
+    """Pose, goal, wheels, IMU, range, battery, link and stop, in `width` characters."""
     value_width = width - NAME_WIDTH - 1
     table = Table.grid(padding=(0, 1))
     table.add_column(style="bold", no_wrap=True, width=NAME_WIDTH)
@@ -64,6 +65,7 @@ def facts_panel(view: RunView, width: int, plain: bool = False) -> Table:
         _pose(view),
         _goal(view),
         _wheels(view, value_width, plain),
+        _imu(view),
         _ranges(view, value_width, plain),
         _battery(view),
         _link(view),
@@ -130,6 +132,15 @@ def _wheels(view: RunView, width: int, plain: bool) -> Iterator[Row]:
         if odometry is not None and isinstance(commanded, Wheels):
             speed = odometry.linear + sign * odometry.angular * robot.track / 2
             yield "", bar(speed / (diameter / 2), maximum, "cyan")
+
+
+def _imu(view: RunView) -> Iterator[Row]:
+    imu = newest_message(view.snapshot, Imu)
+    if imu is None:
+        return
+    style = {"failed": "red", "zeroing": "yellow", "working": ""}[imu.state]
+    for name, line in zip(("imu", ""), imu_lines(imu), strict=False):
+        yield name, Text(line, style)
 
 
 def _ranges(view: RunView, width: int, plain: bool) -> Iterator[Row]:
