@@ -54,7 +54,7 @@ SensorType = Literal[
 ]
 
 
-ImuType = Literal["mpu6050", "mpu6500", "mpu9250"]
+ImuType = Literal["mpu6050", "mpu6500", "mpu9250", "lsm6ds3", "lsm6dso"]
 ImuAxis = Literal["x", "-x", "y", "-y", "z", "-z"]
 
 
@@ -407,9 +407,11 @@ class ImuSection(Section):
     type: ImuType | None = Choice(ImuType, none=True, default=None, help="Part name; none: no IMU.")
     address = Param(
         int,
-        default=104,
-        choices=(104, 105),
-        help="I2C address: 104 (0x68), or 105 (0x69) with AD0 at 3.3 V.",
+        none=True,
+        default=None,
+        choices=(104, 105, 106, 107),
+        help="I2C address. MPU: 104 (0x68), the default, or 105 (0x69) with AD0 at 3.3 V. "
+        "LSM6: 106 (0x6A), the default, or 107 (0x6B) with SA0 at 3.3 V.",
     )
     axes: ImuAxis = Choice(
         ImuAxis,

@@ -21,7 +21,7 @@ format: 1
 kind: robot
 include: {include}
 board: {{telemetry: 30 Hz}}
-imu: {{type: mpu6050, axes: {axes}}}
+imu: {{type: {type}, axes: {axes}}}
 drive: {{polarity: checked_by_hand}}
 simulation: {{gyro: {{scale_spread: 0, tilt: 0 rad, fault: {fault}, fault_start: {start} s}}}}
 calibration: {{imu.scale: {{value: 1.0, sd: 0.003}}}}
@@ -44,11 +44,12 @@ class RunWithPoses(Run):
 
 @pytest.fixture
 def drive(tmp_path, request):
-    def go(port, *, fault="plain", start=0.0, include="book_2wd", axes="z", seed=1):
+    def go(port, *, fault="plain", start=0.0, include="book_2wd", axes="z", seed=1, type="mpu6050"):
         file = tmp_path / "robot.yaml"
         if include == UNO:
             include = str(request.config.rootpath / UNO)
-        file.write_text(ROBOT.format(include=include, axes=axes, fault=fault, start=start))
+        values = {"include": include, "axes": axes, "fault": fault, "start": start, "type": type}
+        file.write_text(ROBOT.format(**values))
         options = RunOptions(port=port, goals=(GOAL,), seed=seed, fast=True, duration=60 * SECOND)
         run = RunWithPoses(load("goal", str(file)), options, tell=lambda _: None)
         return run, run.go()
@@ -57,17 +58,19 @@ def drive(tmp_path, request):
 
 
 @pytest.mark.parametrize(
-    ("port", "include", "axes"),
+    ("port", "include", "axes", "type"),
     [
-        ("sim", "book_2wd", "z"),
-        ("emulated", "book_2wd", "z"),
-        ("emulated", "book_2wd", "-x"),
-        ("emulated", UNO, "z"),
+        ("sim", "book_2wd", "z", "mpu6050"),
+        ("emulated", "book_2wd", "z", "mpu6050"),
+        ("emulated", "book_2wd", "-x", "mpu9250"),
+        ("emulated", "book_2wd", "-y", "lsm6dso"),
+        ("emulated", UNO, "z", "mpu6050"),
+        ("emulated", UNO, "z", "lsm6ds3"),
     ],
 )
-def test_the_heading_is_the_gyro_s(drive, port, include, axes):
+def test_the_heading_is_the_gyro_s(drive, port, include, axes, type):
     """Known, and true, to a fifth of what 20 slots give: their sd is 3 deg."""
-    run, result = drive(port, include=include, axes=axes)
+    run, result = drive(port, include=include, axes=axes, type=type)
     assert result.ending.code == 0, result.ending.cause
     pose, true = run.poses[-1], result.truth.pose
     assert sqrt(pose.covariance[5]) < 0.012
@@ -155,7 +158,9 @@ def test_an_imu_and_two_distance_sensors_have_30_hz_at_9600_baud(tmp_path):
     """The check computes what fits, and 30 Hz do."""
     file = tmp_path / "robot.yaml"
     sensors = "sensors: {side: {type: hc_sr04, trigger: 24, echo: 50, at: {heading: 90 deg}}}\n"
-    text = ROBOT.format(include="book_2wd", axes="z", fault="plain", start=0) + sensors
+    text = (
+        ROBOT.format(include="book_2wd", axes="z", fault="plain", start=0, type="mpu6050") + sensors
+    )
     file.write_text(text)
     assert not [problem for problem in check(str(file)) if "LINK" in problem.code]
     file.write_text(text.replace("30 Hz", "40 Hz"))
