@@ -11,7 +11,7 @@ from math import pi
 from typing import Any, Literal
 
 from diffbotctl.config.board_pins import BOARDS
-from diffbotctl.config.simulation import Simulation
+from diffbotctl.config.simulation import ImuAxis, Simulation
 from diffbotctl.geometry.distance_sensors import SHARPS
 from diffbotctl.links.link_protocol import USB_BAUD
 from diffbotctl.params import Choice, Param, Pin, Section
@@ -55,7 +55,6 @@ SensorType = Literal[
 
 
 ImuType = Literal["mpu6050", "mpu6500", "mpu9250", "lsm6ds3", "lsm6dso"]
-ImuAxis = Literal["x", "-x", "y", "-y", "z", "-z"]
 
 
 class BoardSection(Section):
