@@ -23,11 +23,13 @@ include: {include}
 board: {{telemetry: 30 Hz}}
 imu: {{type: {type}, axes: {axes}}}
 drive: {{polarity: checked_by_hand}}
-simulation: {{gyro: {{scale_spread: 0, tilt: 0 rad, fault: {fault}, fault_start: {start} s}}}}
+simulation:
+  gyro: {{scale_spread: 0, tilt: 0 rad, fault: {fault}, fault_start: {start} s, axes: {true}}}
 calibration: {{imu.scale: {{value: 1.0, sd: 0.003}}}}
 """
 UNO = "diffbotctl/testing/uno.yaml"
 GOAL = Goal(0, 1, 0.6, 0.3, 1.0)
+ASIDE = Goal(0, 1, 0.0, 0.5)  # behind a turn of 90 deg
 FAULTS = ("silent", "bus_held", "stuck")
 
 
@@ -44,13 +46,25 @@ class RunWithPoses(Run):
 
 @pytest.fixture
 def drive(tmp_path, request):
-    def go(port, *, fault="plain", start=0.0, include="book_2wd", axes="z", seed=1, type="mpu6050"):
+    def go(
+        port,
+        *,
+        fault="plain",
+        start=0.0,
+        include="book_2wd",
+        axes="z",
+        seed=1,
+        type="mpu6050",
+        true="none",
+        goal=GOAL,
+    ):
         file = tmp_path / "robot.yaml"
         if include == UNO:
             include = str(request.config.rootpath / UNO)
         values = {"include": include, "axes": axes, "fault": fault, "start": start, "type": type}
+        values["true"] = true
         file.write_text(ROBOT.format(**values))
-        options = RunOptions(port=port, goals=(GOAL,), seed=seed, fast=True, duration=60 * SECOND)
+        options = RunOptions(port=port, goals=(goal,), seed=seed, fast=True, duration=60 * SECOND)
         run = RunWithPoses(load("goal", str(file)), options, tell=lambda _: None)
         return run, run.go()
 
@@ -130,6 +144,25 @@ def test_a_gyro_that_fails_under_way_leaves_no_goal_sure(drive, port, include, f
     assert result.ending.stopped
 
 
+@pytest.mark.parametrize("port", ["sim", "emulated"])
+@pytest.mark.parametrize(
+    ("true", "goal", "cause"), [("-z", GOAL, "wrong sign"), ("x", ASIDE, "nearly nothing")]
+)
+def test_an_imu_that_is_mounted_wrongly_is_noticed_in_the_first_turn(
+    drive, port, true, goal, cause
+):
+    """Nothing shows it at rest. The goal is reached by the wheels, and is not sure."""
+    run, result = drive(port, true=true, goal=goal)
+    assert result.ending.code == 3, result.ending.cause
+    assert cause in result.ending.cause
+    first = next(pose for pose in run.poses if cause in pose.warning)
+    assert abs(degrees(first.heading)) < 110.0
+    assert {imu.state for imu in run.imus if imu.time >= first.time} == {"failed"}
+    pose, end = run.poses[-1], result.truth.pose
+    assert abs(degrees(pose.heading - end.heading)) < 10.0
+    assert hypot(pose.x - end.x, pose.y - end.y) < 0.1
+
+
 def test_between_two_goals_the_robot_rests():
     operator = Operator([GOAL, GOAL], lambda code, cause: None, rest=SECOND)
     assert [each.message.number for each in operator.deliver(1)] == [1]
@@ -158,9 +191,8 @@ def test_an_imu_and_two_distance_sensors_have_30_hz_at_9600_baud(tmp_path):
     """The check computes what fits, and 30 Hz do."""
     file = tmp_path / "robot.yaml"
     sensors = "sensors: {side: {type: hc_sr04, trigger: 24, echo: 50, at: {heading: 90 deg}}}\n"
-    text = (
-        ROBOT.format(include="book_2wd", axes="z", fault="plain", start=0, type="mpu6050") + sensors
-    )
+    values = {"include": "book_2wd", "axes": "z", "fault": "plain", "start": 0, "true": "none"}
+    text = ROBOT.format(type="mpu6050", **values) + sensors
     file.write_text(text)
     assert not [problem for problem in check(str(file)) if "LINK" in problem.code]
     file.write_text(text.replace("30 Hz", "40 Hz"))
