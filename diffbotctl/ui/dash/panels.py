@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import chain, islice
 from math import degrees, isfinite, pi, remainder
+from textwrap import wrap
 from typing import Any, Literal, get_args
 
 from rich.console import Group, RenderableType
@@ -31,6 +32,7 @@ PanelName = Literal["map", "plots", "parameters", "blocks", "log", "help"]
 PANELS: tuple[PanelName, ...] = get_args(PanelName)[:-1]  # in the order of their keys
 STOP_STYLE = "bold white on red"
 PLOT_SPAN_S = 30.0
+IMU_ROWS = 4  # at most for why it has failed; `why` has all of it
 NAME_WIDTH = 6  # characters of the names of the facts
 HELP_LINE = "1-5 views  g goal  p plot  f follow  [ ] zoom  t keys  b latch  r resume  ? help"
 HELP = (
@@ -65,7 +67,7 @@ def facts_panel(view: RunView, width: int, plain: bool = False) -> Table:
         _pose(view),
         _goal(view),
         _wheels(view, value_width, plain),
-        _imu(view),
+        _imu(view, value_width),
         _ranges(view, value_width, plain),
         _battery(view),
         _link(view),
@@ -134,13 +136,15 @@ def _wheels(view: RunView, width: int, plain: bool) -> Iterator[Row]:
             yield "", bar(speed / (diameter / 2), maximum, "cyan")
 
 
-def _imu(view: RunView) -> Iterator[Row]:
+def _imu(view: RunView, width: int) -> Iterator[Row]:
     imu = newest_message(view.snapshot, Imu)
     if imu is None:
         return
     style = {"failed": "red", "zeroing": "yellow", "working": ""}[imu.state]
-    for name, line in zip(("imu", ""), imu_lines(imu), strict=False):
-        yield name, Text(line, style)
+    lines = (wrap(line, width, max_lines=IMU_ROWS, placeholder="...") for line in imu_lines(imu))
+    parts = list(chain.from_iterable(lines))
+    for number, part in enumerate(parts):
+        yield "" if number else "imu", Text(part, style)
 
 
 def _ranges(view: RunView, width: int, plain: bool) -> Iterator[Row]:
