@@ -50,7 +50,7 @@ from typing import Any, NamedTuple
 
 from diffbotctl.block import Block, Every, In, inputs, outputs
 from diffbotctl.log import Logbook, NamedLogbook
-from diffbotctl.messages import LogLine
+from diffbotctl.messages import Imu, LogLine
 from diffbotctl.time import NEVER, SECOND
 
 LOG = "log"  # the wire of all log lines, the last one of a graph
@@ -323,6 +323,8 @@ class _Writer:
         )
         self.initial: dict[str, str] = {}  # of each variable that outlives an instant
         self.former_names: dict[str, str] = {}
+        # Version 0.1 numbered its wires, and had none for an IMU.
+        self.former_wires = [wire for wire in graph.wires if graph.kinds[wire] is not Imu]
         self.deadlines: list[str] = []
         self.timers: list[str] = []
         self.timer_owners: list[tuple[str, int]] = []
@@ -417,7 +419,7 @@ class _Writer:
         if declaration.fresh_for is not None:
             lifetimes.append(nanoseconds(node.block, declaration.fresh_for))
         if not lifetimes:
-            former_name = f"v{self.graph.wires.index(wire)}"
+            former_name = f"v{self.former_wires.index(wire)}" if wire in self.former_wires else ""
             held = self._variable(f"held_{self.wires[wire]}", "None", former_name)
             return _Input([], conditions, held)
         return self._fresh_input(name, self._new(wire), min(lifetimes), conditions, former_key)

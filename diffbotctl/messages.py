@@ -27,6 +27,7 @@ UNDESCRIBED = Field("", "")  # of a field that is declared by its type alone
 
 CommandKind = Literal["wheels", "duty"]
 RangeState = Literal["clear", "measured", "too_close", "fault"]
+ImuState = Literal["zeroing", "working", "failed"]
 GoalPhase = Literal["idle", "turning", "driving", "aligning"]
 GoalEnd = Literal["reached", "reached_unsure", "blocked", "stuck", "given_up", "cancelled"]
 """How a goal ends.
@@ -162,6 +163,24 @@ class Odometry(NamedTuple):
             "how well track and wheel diameters are known.",
         ),
     ] = 0.0
+
+
+class Imu(NamedTuple):
+    """What the gyro of an IMU measures, and whether the heading comes from it."""
+
+    time: Time
+    state: Annotated[
+        ImuState,
+        Field(
+            "",
+            "`zeroing`: not used before its bias was measured at rest; `working`; `failed`.",
+        ),
+    ]
+    rate: Annotated[float, Field("rad/s", "Turn rate without the bias; 0 unless it works.")] = 0.0
+    bias: Annotated[float, Field("rad/s", "Rate that it measures at rest.")] = 0.0
+    bias_sd: Annotated[float, Field("rad/s", "Standard deviation of the bias.")] = 0.0
+    calibrated: Annotated[bool, Field("", "True when its scale was calibrated.")] = False
+    cause: Annotated[str, Field("", "Why it has failed.")] = ""
 
 
 class Twist(NamedTuple):
@@ -318,6 +337,7 @@ Message = (
     | Range
     | Scan
     | Odometry
+    | Imu
     | Twist
     | Wheels
     | Duty
@@ -336,7 +356,7 @@ Message = (
 )
 
 # Messages whose numbers are finite; others use `nan` or `inf` for a fault or a clear view.
-FINITE = (Twist, Wheels, Duty, Odometry, Goal, Battery)
+FINITE = (Twist, Wheels, Duty, Odometry, Imu, Goal, Battery)
 BUILT_IN: dict[str, type] = {kind.__name__: kind for kind in get_args(Message)}
 
 

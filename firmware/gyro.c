@@ -5,14 +5,22 @@
 #include "board.h"
 #include "two_wire.h"
 
-/* Registers of an MPU6050, 6500 and 9250 (their register maps): wake with the gyro's clock, a low pass
-   of 42 Hz against aliasing at 100 readings a second, a full scale of 500 deg/s. Then, in every period:
-   read the full scale, read the rate about x, or the axes after it. */
-#define FULL_SCALE_500 0x08
-static const uint8_t steps[][2] PROGMEM = {
-    {0x6B, 1}, {0x1A, 3}, {0x1B, FULL_SCALE_500}, {0x1B, WIRE_READS}, {0x43, WIRE_READS},
+/* First of an MPU6050, 6500 and 9250 (their register maps): wake with the gyro's clock, a low pass of
+   42 Hz against aliasing at 100 readings a second, a full scale of 500 deg/s. Then, in every period:
+   read the full scale, read the rate about x, or the axes after it. Beside it of an LSM6DS3 and LSM6DSO
+   (their data sheets): both bytes of a rate of one time, the accelerometer off, a full scale of 500 deg/s
+   at 104 Hz, with the low pass of that rate; the low byte comes first. */
+typedef struct {
+    uint8_t number, value;
+} step_t;
+static const step_t steps[][2] PROGMEM = {
+    {{0x6B, 1}, {0x12, 0x44}},
+    {{0x1A, 3}, {0x10, 0}},
+    {{0x1B, 0x08}, {0x11, 0x44}},
+    {{0x1B, WIRE_READS}, {0x11, WIRE_READS}},
+    {{0x43, WIRE_READS}, {0x22 - 2 * GYRO_LSM6, WIRE_READS}},
 };
-enum { CHECK = 3, READ, DONE };
+enum { SCALE = 2, CHECK, READ, DONE };
 
 #define PERIOD_MS 10
 #define UNITS_PER_256_READINGS 4 /* of TURN_NANODEGREES */
@@ -25,6 +33,7 @@ enum { CHECK = 3, READ, DONE };
 
 static uint8_t address, axis; /* address 0: no gyro */
 static uint8_t elapsed_ms, step;
+static bool is_lsm6;
 static uint8_t lost, equal;
 static uint8_t doubtful; /* readings without a fault until the gyro is trusted */
 static uint16_t faults;
@@ -41,8 +50,8 @@ void gyro_configure(const settings_t *settings)
 {
     address = settings->gyro_address;
     axis = settings->gyro_axis;
+    is_lsm6 = axis >= GYRO_LSM6;
     board_two_wire_release();
-    elapsed_ms = lost = equal = 0;
     step = DONE;
     faults = 0;
     if (address != 0)
@@ -59,7 +68,7 @@ static void add(int16_t reading)
     rate = reading;
     if (equal == EQUAL_MOST)
         fail(FLAG_GYRO_STUCK);
-    if (reading == INT16_MAX || reading == INT16_MIN)
+    if ((uint16_t)((uint16_t)reading - INT16_MAX) <= 1) /* INT16_MAX or INT16_MIN */
         fail(FLAG_GYRO_RANGE);
     if (doubtful != 0 && --doubtful == 0)
         faults = 0;
@@ -67,10 +76,10 @@ static void add(int16_t reading)
 
 __attribute__((noinline)) static void begin_step(void)
 {
-    uint8_t number = pgm_read_byte(&steps[step][0]);
+    uint8_t number = pgm_read_byte(&steps[step][is_lsm6].number);
     if (step == READ)
         number = (uint8_t)(number + 2 * axis);
-    two_wire_begin(address, number, pgm_read_byte(&steps[step][1]));
+    two_wire_begin(address, number, pgm_read_byte(&steps[step][is_lsm6].value));
 }
 
 /* After a period without a reading, in which the robot turned on as before. */
@@ -87,8 +96,8 @@ static void next_step(void)
 {
     const volatile uint8_t *bytes = two_wire_bytes();
     if (step == READ)
-        add((int16_t)(bytes[0] << 8 | bytes[1]));
-    if (step == CHECK && bytes[0] != FULL_SCALE_500)
+        add((int16_t)(bytes[is_lsm6] << 8 | bytes[!is_lsm6]));
+    if (step == CHECK && bytes[0] != pgm_read_byte(&steps[SCALE][is_lsm6].value))
         step = 0;
     else
         step++;

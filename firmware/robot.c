@@ -25,7 +25,7 @@
      | BIT(CAPABILITY_BATTERY_STOP) | BIT(CAPABILITY_QUADRATURE) | BIT(CAPABILITY_ENABLE_IN1_IN2) \
      | BIT(CAPABILITY_ENABLE_DIRECTION) | BIT(CAPABILITY_TWO_PWM) | BIT(CAPABILITY_STANDBY) \
      | BIT(CAPABILITY_ANALOG_RANGE) | BIT(CAPABILITY_ECHO_RANGE) | BIT(CAPABILITY_SEVERAL_RANGES) \
-     | BIT(CAPABILITY_MPU6050))
+     | BIT(CAPABILITY_MPU6050) | BIT(CAPABILITY_LSM6))
 /* Loop periods without an edge after which the wheels stand still: 300 ms. */
 #define REST_PERIODS (300 / SPEED_PERIOD_MS)
 /* Time that the button must be pressed, so that motor noise is not taken for a press. */

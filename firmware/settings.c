@@ -33,7 +33,7 @@ static const uint16_t limits[GAINS + 1][2] PROGMEM = {
     {DEADMAN_MINIMUM, DEADMAN_MAXIMUM}, {0, ANALOG_ONE}, {0, GAIN_MAXIMUM},
 };
 
-#define GYRO_AXES 3
+#define GYRO_AXES (2 * GYRO_LSM6)
 
 static uint8_t suits(uint8_t number, uint8_t role)
 {

@@ -10,11 +10,14 @@ from statistics import fmean, median
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
+from diffbotctl.calibrate.runner import make_step, open_session, run_step
 from diffbotctl.config.load import load, load_robot
 from diffbotctl.messages import Goal
 from diffbotctl.plant.simulated_robot import draw_robot
+from diffbotctl.prompts.answers_file import AnswersFile
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
+from diffbotctl.testing.calibration_robots import SilentScreen
 from diffbotctl.testing.trials.row import Row, print_rows
 from diffbotctl.time import SECOND
 from prove.motion import OPEN_FLOOR
@@ -32,6 +35,9 @@ ENCODERS = {
 }
 LONGEST = 300 * SECOND
 LEG, ZIGZAG_TURN = 1.0, radians(60.0)
+WRONG_AXES = ("-z", "x", "-x", "y", "-y")  # of an IMU whose z is stated to point up
+ASIDE = Goal(0, 1, 0.0, 0.5)  # behind a turn
+SCALE_ERROR_MAX = 0.003
 
 
 class DriveEnd(NamedTuple):
@@ -108,7 +114,7 @@ def heading_sd(ends: list[DriveEnd]) -> float:
 
 
 def rows(seed: int, robots: int) -> Iterator[Row]:
-    """Errors with the gyro and without it; `robots` robots a row."""
+    """Rows 8 and 9 of the issue on kits, `robots` robots a row, and wrong mountings."""
     courses = (("1 m", straight, 0.1), ("10 m square", square, 1.5), ("10 m zigzag", zigzag, 0.6))
     for name, course, target in courses:
         both = [
@@ -124,6 +130,8 @@ def rows(seed: int, robots: int) -> Iterator[Row]:
             f"<= {target} deg",
             ended and with_gyro <= target,
         )
+    yield from unnoticed_mountings(seed, max(1, robots // 10))
+    yield from calibrated_mountings(seed)
     yield from tours(seed, robots, CALIBRATED)
     yield from tours(seed, robots, EXACT)
 
@@ -145,6 +153,58 @@ def tours(seed: int, count: int, wheels: float) -> Iterator[Row]:
             yield Row(f"{name}, exact wheels", figure, "(none)", True)
         else:
             yield Row(name, figure, f"<= {share}", ratio <= share)
+
+
+def mounted_robot(folder: Path, axes: str) -> Path:
+    """A robot whose file has axes: z, and whose IMU is mounted otherwise."""
+    file = folder / f"mounted_{axes}.yaml"
+    file.write_text(
+        "format: 1\nkind: robot\ninclude: book_2wd\nboard: {telemetry: 35 Hz}\n"
+        "imu: {type: mpu6050}\ndrive: {polarity: checked_by_hand}\n"
+        f"simulation: {{gyro: {{axes: {axes}}}}}\n"
+        f"calibration: {{imu.scale: {{value: 1.0, sd: {SCALE_SD}}}}}\n"
+    )
+    return file
+
+
+def unnoticed_mountings(seed: int, count: int) -> Iterator[Row]:
+    """Runs with an IMU that is mounted otherwise than the file states: the first turn shows it."""
+    unsure, far = 0, []
+    for number, axes in enumerate(WRONG_AXES * count):
+        with TemporaryDirectory() as folder:
+            file = mounted_robot(Path(folder), axes)
+            options = RunOptions(
+                port="sim", goals=(ASIDE,), seed=seed + number, fast=True, duration=LONGEST
+            )
+            result = Run(load("goal", str(file), OPEN_FLOOR), options, tell=lambda _: None).go()
+        assert result.truth is not None
+        unsure += result.ending.code != 0 and "axes" in result.ending.cause
+        far.append(hypot(result.truth.pose.x - ASIDE.x, result.truth.pose.y - ASIDE.y))
+    runs = len(WRONG_AXES) * count
+    figure = f"{unsure} of {runs}, at most {max(far) * 1000:.0f} mm from the goal"
+    yield Row("wrong axes: noticed in the first turn of a run", figure, "all", unsure == runs)
+
+
+def calibrated_mountings(seed: int) -> Iterator[Row]:
+    """`calibrate imu` on each wrong mounting."""
+    found, worst = 0, 0.0
+    for number, axes in enumerate(WRONG_AXES):
+        with TemporaryDirectory() as name:
+            answers = Path(name) / "answers.yaml"
+            answers.write_text("imu: {measure: protractor, noise: 1 deg}\n")
+            file = load_robot(str(mounted_robot(Path(name), axes)))
+            session, tools = open_session(file, "sim", seed + number)
+            with session:
+                asked = AnswersFile(answers, tools)
+                outcome = run_step(make_step("imu"), session, asked, SilentScreen())
+        assert tools is not None
+        found += outcome.findings[0].value == axes
+        worst = max(
+            worst, *(abs(each.found / each.true - 1.0) for each in tools.compare(outcome.findings))
+        )
+    figure = f"{found} of {len(WRONG_AXES)}, scale error at most {100 * worst:.2f} %"
+    is_met = found == len(WRONG_AXES) and worst <= SCALE_ERROR_MAX
+    yield Row("wrong axes: found by calibrate imu", figure, "all, <= 0.3 %", is_met)
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ from diffbotctl.estimation.wheel_odometer import (
     share_response,
 )
 from diffbotctl.estimation.wheel_side import LinkTiming, SideConfig
-from diffbotctl.messages import Encoders, Odometry
+from diffbotctl.messages import Encoders, Imu, Odometry
 from diffbotctl.params import FromRobot, Param
 
 RESIDUAL_JITTER_RATIO = 0.3  # jitter that TimestampFilter leaves, relative to its input
@@ -65,6 +65,7 @@ class OdometryBlock(Block):
     imu_scale: float = FromRobot("imu.scale")
     encoders = In(Encoders)
     odometry = Out(Odometry)
+    imu_state = Out(Imu, name="imu")
 
     def reset(self) -> None:
         self.last: Encoders | None = None
@@ -90,7 +91,9 @@ class OdometryBlock(Block):
         """Set the pose: x and y in m, heading in rad; default: the origin."""
         self.pose.set_pose(x, y, heading)
 
-    def react(self, now: int, encoders: Encoders | None) -> Odometry | None:
+    def react(
+        self, now: int, encoders: Encoders | None
+    ) -> tuple[Odometry | None, Imu | None] | None:
         if encoders is None:
             return None
         if self.stamp_jitter:
@@ -107,9 +110,11 @@ class OdometryBlock(Block):
                 self.gyro.restart()
         else:
             self._advance(encoders, last, self.wheels)
-        if self.gyro is not None and not self._with_gyro(self.gyro, encoders, self.wheels):
-            return None
-        return self.pose.message(time, *self.wheels, self._warning(*self.wheels))
+        if self.gyro is None:
+            return self._message(time, *self.wheels), None
+        is_ready = self._with_gyro(self.gyro, encoders, self.wheels)
+        imu = self.gyro.message(time, "imu.scale" in self.calibration)
+        return (self._message(time, *self.wheels) if is_ready else None), imu
 
     def _advance(self, encoders: Encoders, last: Encoders, wheels: tuple[Wheel, Wheel]) -> None:
         if self.gyro is not None:
@@ -132,9 +137,10 @@ class OdometryBlock(Block):
         gyro.news.clear()
         return not gyro.awaits_rest
 
-    def _warning(self, left: Wheel, right: Wheel) -> str:
+    def _message(self, time: int, left: Wheel, right: Wheel) -> Odometry:
         fault = self.gyro.fault if self.gyro is not None else ""
-        return "; ".join(filter(None, (fault, warning(left, right))))
+        text = "; ".join(filter(None, (fault, warning(left, right))))
+        return self.pose.message(time, left, right, text)
 
     def _rolls_out(self, encoders: Encoders, last: Encoders) -> bool:
         """Whether a wheel may still roll since a restart of the board in motion."""

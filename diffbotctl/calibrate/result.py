@@ -14,7 +14,7 @@ from diffbotctl.params import with_unit
 
 RIGHT_DIAMETER, LEFT_DIAMETER = "drive.right.wheel.diameter", "drive.left.wheel.diameter"
 TRACK = "drive.track"
-GYRO_SCALE = "imu.scale"
+GYRO_SCALE, GYRO_AXES = "imu.scale", "imu.axes"
 NOT_MEASURED = "not measured"
 # Significant digits that are written. A tape measure gives four at best, but what two wheels differ
 # by is known far better than what they have in common.

@@ -268,10 +268,10 @@ def geometry(
 @number_option("--turns", 10, 3, 50, "Turns on the spot in one go.")
 @number_option("--repeats", 1, 1, 20, "How often in each direction.")
 def imu(turns: int, repeats: int, **options: Any) -> None:
-    """Find the scale of the gyro by turns on the spot.
+    """Find axis and scale of the gyro by turns on the spot.
 
-    On the floor. It turns ten times to the left and ten times to the right, and asks for the
-    heading at the end of each.
+    On the floor. It turns one to three times for the axis that points up, then ten times to the
+    left and ten times to the right, and asks for the heading at the end of each.
     """
     run(["imu"], CalibrateOptions(**options), turns=turns, repeats=repeats)
 

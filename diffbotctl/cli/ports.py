@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -168,7 +169,7 @@ def doctor(
     root: Path,
     as_json: bool,
 ) -> int:
-    """Check this machine: versions, groups, ports, Bluetooth, optional packages.
+    """Check this machine: versions, groups, ports, Bluetooth, optional packages, running IMUs.
 
     Each line starts with ok, -- (a note) or !! (a problem). Exit code: 1 with any !!.
 
@@ -180,7 +181,7 @@ def doctor(
         raise click.UsageError("--with needs --bundle")
     if bundle is not None:
         check_output(bundle, BUNDLE_SUFFIXES, force)
-    from diffbotctl.diagnostics.doctor import Verdict, doctor_findings
+    from diffbotctl.diagnostics.doctor import Verdict
     from diffbotctl.ports.access import current_user
     from diffbotctl.ports.diagnosis import survey_ports
     from diffbotctl.ports.fixes import fix_commands
@@ -196,7 +197,7 @@ def doctor(
             click.echo(line)
         return 0
     is_bad = False
-    for finding in doctor_findings(root, user, survey):
+    for finding in _findings(root, user, survey):
         is_bad |= finding.verdict == Verdict.BAD
         if as_json:
             print_json(finding._asdict())
@@ -208,6 +209,15 @@ def doctor(
     return 1 if is_bad else 0
 
 
+def _findings(root: Path, user: SystemUser, survey: PortSurvey) -> Iterator[DoctorFinding]:
+    """The findings about the machine, and about the robots that run on it."""
+    from diffbotctl.diagnostics.doctor import doctor_findings, engine_findings
+
+    yield from doctor_findings(root, user, survey)
+    if root == Path("/"):
+        yield from engine_findings()
+
+
 def _write_bundle(
     output: Path,
     force: bool,
@@ -217,10 +227,9 @@ def _write_bundle(
     survey: PortSurvey,
 ) -> None:
     from diffbotctl.diagnostics.bundle import collect, newest_flight, pack
-    from diffbotctl.diagnostics.doctor import doctor_findings
     from diffbotctl.diagnostics.private_text import private_text
 
-    findings: list[DoctorFinding] = list(doctor_findings(root, user, survey))
+    findings: list[DoctorFinding] = list(_findings(root, user, survey))
     entries = collect(root, findings, survey, added, private_text(root, user, survey))
     click.echo(BUNDLE_HEADLINE)
     for entry in entries:

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from typing import NamedTuple, assert_never
 
 from diffbotctl.config.board_pins import BOARDS, BoardPins
+from diffbotctl.config.imu_chips import IMU_CHIPS, imu_address
 from diffbotctl.config.motor_drivers import MotorDriverFacts, driver_facts, driver_names
 from diffbotctl.config.robot import SIDES, Robot, SideSection
 from diffbotctl.errors import Problem, UsageError, join_words
@@ -36,7 +37,6 @@ MEANINGS = {
 
 DRIVER, BOARD, RADIO, CELLS, STOP = "driver", "board", "radio", "battery", "button"
 IMU = "IMU"
-SECOND_ADDRESS = 105  # of an MPU6050 whose pin AD0 is high
 TAP = "battery tap"  # the battery's plus pole again, where the voltage divider begins
 PIN_MAX_V, SUPPLY_FULL_V = 5.0, 12.6  # of an analog pin; of three lithium cells
 USUAL_CURRENT = 0.5  # A; a small gear motor under load
@@ -251,11 +251,14 @@ def _imu(robot: Robot, board: BoardPins) -> Iterator[HarnessWire]:
     if robot.imu.type is None:
         return
     data, clock = board.i2c
-    yield from _supplied(IMU, "VCC", "GND", IMU)
+    chip, address = IMU_CHIPS[robot.imu.type], imu_address(robot.imu)
+    yield from _supplied(IMU, chip.supply_pin, "GND", IMU)
     yield _wire(IMU, "SDA", BOARD, data, SENSOR, "IMU: data of the I2C bus")
     yield _wire(BOARD, clock, IMU, "SCL", FROM_BOARD, "IMU: clock of the I2C bus")
-    if robot.imu.address == SECOND_ADDRESS:
-        yield _wire(BOARD, "3.3V", IMU, "AD0", SENSOR, "IMU: address 105")
+    is_high = address == chip.addresses[1]
+    if is_high or chip.is_address_wired:
+        level, kind = ("3.3V", SENSOR) if is_high else ("GND", GROUND)
+        yield _wire(BOARD, level, IMU, chip.address_pin, kind, f"IMU: address {address}")
 
 
 def _battery_voltage(robot: Robot, board: BoardPins) -> Iterator[HarnessWire]:
@@ -359,9 +362,9 @@ def notes(robot: Robot) -> Iterator[str]:
         )
     if robot.imu.type is not None:
         yield (
-            f"Take the {robot.imu.type.upper()} on a module with a regulator and pull-ups to its "
-            "3.3 V (GY-521, GY-9250): the bare chip takes 3.3 V. Screw it down flat, with the axis "
-            f"{robot.imu.axes.removeprefix('-')} printed on it "
+            f"Take the {robot.imu.type.upper()} on a module with a regulator and "
+            f"{IMU_CHIPS[robot.imu.type].modules}: the bare chip takes 3.3 V. Screw it down flat, "
+            f"with the axis {robot.imu.axes.removeprefix('-')} printed on it "
             f"{'down' if robot.imu.axes.startswith('-') else 'up'}, and keep its wires short."
         )
     if robot.battery.pin is not None:

@@ -11,7 +11,7 @@ from math import pi
 from typing import Any, Literal
 
 from diffbotctl.config.board_pins import BOARDS
-from diffbotctl.config.simulation import Simulation
+from diffbotctl.config.simulation import ImuAxis, Simulation
 from diffbotctl.geometry.distance_sensors import SHARPS
 from diffbotctl.links.link_protocol import USB_BAUD
 from diffbotctl.params import Choice, Param, Pin, Section
@@ -54,8 +54,7 @@ SensorType = Literal[
 ]
 
 
-ImuType = Literal["mpu6050", "mpu6500", "mpu9250"]
-ImuAxis = Literal["x", "-x", "y", "-y", "z", "-z"]
+ImuType = Literal["mpu6050", "mpu6500", "mpu9250", "lsm6ds3", "lsm6dso"]
 
 
 class BoardSection(Section):
@@ -407,9 +406,11 @@ class ImuSection(Section):
     type: ImuType | None = Choice(ImuType, none=True, default=None, help="Part name; none: no IMU.")
     address = Param(
         int,
-        default=104,
-        choices=(104, 105),
-        help="I2C address: 104 (0x68), or 105 (0x69) with AD0 at 3.3 V.",
+        none=True,
+        default=None,
+        choices=(104, 105, 106, 107),
+        help="I2C address. MPU: 104 (0x68), the default, or 105 (0x69) with AD0 at 3.3 V. "
+        "LSM6: 106 (0x6A), the default, or 107 (0x6B) with SA0 at 3.3 V.",
     )
     axes: ImuAxis = Choice(
         ImuAxis,

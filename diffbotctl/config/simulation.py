@@ -17,6 +17,7 @@ MotorWiring = Literal["plain", "reversed", "swapped", "dead", "floating"]
 EncoderPlugs = Literal["plain", "swapped"]
 EchoFault = Literal["plain", "silent", "endless"]
 GyroFault = Literal["plain", "silent", "bus_held", "stuck"]
+ImuAxis = Literal["x", "-x", "y", "-y", "z", "-z"]
 EncoderWiring = Literal["plain", "dead", "floating", "exchanged"]
 
 
@@ -245,6 +246,13 @@ class GyroTruth(Section):
         minimum=0.0,
         maximum=0.5,
         help="Angle of its axis from the vertical.",
+    )
+    axes: ImuAxis | None = Choice(
+        ImuAxis,
+        none=True,
+        default=None,
+        help="Its axis that points up, or down with a minus sign; none: the one that the robot "
+        "file states.",
     )
     acceleration_effect = Param(
         float,

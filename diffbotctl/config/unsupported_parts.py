@@ -26,6 +26,15 @@ def _board(title: str, difference: str) -> UnsupportedPart:
     return UnsupportedPart(cause, fix)
 
 
+def _same_imu(title: str, kind: str) -> UnsupportedPart:
+    return UnsupportedPart(f"the gyro of {title} is that of an {kind.upper()}", f"write {kind}")
+
+
+def _other_imu(title: str) -> UnsupportedPart:
+    cause = f"{title} has other registers than the IMUs that our firmware reads"
+    return UnsupportedPart(cause, "use a module with an mpu6050 (GY-521) or an lsm6dso")
+
+
 OTHER_DRIVE = UnsupportedPart(
     "only two driven wheels, or four that are switched in pairs, are supported",
     "four wheels in skid steering: write differential, with wheelbase: the distance of the axles, "
@@ -61,9 +70,22 @@ PARTS: dict[str, dict[str, UnsupportedPart]] = {
             "write driver: l298n, and check that the motors take at most 0.6 A when blocked",
         ),
     },
+    "imu.type": {
+        "gy521": _same_imu("a GY-521", "mpu6050"),
+        "gy9250": _same_imu("a GY-9250", "mpu9250"),
+        "mpu9150": _same_imu("an MPU9150", "mpu6050"),
+        "lsm6ds33": _same_imu("an LSM6DS33", "lsm6ds3"),
+        "lsm6dsox": _same_imu("an LSM6DSOX", "lsm6dso"),
+        "bno055": _other_imu("a BNO055"),
+        "bno085": _other_imu("a BNO085"),
+        "icm20948": _other_imu("an ICM20948"),
+        "bmi160": _other_imu("a BMI160"),
+        "bmi270": _other_imu("a BMI270"),
+        "l3gd20": _other_imu("an L3GD20"),
+    },
     "sensors.type": {
         "vl53l0x": UnsupportedPart(
-            "a VL53L0X is read over I2C, which our firmware does not use",
+            "a VL53L0X is read over I2C, from which our firmware reads no distances",
             "use a GP2Y0A41 (type: sharp_gp2y0a41sk0f), which measures 4 to 30 cm, or an HC-SR04",
         ),
         "rplidar": LASER,

@@ -158,6 +158,7 @@ ROS_TOPICS: dict[str, str | type] = {
     "plan": messages.Path,
     "status": GoalState,
     "battery_state": messages.Battery,
+    "imu": messages.Imu,
     "wheel_cmd": messages.Wheels,
     "lwheel": "robot.encoders",
     "rwheel": "robot.encoders",
@@ -182,9 +183,10 @@ class RequestContext(NamedTuple):
     store: BlackBoxStore | None = None
 
     def wire(self, name: str) -> str:
-        """The wire called `name`, also by its ROS name, or by its block if that has one output.
+        """The wire called `name`, also by its ROS name, or by its block.
 
-        Raises RefusalError with the closest name.
+        A block stands for its only output, or for the one that has its name. Raises
+        RefusalError with the closest name.
         """
         wires = self.state.wires
         if name in wires:
@@ -193,6 +195,8 @@ class RequestContext(NamedTuple):
         if ros_wire is not None:
             return ros_wire
         outputs = [wire for wire in wires if wire.partition(".")[0] == name]
+        if f"{name}.{name}" in outputs:
+            return f"{name}.{name}"
         if len(outputs) == 1:
             return outputs[0]
         near = outputs[0] if outputs else closest_match(name.strip("/").replace("/", "."), wires)

@@ -6,8 +6,20 @@ from math import hypot
 
 from diffbotctl.codes import code_texts
 from diffbotctl.control_socket.run_state import RunState, StopEpisode
+from diffbotctl.estimation.imu_text import imu_text
 from diffbotctl.graph import Graph
-from diffbotctl.messages import Encoders, Link, Message, Odometry, Range, Stop, Twist, Volts, Wheels
+from diffbotctl.messages import (
+    Encoders,
+    Imu,
+    Link,
+    Message,
+    Odometry,
+    Range,
+    Stop,
+    Twist,
+    Volts,
+    Wheels,
+)
 from diffbotctl.time import SECOND
 
 STANDSTILL_MAX = 0.005  # m/s and rad/s; slower is between two slots of an encoder
@@ -17,10 +29,11 @@ SENSOR_MESSAGES = (Volts, Range, Encoders, Link)
 def explain_stop(state: RunState, graph: Graph) -> str:
     """One paragraph: the stop, the sensor messages before it, the commands, and how it ends."""
     if not state.stops:
-        return f"Nothing has stopped the robot in {state.now / SECOND:.1f} s. {_goal(state)}"
+        nothing = f"Nothing has stopped the robot in {state.now / SECOND:.1f} s."
+        return " ".join([nothing, _goal(state), *_imu(state)])
     episode = state.stops[-1]
     sentences = [_stop(episode), *_sensors(episode, graph), *_commands(episode, state)]
-    return " ".join([*sentences, _motion(state), _how_it_ends(episode, state)])
+    return " ".join([*sentences, _motion(state), *_imu(state), _how_it_ends(episode, state)])
 
 
 def _stop(episode: StopEpisode) -> str:
@@ -76,6 +89,12 @@ def _motion(state: RunState) -> str:
             is_moving = hypot(message.linear, message.angular) > STANDSTILL_MAX
             return "The wheels are still turning." if is_moving else "The wheels are at rest."
     return ""
+
+
+def _imu(state: RunState) -> list[str]:
+    """How the IMU is now, for a robot that has one."""
+    imus = [message for message in state.newest.values() if isinstance(message, Imu)]
+    return [f"IMU: {imu_text(max(imus, key=lambda imu: imu.time))}."] if imus else []
 
 
 def _how_it_ends(episode: StopEpisode, state: RunState) -> str:

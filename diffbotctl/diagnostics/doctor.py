@@ -13,10 +13,16 @@ from typing import NamedTuple
 
 from diffbotctl import __version__
 from diffbotctl.bluetooth.errors import AdapterStatus, adapter_status
-from diffbotctl.errors import Problem
+from diffbotctl.control_socket.address import EngineAddress, engines
+from diffbotctl.control_socket.client import ControlClient
+from diffbotctl.errors import Problem, RunError
+from diffbotctl.estimation.imu_text import imu_text
+from diffbotctl.links.diffbot_faults import GYRO_FIX
+from diffbotctl.messages import Imu
 from diffbotctl.ports.access import SystemUser, system_groups
 from diffbotctl.ports.diagnosis import PortSurvey
 from diffbotctl.ports.usb_ids import PortRole
+from diffbotctl.recording.json_codec import message_reader
 
 PYTHON_MIN_VERSION = (3, 11)
 REQUIRED_PACKAGES = ("click", "cobs", "jsonschema", "mcap", "numpy", "pyserial", "pyyaml", "rich")
@@ -29,6 +35,9 @@ class Verdict(StrEnum):
     OK = "ok"
     NOTE = "--"
     BAD = "!!"
+
+
+IMU_VERDICTS = {"working": Verdict.OK, "zeroing": Verdict.NOTE, "failed": Verdict.BAD}
 
 
 class Package(NamedTuple):
@@ -64,6 +73,33 @@ def doctor_findings(root: Path, user: SystemUser, survey: PortSurvey) -> Iterato
     yield from _ports(survey)
     yield from _bluetooth(adapter_status(root))
     yield from _packages(root)
+
+
+def engine_findings() -> Iterator[DoctorFinding]:
+    """The IMU of each running robot that has one."""
+    for engine in engines():
+        try:
+            imus = list(_imus(engine))
+        except RunError as error:
+            cause = error.problems[0].cause
+            yield DoctorFinding(Verdict.NOTE, "engine", f"{engine.name}: {cause}")
+            continue
+        for imu in imus:
+            verdict = IMU_VERDICTS[imu.state]
+            fix = GYRO_FIX if verdict == Verdict.BAD else ""
+            yield DoctorFinding(verdict, "IMU", f"{engine.name}: {imu_text(imu)}", fix)
+
+
+def _imus(engine: EngineAddress) -> Iterator[Imu]:
+    """The newest message of each IMU. Raises RunError when the engine does not answer."""
+    client = ControlClient(engine, "diffbotctl doctor")
+    try:
+        for row in client.request("list_topics")["topics"]:
+            if row["type"] == Imu.__name__ and row["messages"]:
+                last = client.request("describe_topic", topic=row["topic"])["last"]
+                yield message_reader(Imu)(last)
+    finally:
+        client.close()
 
 
 def _versions() -> Iterator[DoctorFinding]:

@@ -6,6 +6,7 @@ from dataclasses import replace
 from math import pi
 
 from diffbotctl.config.board_pins import BOARDS, BoardPins
+from diffbotctl.config.imu_chips import IMU_CHIPS, imu_address
 from diffbotctl.config.motor_drivers import driver_facts
 from diffbotctl.config.robot import ImuSection, Robot, SensorSection, SideSection, line_baud
 from diffbotctl.control.speed_loop import speed_gains
@@ -109,7 +110,12 @@ def _range_input(pins: BoardPins, name: str, sensor: SensorSection) -> RangeInpu
 def _gyro_input(imu: ImuSection) -> GyroInput | None:
     if imu.type is None:
         return None
-    return GyroInput(imu.address, "xyz".index(imu.axes[-1]), imu.axes.startswith("-"))
+    return GyroInput(
+        imu_address(imu),
+        "xyz".index(imu.axes[-1]),
+        is_reversed=imu.axes.startswith("-"),
+        is_lsm6=IMU_CHIPS[imu.type].is_lsm6,
+    )
 
 
 def _number(pins: BoardPins, pin: object) -> int | None:

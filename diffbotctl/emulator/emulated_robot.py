@@ -136,17 +136,17 @@ class EmulatedBoard:
         return millivolts | self._gyro_inputs()
 
     def _gyro_inputs(self) -> dict[int, int]:
-        """The rate and the fault of the gyro, as often as it measures."""
+        """The rates and the fault of the gyro, as often as it measures."""
         gyro, axis = self.plant.gyro, self.plant.parameters.gyro_axis
         if gyro is None or axis is None or self.plant.now < self._gyro_due:
             return {}
         self._gyro_due = self.plant.now + GYRO_PERIOD
         rate = degrees(gyro.measure(self.plant.now, self.plant.chassis))
         sign = -1 if self.plant.parameters.gyro_reversed else 1
-        return {
-            FIRST_GYRO + axis: sign * round(rate / GYRO_RATE_UNIT),
-            GYRO_FAULT: GYRO_FAULTS[gyro.fault_kind],
-        }
+        rates = [degrees(gyro.across(GYRO_PERIOD * 1e-9)) for _ in range(3)]
+        rates[axis] = sign * rate
+        inputs = {FIRST_GYRO + number: round(rates[number] / GYRO_RATE_UNIT) for number in range(3)}
+        return inputs | {GYRO_FAULT: GYRO_FAULTS[gyro.fault_kind]}
 
 
 class EmulatedRobotDriver:

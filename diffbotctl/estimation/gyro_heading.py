@@ -7,12 +7,18 @@ from math import degrees, sqrt
 from diffbotctl.estimation.gyro_pose_filter import GyroPoseFilter
 from diffbotctl.estimation.gyro_turn import GyroTurn
 from diffbotctl.estimation.pose_filter import WheelTravel
-from diffbotctl.messages import Encoders
+from diffbotctl.messages import Encoders, Imu, ImuState
 
 # Time without edges and commands after which the wheels stand. With few slots they creep on unseen,
 # for about four lags of their motors.
 SETTLED_NS, SETTLED_COARSE_NS = 60_000_000, 350_000_000
 SCALE_SD = 0.03  # relative, of a gyro that was not calibrated (data sheet)
+MOUNTING_FAULTS = {
+    "opposed": "the IMU measures turns with the wrong sign: it is not mounted as `axes` states, or "
+    "the motors turn the wrong way; run `diffbotctl calibrate imu`",
+    "across": "the IMU measured nearly nothing of a turn of the wheels: it is not mounted as "
+    "`axes` states, or the wheels slip; run `diffbotctl calibrate imu`",
+}
 
 
 class GyroHeading:
@@ -47,6 +53,8 @@ class GyroHeading:
     def take(self, encoders: Encoders, wheels: tuple[WheelTravel, WheelTravel]) -> None:
         """Set the turn of the pose filter's next move. `wheels`: as of the last move."""
         is_at_rest = self._is_at_rest(encoders)
+        if self._pose.is_wrong:
+            return
         if encoders.turn_fault or (encoders.turn is None and self._is_used):
             self._fail(encoders.turn_fault or "the board reports no turn of the IMU")
         if encoders.turn is None or encoders.turn_fault:
@@ -77,8 +85,11 @@ class GyroHeading:
             self.news.append(f"IMU zeroed: {self.bias_text()}")
 
     def moved(self, encoders: Encoders, wheels: tuple[WheelTravel, WheelTravel]) -> None:
-        """The pose filter has moved; tell when the wheels slip."""
+        """The pose filter has moved; tell when the wheels slip, or the gyro is mounted wrongly."""
         self._pose.remember(encoders.time)
+        self._pose.compare_turns(bool(encoders.left_command or encoders.right_command))
+        if self._pose.is_wrong and self._is_used:
+            self._fail(MOUNTING_FAULTS[self._pose.mounting])
         slip = self._pose.slipped_turn(*wheels)
         if slip and not self._slips:
             self.news.append(
@@ -91,6 +102,17 @@ class GyroHeading:
         """The bias with its standard deviation."""
         sd = sqrt(self.gyro.variance)
         return f"bias {degrees(self.gyro.bias):.3f} +- {degrees(sd):.3f} deg/s"
+
+    def message(self, time: int, is_calibrated: bool) -> Imu:
+        """What the gyro shows at `time` (ns); `is_calibrated`: its scale is."""
+        step, rate = self._pose.step, 0.0
+        state: ImuState = "failed" if self.fault else "zeroing"
+        if self._is_used:
+            state = "working"
+            if step is not None and step.seconds:
+                rate = step.angle / step.seconds
+        bias, sd = self.gyro.bias, sqrt(self.gyro.variance)
+        return Imu(time, state, rate, bias, sd, is_calibrated, self.fault)
 
     def _fail(self, fault: str) -> None:
         self.gyro.restart()

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from math import cos, pi, sin, sqrt
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from diffbotctl.estimation.geometry_deviation import GeometryDeviation, PoseDeviation
 from diffbotctl.estimation.gyro_turn import TurnStep
@@ -23,6 +23,13 @@ UNNOTICED_NS = 500_000_000
 FAILURE_HEADING_SD = 0.05  # rad
 # Wheels slip when their turn in that time differs by more than this from the gyro's.
 SLIP_MIN, SLIP_SDS, SLIP_SHARE = 5.0 * pi / 180.0, 4.0, 0.1
+# The first turn of driven wheels, made within the time, shows how the gyro is mounted: of SIGN_TURN
+# it measures more than the share, in the same direction or in the other one; of AXIS_TURN an axis
+# across measures less than its share.
+SIGN_TURN, SIGN_SHARE = 20.0 * pi / 180.0, 0.5
+AXIS_TURN, AXIS_SHARE = 60.0 * pi / 180.0, 0.25
+TURN_NS = 5_000_000_000
+Mounting = Literal["unknown", "right", "opposed", "across"]
 
 
 class _Moment(NamedTuple):
@@ -51,13 +58,21 @@ class GyroPoseFilter(PoseFilter):
         self._of_scale = self._of_bias = PoseDeviation()
         self._moments: deque[_Moment] = deque()
         self._by_wheels = self._by_gyro = 0.0
+        self.mounting: Mounting = "unknown"
+        self._compared: _Moment | None = None  # from which on both turns are compared
         super().__init__(track, slip, geometry)
+
+    @property
+    def is_wrong(self) -> bool:
+        """Whether the gyro is not mounted as the robot file states."""
+        return self.mounting in ("opposed", "across")
 
     def set_pose(self, x: float, y: float, heading: float) -> None:
         """As PoseFilter: the pose is known exactly."""
         super().set_pose(x, y, heading)
         self._of_scale = self._of_bias = PoseDeviation()
         self._moments.clear()
+        self._compared = None
 
     def correct_bias(self, error: float) -> None:
         """The bias (rad/s) was larger by `error` since it was measured last."""
@@ -81,17 +96,18 @@ class GyroPoseFilter(PoseFilter):
         self.zeroed()
         self.step = None
         x, y, correction = self.x, self.y, 0.0
-        if self._moments:
-            x, y = self._moments[0].x, self._moments[0].y
-            correction = self._slipped(self._moments[0])
+        before = self._compared if self.is_wrong else next(iter(self._moments), None)
+        if before is not None:
+            x, y, correction = before.x, before.y, self._slipped(before)
         half = 0.5 * correction  # the wrong turn grew from zero on the way from there
         ahead, aside = self.x - x, self.y - y
         self.x = x + ahead * cos(half) - aside * sin(half)
         self.y = y + ahead * sin(half) + aside * cos(half)
         self.heading += correction
-        sd = max(FAILURE_HEADING_SD, abs(half))
+        sd = max(FAILURE_HEADING_SD, 0.0 if self.mounting == "opposed" else abs(half))
         self._turn_about((x, y), sd * sd)
         self._moments.clear()
+        self._compared = None
         self.start()
 
     def remember(self, time: int) -> None:
@@ -99,6 +115,23 @@ class GyroPoseFilter(PoseFilter):
         self._moments.append(_Moment(time, self.x, self.y, self._by_wheels, self._by_gyro))
         while time - self._moments[0].time > UNNOTICED_NS:
             self._moments.popleft()
+
+    def compare_turns(self, is_driven: bool) -> None:
+        """Find out from the turns up to the last moment how the gyro is mounted, in `mounting`."""
+        if self.mounting != "unknown" or self.step is None or not self._moments:
+            return
+        now, before = self._moments[-1], self._compared
+        if before is None or not is_driven or now.time - before.time > TURN_NS:
+            self._compared = now
+            return
+        by_wheels, by_gyro = now.by_wheels - before.by_wheels, now.by_gyro - before.by_gyro
+        if abs(by_wheels) < SIGN_TURN:
+            return
+        if abs(by_gyro) > SIGN_SHARE * abs(by_wheels):
+            self.mounting = "right" if by_gyro * by_wheels > 0.0 else "opposed"
+        elif abs(by_wheels) >= AXIS_TURN:
+            is_across = abs(by_gyro) < AXIS_SHARE * abs(by_wheels)
+            self.mounting = "across" if is_across else "right"
 
     def slipped_turn(self, left: WheelTravel, right: WheelTravel) -> float:
         """Turn (rad) by which the wheels exceed the gyro lately, if that proves slip; else 0."""

@@ -48,6 +48,8 @@ RANGE_AGE_NANOSECONDS = 4000000  # unit of the age of a range
 RANGE_TURN_NANOSECONDS = 51000000  # time from one of the further sensors to the next
 RANGE_SENSORS = 4  # sensors of range frames
 TURN_NANODEGREES = 9770992  # unit of the turn: 64 readings of 1/65.5 deg/s, each for 10 ms
+TURN_LSM6_NANODEGREES = 11200000  # the same of an LSM6: 64 readings of 0.0175 deg/s
+GYRO_LSM6 = 3  # in gyro_axis: its axis x of an LSM6DS3 or LSM6DSO
 GYRO_MAXIMUM = 500  # deg/s, at which the gyro saturates
 CAPTURE_EDGES = 8  # edges in one capture frame
 CAPTURE_TIME = 16383  # mask of the time in an edge
@@ -171,6 +173,7 @@ class CapabilityCode(ProtocolCode):
     ECHO_RANGE = 17, "distance sensor with an echo, as an HC-SR04"
     SEVERAL_RANGES = 18, "up to four sensors in range frames, besides that of the state frame"
     MPU6050 = 24, "gyro of an MPU6050, MPU6500 or MPU9250"
+    LSM6 = 25, "gyro of an LSM6DS3 or LSM6DSO"
 
 
 class DriverCode(ProtocolCode):
@@ -286,7 +289,7 @@ class SettingsFrame(NamedTuple):
     trigger_4: Uint8  # pin, counted from 1, of sensor 4 in range frames; 0: analog
     input_4: Uint8  # its echo pin or analog channel, counted from 1; 0: no sensor
     gyro_address: Uint8  # I2C address of the gyro; 0: none
-    gyro_axis: Uint8  # its axis that is read: 0 x, 1 y, 2 z
+    gyro_axis: Uint8  # its axis that is read: 0 x, 1 y, 2 z; those of an LSM6 from GYRO_LSM6 on
 
 
 class StateFrame(NamedTuple):

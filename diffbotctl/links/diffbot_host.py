@@ -341,7 +341,7 @@ class DiffbotHost:
         return output
 
     def _with_gyro(self, now: int, encoders: Encoders, frame: frames.InertialFrame) -> Encoders:
-        """Add sign and fault of the turn. A gyro that never worked is refused before any motion."""
+        """Add sign, unit and fault of the turn. A gyro that has never worked is refused."""
         gyro = self.settings.gyro
         if gyro is None or encoders.turn is None:
             return encoders._replace(turn=None)
@@ -353,8 +353,7 @@ class DiffbotHost:
                 self.refusal = Refusal("E-IMU-FAULT", fault, GYRO_FIX)
                 self._gyro_due = NEVER
             return encoders._replace(turn=None)
-        turn = -encoders.turn if gyro.is_reversed else encoders.turn
-        return encoders._replace(turn=turn, turn_fault=fault)
+        return encoders._replace(turn=gyro.true_turn * encoders.turn, turn_fault=fault)
 
     def _on_range(self, now: int, frame: frames.RangeFrame) -> LinkOutput:
         if frame.sensor >= len(self.settings.further_ranges):

@@ -35,6 +35,18 @@ class GyroInput(NamedTuple):
     """its axis that is vertical: 0 x, 1 y, 2 z"""
     is_reversed: bool = False
     """true when that axis points down"""
+    is_lsm6: bool = False
+    """an LSM6DS3 or LSM6DSO; else one of the MPU6050's family"""
+
+    @property
+    def true_turn(self) -> float:
+        """The turn of the robot divided by that of frames, which is in units of an MPU6050."""
+        unit = frames.TURN_LSM6_NANODEGREES if self.is_lsm6 else frames.TURN_NANODEGREES
+        return (-1.0 if self.is_reversed else 1.0) * unit / frames.TURN_NANODEGREES
+
+    def axis_code(self) -> int:
+        """The field gyro_axis of the settings."""
+        return self.axis + (frames.GYRO_LSM6 if self.is_lsm6 else 0)
 
 
 @dataclass(frozen=True)
@@ -162,7 +174,7 @@ class BoardSettings:
             driver=self.driver,
             standby=_from_one(self.standby),
             gyro_address=self.gyro.address if self.gyro else 0,
-            gyro_axis=self.gyro.axis if self.gyro else 0,
+            gyro_axis=self.gyro.axis_code() if self.gyro else 0,
             **wheels,
             **self._range_pins(),
         )

@@ -1,12 +1,12 @@
 """The gyro of the simulated robot: what a real part measures of the true turn.
 
 On a flat floor the robot turns about the vertical alone. A gyro that is mounted askew measures the
-cosine of its tilt of that, which is one more error of its scale.
+cosine of its tilt of that, which is one more error of its scale. An axis across measures the sine.
 """
 
 from __future__ import annotations
 
-from math import cos, exp, sqrt
+from math import cos, exp, sin, sqrt
 from random import Random
 from typing import NamedTuple
 
@@ -45,12 +45,17 @@ class SimulatedGyro:
         self.angle = 0.0
         self._drift = rng.choice((-1.0, 1.0)) * truth.drift
         self._truth, self._rng = truth, rng
+        self._across_rng = Random("across")
         self._motion = _Motion(0, 0.0, 0.0, 0.0)
         self._rate = 0.0  # rad/s, the last one that was measured
         self._fault_start = round(truth.fault_start * SECOND)
 
-    def measure(self, now: int, chassis: Chassis) -> float:
-        """Add what it measures until `now` (ns); its mean rate since the last call, in rad/s."""
+    def measure(self, now: int, chassis: Chassis, projection: int = 1) -> float:
+        """Add what it measures until `now` (ns); its mean rate since the last call, in rad/s.
+
+        `projection` of the axis that is read: 1 along the one that points up, -1 against it, 0
+        across.
+        """
         before = self._motion
         span = (now - before.time) / SECOND
         if span <= 0.0:
@@ -59,9 +64,10 @@ class SimulatedGyro:
         speed = moved / span
         self._motion = _Motion(now, chassis.heading, chassis.travel, speed)
         if not self._is_faulty(now):
+            share = projection * self.scale if projection else sin(self._truth.tilt)
             aside, ahead = speed * turned / span, (speed - before.speed) / span
             self._rate = (
-                self.scale * turned / span
+                share * turned / span
                 + self.bias
                 + self._drift * (1.0 - exp(-now / SECOND / WARM_TIME_S))
                 + self._truth.acceleration_effect * (aside + ahead)
@@ -69,6 +75,12 @@ class SimulatedGyro:
             )
         self.angle += self._rate * span
         return self._rate
+
+    def across(self, span: float) -> float:
+        """A reading of an axis across that is level: its noise over `span` s, in rad/s."""
+        if self._is_faulty(self._motion.time):
+            return 0.0
+        return self._truth.noise / sqrt(span) * self._across_rng.gauss(0.0, 1.0)
 
     def put_down(self, heading: float) -> None:
         """The robot was put elsewhere, at `heading` (rad), without turning."""

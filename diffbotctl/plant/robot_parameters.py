@@ -60,6 +60,7 @@ class PlantParameters(NamedTuple):
     encoder_reversed: tuple[bool, bool] = (False, False)  # setting: two channels count down forward
     gyro_axis: int | None = None  # of the IMU, which is vertical: 0 x, 1 y, 2 z; None: no IMU
     gyro_reversed: bool = False  # that axis points down
+    gyro_projection: int = 1  # of the axis that the settings state as up, on the true one
 
 
 def board_kind(robot: Robot) -> BoardKind:
@@ -79,7 +80,7 @@ def plant_parameters(robot: Robot, nominal: Robot | None = None) -> PlantParamet
     board, battery, drive = robot.board, robot.battery, robot.drive
     left, right = drive.left, drive.right
     nominal = nominal or robot
-    built, built_imu = nominal.drive, nominal.imu
+    built, gyro_axes = nominal.drive, nominal.simulation.gyro.axes or nominal.imu.axes
     return PlantParameters(
         track=built.track,
         left_diameter=built.left.wheel.diameter,
@@ -108,13 +109,21 @@ def plant_parameters(robot: Robot, nominal: Robot | None = None) -> PlantParamet
         has_button=board.stop_button is not None,
         encoder_channels=built.left.encoder.channels,
         encoder_reversed=(left.encoder.reversed, right.encoder.reversed),
-        gyro_axis=None if built_imu.type is None else "xyz".index(built_imu.axes[-1]),
-        gyro_reversed=built_imu.axes.startswith("-"),
+        gyro_axis=None if nominal.imu.type is None else "xyz".index(gyro_axes[-1]),
+        gyro_reversed=gyro_axes.startswith("-"),
+        gyro_projection=_projection(robot.imu.axes, gyro_axes),
         channels=_assignment(
             *(side.motor.enable or side.motor.in1 for side in (left, built.left, built.right))
         ),
         sockets=_assignment(*(side.encoder.pin for side in (left, built.left, built.right))),
     )
+
+
+def _projection(axis: str, other: str) -> int:
+    """1 for the same axis of an IMU, -1 for the opposite one, 0 for one across."""
+    if axis[-1] != other[-1]:
+        return 0
+    return 1 if axis == other else -1
 
 
 def _bridge(nominal: Robot) -> BridgeModel:

@@ -434,7 +434,7 @@ class SimulatedRobot:
         if self.gyro is None or not self._model.has_speed_loop:
             return frame
         self._roll()
-        self.gyro.measure(frame.time, self.chassis)
+        self.gyro.measure(frame.time, self.chassis, self.parameters.gyro_projection)
         return frame._replace(turn=self.gyro.reported(), turn_fault=self.gyro.fault(frame.time))
 
     def _camera_pose(self, now: int) -> Odometry:

@@ -10,6 +10,9 @@ from collections.abc import Mapping
 from math import atan2, cos, inf, nan, pi, sin
 from typing import Any, NamedTuple
 
+from diffbotctl.estimation.imu_text import imu_text
+from diffbotctl.messages import Imu
+
 Fields = dict[str, Any]
 
 UNKNOWN_VARIANCE = 1e6  # of what a planar pose does not measure; zero would mean exact
@@ -146,7 +149,7 @@ class DiagnosticEntry(NamedTuple):
 def diagnostics(newest: Mapping[str, tuple[str, Fields]]) -> list[DiagnosticEntry]:
     """The statuses of the robot from the newest message of each wire, with its type."""
     makers = {"Stop": _stop_entry, "Link": _link_entry, "GoalState": _goal_entry}
-    makers |= {"Battery": _battery_entry}
+    makers |= {"Battery": _battery_entry, "Imu": _imu_entry}
     return [
         makers[kind](wire, message) for wire, (kind, message) in newest.items() if kind in makers
     ]
@@ -177,6 +180,13 @@ def _goal_entry(wire: str, message: Fields) -> DiagnosticEntry:
 def _battery_entry(wire: str, message: Fields) -> DiagnosticEntry:
     level, text = (WARN, "low") if message["low"] else (OK, "ok")
     return DiagnosticEntry(wire, level, text, {"volts": str(message["volts"])})
+
+
+def _imu_entry(wire: str, message: Fields) -> DiagnosticEntry:
+    imu = Imu(**message)
+    level = {"working": OK, "zeroing": WARN, "failed": ERROR}[imu.state]
+    values = {name: str(message[name]) for name in ("rate", "bias", "bias_sd", "calibrated")}
+    return DiagnosticEntry(wire, level, imu_text(imu), values)
 
 
 def number(value: float | str) -> float:

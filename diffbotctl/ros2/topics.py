@@ -17,7 +17,7 @@ from diffbotctl.time import SECOND
 
 WORLD, GROUND, BASE = "odom", "base_footprint", "base_link"
 LOG_WIRE = "log"
-DIAGNOSED = ("Stop", "Link", "GoalState", "Battery")
+DIAGNOSED = ("Stop", "Link", "GoalState", "Battery", "Imu")
 DIAGNOSTICS_PERIOD = SECOND
 
 Delivery = Literal["reliable", "best_effort", "latched"]

@@ -10,7 +10,8 @@ from rich.live import Live
 from rich.panel import Panel
 from rich.table import Table
 
-from diffbotctl.messages import Goal, GoalState, Link, Range, Text, Wheels
+from diffbotctl.estimation.imu_text import imu_text
+from diffbotctl.messages import Goal, GoalState, Imu, Link, Range, Text, Wheels
 from diffbotctl.processes.screen import RunSnapshot
 from diffbotctl.render.map_scene import Scene
 from diffbotctl.time import SECOND
@@ -19,7 +20,7 @@ from diffbotctl.ui.console import PrintableConsole
 from diffbotctl.ui.map.layers import draw_map, overview_camera
 from diffbotctl.ui.map.state import MapState
 
-FACTS_MAX_ROWS = 11
+FACTS_MAX_ROWS = 12
 MAP_MIN_ROWS = 5
 
 
@@ -49,7 +50,7 @@ def title_markup(scene: Scene) -> str:
 
 
 def facts_table(snapshot: RunSnapshot) -> Table:
-    """Pose, goal, wheels, range, link and stop as a table of two columns."""
+    """Pose, goal, wheels, IMU, range, link and stop as a table of two columns."""
     table = Table.grid(padding=(0, 1))
     table.add_column(style="bold", justify="right", no_wrap=True)
     table.add_column(overflow="ellipsis")
@@ -63,6 +64,8 @@ def facts_table(snapshot: RunSnapshot) -> Table:
         table.add_row("state", run_text.goal_state_text(state))
     if (wheels := run_text.newest_message(snapshot, Wheels)) is not None:
         table.add_row("wheels", run_text.wheel_speeds_text(wheels, odometry))
+    if (imu := run_text.newest_message(snapshot, Imu)) is not None:
+        table.add_row("imu", imu_text(imu))
     for wire, message in snapshot.messages.items():
         if isinstance(message, Text):
             table.add_row(wire, message.text)

@@ -7,10 +7,12 @@ from math import degrees, isfinite
 from typing import Any
 
 from diffbotctl.control_socket.protocol import Fields
+from diffbotctl.estimation.imu_text import imu_text
 from diffbotctl.messages import (
     Battery,
     Goal,
     GoalState,
+    Imu,
     Link,
     Odometry,
     Path,
@@ -150,6 +152,8 @@ def _facts(view: RunView) -> Iterator[Row]:
     yield from _goal_rows(view)
     if (wheels := run_text.newest_message(snapshot, Wheels)) is not None:
         yield "wheels", run_text.wheel_speeds_text(wheels, None), False
+    if (imu := run_text.newest_message(snapshot, Imu)) is not None:
+        yield "imu", imu_text(imu), imu.state != "working"
     for message in snapshot.messages.values():
         if isinstance(message, Range):
             yield "range", run_text.range_text(message), message.state == "fault"

@@ -1,5 +1,6 @@
-/* An MPU6050, as far as a gyro needs: its registers (register map, revision 4.2), and the bus unit of the
-   chip, since that of simavr 1.6 loses bytes of a master. */
+/* An MPU6050 at its two addresses, an LSM6DSO at its own, as far as a gyro needs: their registers (register
+   map of the MPU6050, revision 4.2; data sheet of the LSM6DSO, which has those of the LSM6DS3 here), and
+   the bus unit of the chip, since that of simavr 1.6 loses bytes of a master. */
 #include "gyro.h"
 
 #include <simavr/avr_ioport.h>
@@ -25,28 +26,75 @@ enum { CONFIG = 0x1B, XOUT = 0x43, POWER = 0x6B, IDENTITY = 0x75 };
 #define ASLEEP 0x40
 #define LSB_PER_DEGREE 131 /* at 250 deg/s; half of it at each larger scale */
 #define UNITS_PER_DEGREE 50
+/* The LSM6DSO. Without a rate its gyro is off. With BLOCKS both bytes of a reading are of one rate,
+   with INCREMENTS they are successive registers. */
+enum { LSM6_ADDRESS = 0x6A, LSM6_IDENTITY = 0x0F, RATE_AND_SCALE = 0x11, CONTROL = 0x12, LSM6_XOUT = 0x22 };
+enum { BLOCKS = 0x40, INCREMENTS = 0x04 };
+#define RATE_BITS 0xF0
+#define RANGE_245_MICRODEGREES 8750 /* of a bit; twice that at each larger scale */
+#define UNIT_MICRODEGREES 20000
 #define PULSES_TO_RELEASE 9 /* rest of a byte, and its acknowledge */
 #define BITS_OF_BYTE 9
+
+static bool is_lsm6(const gyro_t *gyro)
+{
+    return (gyro->board->options.gyro & ~1u) == LSM6_ADDRESS;
+}
 
 static void power_up(gyro_t *gyro)
 {
     memset(gyro->registers, 0, sizeof gyro->registers);
+    if (is_lsm6(gyro)) {
+        gyro->registers[LSM6_IDENTITY] = 0x6C;
+        gyro->registers[CONTROL] = INCREMENTS;
+        return;
+    }
     gyro->registers[POWER] = ASLEEP;
     gyro->registers[IDENTITY] = 0x68;
 }
 
-/* Registers of the rates hold the last values while the gyro sleeps or is stuck. */
-static void latch(gyro_t *gyro)
+static int16_t saturated(int raw)
 {
-    if (gyro->registers[POWER] & ASLEEP || gyro->fault == GYRO_STUCK)
+    return raw > INT16_MAX ? INT16_MAX : raw < INT16_MIN ? INT16_MIN : (int16_t)raw;
+}
+
+static void latch_mpu6050(gyro_t *gyro)
+{
+    if (gyro->registers[POWER] & ASLEEP)
         return;
     int scale = gyro->registers[CONFIG] >> 3 & 3;
     for (unsigned axis = 0; axis < 3; axis++) {
-        int raw = gyro->rates[axis] * LSB_PER_DEGREE / (1 << scale) / UNITS_PER_DEGREE;
-        raw = raw > INT16_MAX ? INT16_MAX : raw < INT16_MIN ? INT16_MIN : raw;
+        int16_t raw = saturated(gyro->rates[axis] * LSB_PER_DEGREE / (1 << scale) / UNITS_PER_DEGREE);
         gyro->registers[XOUT + 2 * axis] = (uint8_t)(raw >> 8);
         gyro->registers[XOUT + 2 * axis + 1] = (uint8_t)raw;
     }
+}
+
+/* Bytes that could be of two rates are as wrong as can be, so that a test shows them. */
+static void latch_lsm6(gyro_t *gyro)
+{
+    uint8_t control = gyro->registers[RATE_AND_SCALE];
+    if (!(control & RATE_BITS))
+        return;
+    int microdegrees = RANGE_245_MICRODEGREES << (control >> 2 & 3);
+    for (unsigned axis = 0; axis < 3; axis++) {
+        int16_t raw = saturated(gyro->rates[axis] * UNIT_MICRODEGREES / microdegrees);
+        if (!(gyro->registers[CONTROL] & BLOCKS))
+            raw ^= 0x80;
+        gyro->registers[LSM6_XOUT + 2 * axis] = (uint8_t)raw;
+        gyro->registers[LSM6_XOUT + 2 * axis + 1] = (uint8_t)(raw >> 8);
+    }
+}
+
+/* Registers of the rates hold the last values while the gyro is off or stuck. */
+static void latch(gyro_t *gyro)
+{
+    if (gyro->fault == GYRO_STUCK)
+        return;
+    if (is_lsm6(gyro))
+        latch_lsm6(gyro);
+    else
+        latch_mpu6050(gyro);
 }
 
 /* Status after a byte, or after the address. */
@@ -70,7 +118,8 @@ static uint8_t exchange(gyro_t *gyro, uint8_t control)
         return WRITTEN;
     default:
         *data = gyro->registers[gyro->pointer];
-        gyro->pointer = (gyro->pointer + 1) % GYRO_REGISTERS;
+        if (!is_lsm6(gyro) || gyro->registers[CONTROL] & INCREMENTS)
+            gyro->pointer = (gyro->pointer + 1) % GYRO_REGISTERS;
         return control & TWEA ? RECEIVED : RECEIVED_LAST;
     }
 }
@@ -189,7 +238,8 @@ void gyro_set(board_t *board, unsigned input, uint16_t value)
     gyro->pulses = 0;
     if (gyro->fault == GYRO_SUPPLY_DIP) {
         power_up(gyro);
-        gyro->registers[POWER] = 0; /* an MPU6500 does not sleep after it */
+        if (!is_lsm6(gyro))
+            gyro->registers[POWER] = 0; /* an MPU6500 does not sleep after it */
     }
     drive_data(gyro);
 }

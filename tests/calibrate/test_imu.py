@@ -4,8 +4,14 @@ from math import pi, radians
 
 import pytest
 
+from diffbotctl.calibrate.result import Finding
 from diffbotctl.calibrate.runner import make_step, open_session, run_step
-from diffbotctl.calibrate.steps.imu import measured_turn, refuse_faulty, refuse_wrong_axis
+from diffbotctl.calibrate.steps.imu import (
+    measured_turn,
+    no_axis_turns,
+    refuse_faulty,
+    refuse_wrong_axis,
+)
 from diffbotctl.config.load import load_robot
 from diffbotctl.errors import RunError
 from diffbotctl.messages import Encoders
@@ -18,8 +24,8 @@ format: 1
 kind: robot
 include: book_2wd
 board: {{telemetry: 30 Hz}}
-imu: {{type: {type}}}
-drive: {{polarity: checked_by_hand}}
+imu: {{type: {type}, axes: {axes}}}
+drive: {{polarity: {polarity}}}
 simulation: {{geometry: {{{geometry}}}, gyro: {{{gyro}}}}}
 calibration: {{}}
 """
@@ -32,7 +38,8 @@ geometry: {measure: tape, noise: 1 mm}
 @pytest.fixture
 def opened(tmp_path):
     def open_one(port="sim", seed=1, **values):
-        values = {"type": "mpu6050", "geometry": "", "gyro": ""} | values
+        usual = {"type": "mpu6050", "axes": "z", "polarity": "checked_by_hand"}
+        values = usual | {"geometry": "", "gyro": ""} | values
         robot, answers = tmp_path / "robot.yaml", tmp_path / "answers.yaml"
         robot.write_text(ROBOT.format(**values))
         answers.write_text(ANSWERS)
@@ -72,6 +79,51 @@ def test_turns_give_the_scale_to_0_3_percent(opened, port, seed, turns):
     assert session.file.robot.imu.scale == pytest.approx(value.found, rel=1e-5)
 
 
+@pytest.mark.parametrize(
+    ("port", "type", "stated", "true", "turns"),
+    [
+        ("sim", "mpu6050", "z", "-z", 4),  # upside down
+        ("sim", "mpu6050", "z", "-x", 4),
+        ("sim", "mpu6050", "-y", "z", 4),
+        ("emulated", "mpu6050", "z", "-y", 3),
+        ("emulated", "lsm6dso", "-x", "x", 3),
+    ],
+)
+def test_a_wrong_axis_is_found_and_the_scale_with_it(opened, port, type, stated, true, turns):
+    session, prompter, tools = opened(port, type=type, axes=stated, gyro=f"axes: {true}")
+    with session:
+        outcome = run_step(make_step("imu", turns=turns), session, prompter, SilentScreen())
+    assert outcome.findings[0] == Finding("imu.axes", true)
+    assert session.file.robot.imu.axes == true
+    assert outcome.report[0] == f"axes of the IMU: {stated} before, {true} now"
+    (scale,) = tools.compare(outcome.findings)
+    assert scale.found == pytest.approx(scale.true, rel=0.005)
+
+
+def test_the_right_axis_is_not_written_again(opened):
+    session, prompter, _ = opened(axes="-x")
+    with session:
+        outcome = run_step(make_step("imu", turns=3), session, prompter, SilentScreen())
+    assert [finding.field for finding in outcome.findings] == ["imu.scale"]
+    assert outcome.report[0] == "axes of the IMU: -x, as stated"
+
+
+def test_a_sign_proves_nothing_while_motors_may_be_exchanged(opened):
+    """The wheels may turn the robot to the right instead; the file keeps its axis."""
+    session, prompter, _ = opened(gyro="axes: -z", polarity="unproven")
+    with session:
+        with pytest.raises(RunError, match="wrong sign") as error:
+            run_step(make_step("imu", turns=3), session, prompter, SilentScreen())
+        assert "axes: -z" in error.value.problems[0].fix
+        session.stop_and_wait()
+    assert session.file.robot.imu.axes == "z"
+
+
+def test_a_gyro_of_which_no_axis_turns_is_refused():
+    problem = no_axis_turns(2 * pi).problems[0]
+    assert "360 deg" in problem.cause and "less than 180 deg" in problem.cause
+
+
 def test_a_robot_without_an_imu_does_not_move(opened):
     session, prompter, tools = opened(type="none")
     with session:
@@ -101,7 +153,7 @@ def test_a_board_that_reports_no_turn_is_refused():
     [
         (-20 * pi, 20 * pi, "z", "axes: -z"),
         (20 * pi, -20 * pi, "-x", "axes: x"),
-        (radians(30.0), 20 * pi, "y", "points up"),
+        (radians(30.0), 20 * pi, "y", "its wheels slip"),
     ],
 )
 def test_a_wrong_axis_is_named(measured, commanded, axes, fix):

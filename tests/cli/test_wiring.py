@@ -9,7 +9,7 @@ from rich.console import Console
 from diffbotctl.cli import wiring
 from diffbotctl.config import lookup
 from diffbotctl.config.board_pins import BOARDS
-from diffbotctl.config.harness import BOARD, RADIO, harness, notes
+from diffbotctl.config.harness import BOARD, IMU, RADIO, harness, notes
 from diffbotctl.config.load import load_robot
 from diffbotctl.errors import UserError
 from diffbotctl.render.wiring_svg import BOXES, PAINTS, wiring_svg
@@ -346,3 +346,35 @@ def test_the_svg_is_written(tmp_path):
 def test_the_columns_of_the_drawing_do_not_touch():
     edges = [edge for box in BOXES for edge in box]
     assert edges == sorted(set(edges))
+
+
+@pytest.mark.parametrize(
+    ("imu", "wires"),
+    [
+        ("{type: mpu6050}", {("5V", "VCC"), ("GND", "GND"), ("20", "SDA"), ("21", "SCL")}),
+        (
+            "{type: mpu6050, address: 105}",
+            {("5V", "VCC"), ("GND", "GND"), ("20", "SDA"), ("21", "SCL"), ("3.3V", "AD0")},
+        ),
+        (
+            "{type: lsm6dso}",
+            {("5V", "VIN"), ("GND", "GND"), ("20", "SDA"), ("21", "SCL"), ("GND", "SA0")},
+        ),
+        (
+            "{type: lsm6ds3, address: 107}",
+            {("5V", "VIN"), ("GND", "GND"), ("20", "SDA"), ("21", "SCL"), ("3.3V", "SA0")},
+        ),
+    ],
+)
+def test_the_wires_of_an_imu(tmp_path, imu, wires):
+    """Modules with an LSM6 differ in the level of SA0, so it is always wired."""
+    file = tmp_path / "robot.yaml"
+    text = "format: 1\nkind: robot\ninclude: book_2wd\nboard: {telemetry: 35 Hz}\n"
+    file.write_text(f"{text}imu: {imu}\n")
+    ends = [(wire.start, wire.end) for wire in harness(load_robot(str(file)).robot).wires]
+    found = set()
+    for pair in ends:
+        pins = dict(pair)
+        if IMU in pins and BOARD in pins:
+            found.add((pins[BOARD], pins[IMU]))
+    assert found == wires

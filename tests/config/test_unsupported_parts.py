@@ -32,6 +32,9 @@ def problems(folder, line):
             "driver: lidar",
         ),
         ("sensors: {front: {type: sharp_gp2y0a41}}", "allowed values", "did you mean sharp"),
+        ("imu: {type: GY-521}", "the gyro of a GY-521 is that of an MPU6050", "write mpu6050"),
+        ("imu: {type: lsm6ds33}", "that of an LSM6DS3", "write lsm6ds3"),
+        ("imu: {type: BNO055}", "other registers", "lsm6dso"),
         ("board: {type: mega}", "allowed values", "did you mean mega2560?"),
     ],
 )

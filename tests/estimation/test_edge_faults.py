@@ -64,7 +64,7 @@ def drive(seed: int, missed: float):
             robot.advance(now)
             for port, message in robot.deliver():
                 if port == "encoders":
-                    pose = odometry.react(message.time, message)
+                    pose, _ = odometry.react(message.time, message)
     truth = robot.truth().pose
     return pose, degrees(pose.heading - truth.heading), hypot(pose.x - truth.x, pose.y - truth.y)
 

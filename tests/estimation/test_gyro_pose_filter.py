@@ -31,12 +31,13 @@ class Wheel:
     speed: float = 0.4
 
 
-def drive(pose, steps, left=0.01, right=0.01, angle=0.0, start=0):
+def drive(pose, steps, left=0.01, right=0.01, angle=0.0, start=0, is_driven=True):
     wheels = Wheel(left), Wheel(right)
     for number in range(steps):
         pose.step = TurnStep(angle, 1e-10, 0.025)
         pose.move(0, *wheels)
         pose.remember((start + number) * FRAME)
+        pose.compare_turns(is_driven)
     return wheels
 
 
@@ -109,3 +110,59 @@ def test_wheels_that_slip_are_noticed_and_others_not():
     assert pose.slipped_turn(*wheels) == 0.0
     wheels = drive(pose, 40, -0.01, 0.01, angle=0.0, start=40)
     assert pose.slipped_turn(*wheels) == pytest.approx(20 * 0.02 / TRACK, rel=0.1)
+
+
+TURN = 0.02 / TRACK  # of the wheels in a frame, 9.2 deg
+
+
+def test_a_gyro_with_the_wrong_sign_is_noticed_within_20_deg_and_taken_back():
+    """Three frames of 9.2 deg; the heading is that of the wheels afterwards."""
+    pose = GyroPoseFilter(TRACK, SLIP, (), 0.003)
+    drive(pose, 100)
+    drive(pose, 2, -0.01, 0.01, angle=-TURN, start=100)
+    assert pose.mounting == "unknown"
+    wheels = drive(pose, 1, -0.01, 0.01, angle=-TURN, start=102)
+    assert pose.mounting == "opposed"
+    pose.lose_gyro()
+    assert pose.heading == pytest.approx(3 * TURN)
+    by_wheels = sqrt(2 * 9e-6) / TRACK
+    expected = hypot(FAILURE_HEADING_SD, by_wheels)
+    assert sd(pose.message(0, *wheels), 5) == pytest.approx(expected, rel=0.01)
+
+
+def test_an_axis_across_is_noticed_within_60_deg_and_the_heading_is_unknown():
+    """Seven frames of 9.2 deg: the wheels may have slipped, so half of it is the sd."""
+    pose = GyroPoseFilter(TRACK, SLIP, (), 0.003)
+    drive(pose, 100)
+    drive(pose, 6, -0.01, 0.01, angle=0.2 * TURN, start=100)
+    assert pose.mounting == "unknown"
+    wheels = drive(pose, 1, -0.01, 0.01, angle=0.2 * TURN, start=106)
+    assert pose.mounting == "across"
+    pose.lose_gyro()
+    assert pose.heading == pytest.approx(7 * TURN)
+    assert sd(pose.message(0, *wheels), 5) >= 0.5 * 7 * 0.8 * TURN
+
+
+@pytest.mark.parametrize(
+    ("frames", "turn", "angle", "is_driven"),
+    [
+        (6, TURN, 0.0, True),  # wheels that slip a little
+        (100, 0.0, -TURN, True),  # a robot that is turned by hand, and drives straight
+        (100, TURN, -TURN, False),  # one that rolls as a hand turns it: its counts have no sign
+        (200, 0.01 * TURN, -0.01 * TURN, True),  # 18 deg in 5 s
+    ],
+)
+def test_what_proves_no_wrong_axis(frames, turn, angle, is_driven):
+    pose = GyroPoseFilter(TRACK, SLIP, (), 0.003)
+    half = 0.5 * turn * TRACK
+    drive(pose, frames, 0.01 - half, 0.01 + half, angle=angle, is_driven=is_driven)
+    assert pose.mounting == "unknown"
+
+
+@pytest.mark.parametrize("later", [-TURN, 0.0])
+def test_an_axis_that_was_right_once_stays_so(later):
+    """A robot that is pushed around later turns against its wheels, or not with them."""
+    pose = GyroPoseFilter(TRACK, SLIP, (), 0.003)
+    drive(pose, 10, -0.01, 0.01, angle=0.9 * TURN)
+    drive(pose, 100, -0.01, 0.01, angle=later, start=10)
+    assert pose.mounting == "right"

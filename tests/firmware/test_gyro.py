@@ -14,8 +14,10 @@ from diffbotctl.testing import firmware_parts
 from diffbotctl.testing.board_bench import BOOK, RADIO, UNO, BoardBench, speed
 from diffbotctl.time import MILLISECOND as MS
 
+MPU6050, LSM6 = GyroInput(0x68), GyroInput(0x6A, is_lsm6=True)
+CHIPS = pytest.mark.parametrize("gyro", [MPU6050, LSM6], ids=["mpu6050", "lsm6"])
 SETTINGS = {
-    name: replace(settings, telemetry=30, gyro=GyroInput(0x68))
+    name: replace(settings, telemetry=30, gyro=MPU6050)
     for name, settings in (("mega2560", BOOK), ("uno", UNO))
 }
 BOTH = pytest.mark.parametrize("board", SETTINGS)
@@ -45,9 +47,9 @@ class GyroBench(BoardBench):
         self.turn_at(0.0, 500)
 
 
-def degrees(before, after):
+def degrees(before, after, gyro=MPU6050):
     units = (after.turn - before.turn + 0x8000) % 0x10000 - 0x8000
-    return units * frames.TURN_NANODEGREES * 1e-9
+    return gyro.true_turn * units * frames.TURN_NANODEGREES * 1e-9
 
 
 def last_flags(bench):
@@ -59,21 +61,43 @@ def last_flags(bench):
 
 
 @BOTH
+@CHIPS
 @pytest.mark.parametrize("axis", [0, 1, 2])
-def test_the_turn_is_a_running_sum(board, axis):
+def test_the_turn_is_a_running_sum(board, gyro, axis):
     """270 deg at 180 deg/s, from the frames before and after alone: those between may be lost."""
-    settings = replace(SETTINGS[board], gyro=GyroInput(0x68, axis))
+    settings = replace(SETTINGS[board], gyro=gyro._replace(axis=axis))
     with GyroBench(settings, axis) as bench:
         bench.start()
         before = bench.inertial()
         bench.turn_at(180.0, 1500)
         bench.turn_at(0.0, 100)
         after = bench.inertial()
-    assert degrees(before, after) == pytest.approx(270.0, abs=0.2)
+    assert degrees(before, after, gyro) == pytest.approx(270.0, abs=0.2)
     assert after.turn_fault == 0
 
 
 @BOTH
+def test_an_lsm6_at_its_second_address_turns_backwards_too(board):
+    with GyroBench(replace(SETTINGS[board], gyro=LSM6._replace(address=0x6B))) as bench:
+        bench.start()
+        before = bench.inertial()
+        bench.turn_at(-400.0, 500)
+        bench.turn_at(0.0, 100)
+        assert degrees(before, bench.inertial(), LSM6) == pytest.approx(-200.0, abs=0.2)
+
+
+@BOTH
+@pytest.mark.parametrize("gyro", [MPU6050._replace(address=0x6A), LSM6._replace(address=0x68)])
+def test_another_chip_at_the_address_counts_as_none(board, gyro):
+    """Its registers do not keep the full scale."""
+    with GyroBench(replace(SETTINGS[board], gyro=gyro)) as bench:
+        bench.turn_at(0.0, 30)
+        bench.ready()
+        assert all(each.frame.turn_fault for each in bench.turn_at(0.0, 1000))
+
+
+@BOTH
+@CHIPS
 @pytest.mark.parametrize(
     ("fault", "flag"),
     [
@@ -82,9 +106,9 @@ def test_the_turn_is_a_running_sum(board, axis):
         (Fault.STUCK, frames.FLAG_GYRO_STUCK),
     ],
 )
-def test_a_failure_under_way_is_reported_within_half_a_second(board, fault, flag):
+def test_a_failure_under_way_is_reported_within_half_a_second(board, gyro, fault, flag):
     """And over: the gyro is trusted again after 300 ms without a fault."""
-    with GyroBench(SETTINGS[board]) as bench:
+    with GyroBench(replace(SETTINGS[board], gyro=gyro)) as bench:
         bench.start()
         began = bench.now
         heard = bench.turn_at(20.0, 700, fault)
@@ -106,24 +130,27 @@ def test_a_gyro_that_is_dead_at_the_start_is_never_trusted(board, fault):
 
 
 @BOTH
-def test_a_turn_beyond_the_full_scale_is_reported(board):
-    with GyroBench(SETTINGS[board]) as bench:
+@pytest.mark.parametrize(("gyro", "beyond"), [(MPU6050, 520.0), (LSM6, 580.0)])
+def test_a_turn_beyond_the_full_scale_is_reported(board, gyro, beyond):
+    """An LSM6 measures up to 573 deg/s before its numbers end."""
+    with GyroBench(replace(SETTINGS[board], gyro=gyro)) as bench:
         bench.start()
         assert not bench.turn_at(480.0, 300)[-1].frame.turn_fault
-        assert bench.turn_at(520.0, 300)[-1].frame.turn_fault
+        assert bench.turn_at(beyond, 300)[-1].frame.turn_fault
         assert last_flags(bench) & frames.FLAG_GYRO_RANGE
 
 
 @BOTH
-def test_a_gyro_that_lost_its_settings_gets_them_again(board):
-    """An MPU6500 after a dip of its supply measures at twice the rate, without a sign of it."""
-    with GyroBench(SETTINGS[board]) as bench:
+@CHIPS
+def test_a_gyro_that_lost_its_settings_gets_them_again(board, gyro):
+    """After a dip of its supply an MPU6500 measures at twice the rate, an LSM6 not at all."""
+    with GyroBench(replace(SETTINGS[board], gyro=gyro)) as bench:
         bench.start()
         before = bench.inertial()
         bench.turn_at(90.0, 1000)
         bench.turn_at(90.0, 1000, Fault.SUPPLY_DIP)
         bench.turn_at(0.0, 100, Fault.SUPPLY_DIP)
-        assert degrees(before, bench.inertial()) == pytest.approx(180.0, abs=2.0)
+        assert degrees(before, bench.inertial(), gyro) == pytest.approx(180.0, abs=2.0)
 
 
 @BOTH
@@ -181,7 +208,8 @@ def test_30_frames_a_second_at_9600_baud_beside_two_distance_sensors(board):
         ("mega2560", {"button": 21}, "PIN_TWICE", "gyro_address"),
         ("uno", {"button": 18}, "PIN_TWICE", "gyro_address"),
         ("uno", {"battery_channel": 5}, "PIN_TWICE", "gyro_address"),
-        ("mega2560", {"gyro": GyroInput(0x68, 3)}, "RANGE", "gyro_address"),
+        ("mega2560", {"gyro": GyroInput(0x68, 6)}, "RANGE", "gyro_address"),
+        ("mega2560", {"gyro": GyroInput(0x6A, 3, is_lsm6=True)}, "RANGE", "gyro_address"),
         ("mega2560", {}, "NONE", "baud"),
         ("uno", {}, "NONE", "baud"),
     ],

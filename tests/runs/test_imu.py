@@ -1,11 +1,13 @@
 """A robot with an IMU, simulated and emulated: its heading, and goals with a gyro that fails."""
 
+from itertools import pairwise
 from math import degrees, hypot, sqrt
 
 import pytest
 
 from diffbotctl.config.load import check, load
 from diffbotctl.drivers.goal_queue import Operator
+from diffbotctl.estimation.gyro_turn import BIAS_MAX, BIAS_SD_MAX
 from diffbotctl.links import link_protocol
 from diffbotctl.links.diffbot_codec import WIRE_BYTES
 from diffbotctl.links.diffbot_frames import InertialFrame
@@ -19,34 +21,50 @@ format: 1
 kind: robot
 include: {include}
 board: {{telemetry: 30 Hz}}
-imu: {{type: mpu6050, axes: {axes}}}
+imu: {{type: {type}, axes: {axes}}}
 drive: {{polarity: checked_by_hand}}
-simulation: {{gyro: {{scale_spread: 0, tilt: 0 rad, fault: {fault}, fault_start: {start} s}}}}
+simulation:
+  gyro: {{scale_spread: 0, tilt: 0 rad, fault: {fault}, fault_start: {start} s, axes: {true}}}
 calibration: {{imu.scale: {{value: 1.0, sd: 0.003}}}}
 """
 UNO = "diffbotctl/testing/uno.yaml"
 GOAL = Goal(0, 1, 0.6, 0.3, 1.0)
+ASIDE = Goal(0, 1, 0.0, 0.5)  # behind a turn of 90 deg
 FAULTS = ("silent", "bus_held", "stuck")
 
 
 class RunWithPoses(Run):
-    """A run that keeps the poses of its odometry."""
+    """A run that keeps the poses of its odometry, and the states of its IMU."""
 
     def _sinks(self):
-        self.poses = []
+        self.poses, self.imus = [], []
         sinks = super()._sinks()
         sinks["odometry.odometry"].append(lambda now, pose: self.poses.append(pose))
+        sinks["odometry.imu"].append(lambda now, imu: self.imus.append(imu))
         return sinks
 
 
 @pytest.fixture
 def drive(tmp_path, request):
-    def go(port, *, fault="plain", start=0.0, include="book_2wd", axes="z", seed=1):
+    def go(
+        port,
+        *,
+        fault="plain",
+        start=0.0,
+        include="book_2wd",
+        axes="z",
+        seed=1,
+        type="mpu6050",
+        true="none",
+        goal=GOAL,
+    ):
         file = tmp_path / "robot.yaml"
         if include == UNO:
             include = str(request.config.rootpath / UNO)
-        file.write_text(ROBOT.format(include=include, axes=axes, fault=fault, start=start))
-        options = RunOptions(port=port, goals=(GOAL,), seed=seed, fast=True, duration=60 * SECOND)
+        values = {"include": include, "axes": axes, "fault": fault, "start": start, "type": type}
+        values["true"] = true
+        file.write_text(ROBOT.format(**values))
+        options = RunOptions(port=port, goals=(goal,), seed=seed, fast=True, duration=60 * SECOND)
         run = RunWithPoses(load("goal", str(file)), options, tell=lambda _: None)
         return run, run.go()
 
@@ -54,17 +72,19 @@ def drive(tmp_path, request):
 
 
 @pytest.mark.parametrize(
-    ("port", "include", "axes"),
+    ("port", "include", "axes", "type"),
     [
-        ("sim", "book_2wd", "z"),
-        ("emulated", "book_2wd", "z"),
-        ("emulated", "book_2wd", "-x"),
-        ("emulated", UNO, "z"),
+        ("sim", "book_2wd", "z", "mpu6050"),
+        ("emulated", "book_2wd", "z", "mpu6050"),
+        ("emulated", "book_2wd", "-x", "mpu9250"),
+        ("emulated", "book_2wd", "-y", "lsm6dso"),
+        ("emulated", UNO, "z", "mpu6050"),
+        ("emulated", UNO, "z", "lsm6ds3"),
     ],
 )
-def test_the_heading_is_the_gyro_s(drive, port, include, axes):
+def test_the_heading_is_the_gyro_s(drive, port, include, axes, type):
     """Known, and true, to a fifth of what 20 slots give: their sd is 3 deg."""
-    run, result = drive(port, include=include, axes=axes)
+    run, result = drive(port, include=include, axes=axes, type=type)
     assert result.ending.code == 0, result.ending.cause
     pose, true = run.poses[-1], result.truth.pose
     assert sqrt(pose.covariance[5]) < 0.012
@@ -76,6 +96,20 @@ def test_nothing_moves_before_the_bias_was_measured(drive):
     run, _ = drive("sim")
     assert run.poses[0].time > SECOND
     assert run.poses[0][1:4] == (0.0, 0.0, 0.0)
+
+
+def test_the_state_of_the_imu_has_its_rate_and_its_bias(drive):
+    """The rates add up to the turn; the bias has the sd that odometry requires at first."""
+    run, result = drive("sim")
+    states = [imu.state for imu in run.imus]
+    first = states.index("working")
+    assert states == ["zeroing"] * first + ["working"] * (len(states) - first)
+    assert {imu.rate for imu in run.imus[:first]} == {0.0}
+    turn = sum(imu.rate * (imu.time - before.time) / SECOND for before, imu in pairwise(run.imus))
+    assert turn == pytest.approx(result.truth.pose.heading, abs=0.02)
+    last = run.imus[-1]
+    assert 0.0 < run.imus[first].bias_sd <= BIAS_SD_MAX and abs(last.bias) < BIAS_MAX
+    assert last.calibrated and last.cause == ""
 
 
 @pytest.mark.parametrize("fault", FAULTS)
@@ -101,11 +135,32 @@ def test_a_gyro_that_fails_under_way_leaves_no_goal_sure(drive, port, include, f
     run, result = drive(port, include=include, fault=fault, start=3.0)
     assert result.ending.code == 3, result.ending.cause
     assert "IMU" in result.ending.cause
+    assert [imu.state for imu in run.imus[-2:]] == ["failed"] * 2
+    assert run.imus[-1].cause in result.ending.cause
     widened = next(pose.time for pose in run.poses if pose.warning)
     assert widened - 3 * SECOND <= SECOND // 2
     at_once = next(pose for pose in run.poses if pose.time == widened)
     assert sqrt(at_once.covariance[5]) >= 0.05
     assert result.ending.stopped
+
+
+@pytest.mark.parametrize("port", ["sim", "emulated"])
+@pytest.mark.parametrize(
+    ("true", "goal", "cause"), [("-z", GOAL, "wrong sign"), ("x", ASIDE, "nearly nothing")]
+)
+def test_an_imu_that_is_mounted_wrongly_is_noticed_in_the_first_turn(
+    drive, port, true, goal, cause
+):
+    """Nothing shows it at rest. The goal is reached by the wheels, and is not sure."""
+    run, result = drive(port, true=true, goal=goal)
+    assert result.ending.code == 3, result.ending.cause
+    assert cause in result.ending.cause
+    first = next(pose for pose in run.poses if cause in pose.warning)
+    assert abs(degrees(first.heading)) < 110.0
+    assert {imu.state for imu in run.imus if imu.time >= first.time} == {"failed"}
+    pose, end = run.poses[-1], result.truth.pose
+    assert abs(degrees(pose.heading - end.heading)) < 10.0
+    assert hypot(pose.x - end.x, pose.y - end.y) < 0.1
 
 
 def test_between_two_goals_the_robot_rests():
@@ -136,7 +191,8 @@ def test_an_imu_and_two_distance_sensors_have_30_hz_at_9600_baud(tmp_path):
     """The check computes what fits, and 30 Hz do."""
     file = tmp_path / "robot.yaml"
     sensors = "sensors: {side: {type: hc_sr04, trigger: 24, echo: 50, at: {heading: 90 deg}}}\n"
-    text = ROBOT.format(include="book_2wd", axes="z", fault="plain", start=0) + sensors
+    values = {"include": "book_2wd", "axes": "z", "fault": "plain", "start": 0, "true": "none"}
+    text = ROBOT.format(type="mpu6050", **values) + sensors
     file.write_text(text)
     assert not [problem for problem in check(str(file)) if "LINK" in problem.code]
     file.write_text(text.replace("30 Hz", "40 Hz"))

@@ -85,6 +85,7 @@ def _dead_reckoned_heading(robot: Robot, frames: Sequence[Encoders]) -> float:
     block.reset()
     pose = None
     for frame in frames:
-        pose = block.react(frame.time, frame) or pose
+        reaction = block.react(frame.time, frame)
+        pose = (reaction and reaction[0]) or pose
     assert pose is not None
     return pose.heading

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import chain, islice
 from math import degrees, isfinite, pi, remainder
+from textwrap import wrap
 from typing import Any, Literal, get_args
 
 from rich.console import Group, RenderableType
@@ -12,7 +13,8 @@ from rich.table import Table
 from rich.text import Text
 
 from diffbotctl import messages
-from diffbotctl.messages import Battery, Duty, Goal, GoalState, Link, Range, Wheels
+from diffbotctl.estimation.imu_text import imu_lines
+from diffbotctl.messages import Battery, Duty, Goal, GoalState, Imu, Link, Range, Wheels
 from diffbotctl.time import SECOND
 from diffbotctl.ui.dash.state import RunView
 from diffbotctl.ui.plot.plots import render_chart
@@ -30,6 +32,7 @@ PanelName = Literal["map", "plots", "parameters", "blocks", "log", "help"]
 PANELS: tuple[PanelName, ...] = get_args(PanelName)[:-1]  # in the order of their keys
 STOP_STYLE = "bold white on red"
 PLOT_SPAN_S = 30.0
+IMU_ROWS = 4  # at most for why it has failed; `why` has all of it
 NAME_WIDTH = 6  # characters of the names of the facts
 HELP_LINE = "1-5 views  g goal  p plot  f follow  [ ] zoom  t keys  b latch  r resume  ? help"
 HELP = (
@@ -55,7 +58,7 @@ Row = tuple[str, str | Text]
 
 
 def facts_panel(view: RunView, width: int, plain: bool = False) -> Table:
-    """Pose, goal, wheels, range, battery, link and stop, in `width` characters."""
+    """Pose, goal, wheels, IMU, range, battery, link and stop, in `width` characters."""
     value_width = width - NAME_WIDTH - 1
     table = Table.grid(padding=(0, 1))
     table.add_column(style="bold", no_wrap=True, width=NAME_WIDTH)
@@ -64,6 +67,7 @@ def facts_panel(view: RunView, width: int, plain: bool = False) -> Table:
         _pose(view),
         _goal(view),
         _wheels(view, value_width, plain),
+        _imu(view, value_width),
         _ranges(view, value_width, plain),
         _battery(view),
         _link(view),
@@ -130,6 +134,17 @@ def _wheels(view: RunView, width: int, plain: bool) -> Iterator[Row]:
         if odometry is not None and isinstance(commanded, Wheels):
             speed = odometry.linear + sign * odometry.angular * robot.track / 2
             yield "", bar(speed / (diameter / 2), maximum, "cyan")
+
+
+def _imu(view: RunView, width: int) -> Iterator[Row]:
+    imu = newest_message(view.snapshot, Imu)
+    if imu is None:
+        return
+    style = {"failed": "red", "zeroing": "yellow", "working": ""}[imu.state]
+    lines = (wrap(line, width, max_lines=IMU_ROWS, placeholder="...") for line in imu_lines(imu))
+    parts = list(chain.from_iterable(lines))
+    for number, part in enumerate(parts):
+        yield "" if number else "imu", Text(part, style)
 
 
 def _ranges(view: RunView, width: int, plain: bool) -> Iterator[Row]:
