@@ -11,7 +11,7 @@ import pytest
 from diffbotctl.testing.running import PlainClient, command, moves, running
 from diffbotctl.testing.terminal import Terminal
 
-SIZES = [(80, 24), (120, 40), (200, 60)]
+SIZES = [(60, 20), (80, 24), (120, 40), (200, 60)]
 
 
 @pytest.fixture
@@ -92,6 +92,18 @@ def test_a_click_sets_a_goal_and_the_robot_arrives(engine, tmp_path, columns, li
         terminal.until(lambda text: "reached" in text, "the arrival")
         pose = client.request("describe_topic", topic="odometry")["last"]
         assert abs(pose["x"] - goal["x"]) < 0.02 and abs(pose["y"] - goal["y"]) < 0.02
+
+
+def test_attached_late_it_shows_the_way_and_the_numbers_before(engine, tmp_path):
+    """The robot drove 0.3 m, and stands since before this screen."""
+    with dash(tmp_path) as terminal:
+        column, row = robot_at(terminal)
+        behind = terminal.screen.display[row][: column - 6]  # beyond the outline
+        assert sum("\u2800" < sign < "\u28ff" for sign in behind) > 5, terminal.text
+        terminal.type("2")
+        seen = terminal.until(lambda text: "gate.wheels.left 0 rad/s" in text, "the plots")
+        terminal.until(lambda text: re.search(r"^ +[2-9](\.0)? │", text, re.M), "the speeds before")
+        assert re.search(r"^ +(\d+ +)+\d+ s *$", seen, re.M), "the time axis"
 
 
 def test_a_drag_sets_the_heading_and_the_wheel_zooms(engine, tmp_path):
