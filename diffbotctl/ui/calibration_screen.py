@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from math import hypot
 from typing import TYPE_CHECKING
 
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from diffbotctl.calibrate.step import CurvePlot
 from diffbotctl.ui.console import PrintableConsole
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from diffbotctl.calibrate.geometry_fit import GeometryFit
     from diffbotctl.calibrate.simulated_truth import ComparedValue
     from diffbotctl.calibrate.step import CurvePlot, ScatterPlot, StepProgress
+
+SPEED_ESTIMATE_S = 600.0  # of the past from which the time left is estimated: some drives
 
 
 class CalibrationScreen:
@@ -36,8 +38,19 @@ class CalibrationScreen:
         if not self.console.is_terminal:
             return
         if self.bar is None:
-            columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-            self.bar = Progress(*columns, console=self.console, transient=True)
+            columns = (
+                TextColumn("{task.description}"),
+                BarColumn(),
+                TimeElapsedColumn(),
+                TimeRemainingColumn(),
+                TextColumn("left"),
+            )
+            self.bar = Progress(
+                *columns,
+                console=self.console,
+                transient=True,
+                speed_estimate_period=SPEED_ESTIMATE_S,
+            )
             self.bar.start()
             self.bar.add_task(progress.what, total=progress.total)
         self.bar.update(
