@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import click
 from click.shell_completion import CompletionItem, get_completion_class
 
 from diffbotctl.cli import COMPLETING
+from diffbotctl.printable import keep_lines
 
 PORTS = ("sim", "emulated", "auto")
 
@@ -26,6 +28,7 @@ def command(ctx: click.Context, shell: str) -> None:
     """
     kind = get_completion_class(shell)
     assert kind is not None
+    keep_lines(sys.stdout)
     click.echo(kind(ctx.find_root().command, {}, "diffbotctl", COMPLETING).source())
 
 

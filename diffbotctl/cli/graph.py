@@ -78,8 +78,16 @@ def command(
 
 
 def _print_tree(title: str, wires: list[Wire], graph: Graph) -> None:
+    from shutil import get_terminal_size
+
+    from diffbotctl.errors import WIDTH
     from diffbotctl.ui.console import PrintableConsole
 
+    if get_terminal_size((WIDTH, 24)).columns < WIDTH:  # the branches of the tree would be broken
+        click.echo(title)
+        for wire in wires:
+            click.echo(f"  {wire.source}.{wire.output} -> {wire.target}.{wire.port}")
+        return
     PrintableConsole(soft_wrap=True, highlight=False).print(wire_tree(title, wires, graph))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from io import TextIOWrapper
@@ -10,6 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+
+from diffbotctl.printable import keep_lines
 
 if TYPE_CHECKING:
     from diffbotctl.config.configuration import RobotFile
@@ -114,7 +117,8 @@ def write_output(
 
 
 def print_json(record: object) -> None:
-    """One JSON object on a line, flushed."""
+    """One JSON object on a line, whole on every terminal, flushed."""
+    keep_lines(sys.stdout)
     print(json.dumps(record), flush=True)
 
 

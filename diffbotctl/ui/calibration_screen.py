@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from diffbotctl.calibrate.step import CurvePlot
+from diffbotctl.errors import WIDTH
 from diffbotctl.ui.console import PrintableConsole
 from diffbotctl.ui.plot.plots import render_curve, render_scatter
 from diffbotctl.ui.text import fold_text
@@ -31,7 +32,8 @@ class CalibrationScreen:
     def say(self, text: str) -> None:
         """Print a line; the bar is removed."""
         self.rest()
-        self.console.print(fold_text(text), markup=False, soft_wrap=True)
+        folded = fold_text(text, width=min(WIDTH, self.console.width))
+        self.console.print(folded, markup=False, soft_wrap=True)
 
     def progress(self, progress: StepProgress) -> None:
         """Show a bar."""
