@@ -8,6 +8,7 @@ import termios
 
 import pytest
 
+from diffbotctl.config.saved_view import read_view
 from diffbotctl.testing.running import PlainClient, command, moves, running
 from diffbotctl.testing.terminal import Terminal
 
@@ -51,6 +52,21 @@ def scale(text):
     """The length of the scale bar, in m."""
     found = re.search(r"┤ ([\d.]+) m", text)
     return float(found[1]) if found else None
+
+
+def bar(text):
+    """The scale bar with its length."""
+    found = re.search(r"├─+┤ [\d.]+ m", text)
+    return found[0] if found else None
+
+
+def write(terminal, name):
+    """Replace the name of a file in the prompt; the end of a long one is seen."""
+    terminal.type("\x15")  # ctrl-u empties it
+    terminal.until(lambda screen: "view.yaml" not in screen, "the empty prompt")
+    terminal.type(name)
+    terminal.until(lambda screen: name[-10:] in screen, "what was typed")
+    terminal.type("\r")
 
 
 def answer(terminal, text):
@@ -170,6 +186,36 @@ def test_a_parameter_is_changed_and_a_wrong_value_refused(engine, tmp_path):
         terminal.until(lambda text: "guard.margin (m) =" in text, "the question again")
         answer(terminal, "-1")
         terminal.until(lambda text: "must be" in text, "the refusal")
+
+
+def test_a_view_is_saved_and_opened_again(engine, tmp_path):
+    path, other = tmp_path / "mine.yaml", tmp_path / "notes.txt"
+    other.write_text("nothing of ours")
+    with dash(tmp_path, "--plot", "odometry.odometry.x") as terminal:
+        terminal.until(bar, "the map")
+        before = bar(terminal.text)
+        terminal.type("[")
+        terminal.until(lambda text: bar(text) not in (None, before), "another scale")
+        zoomed = bar(terminal.text)
+        terminal.type("2<")
+        terminal.until(lambda text: "odometry.odometry.x 0.3" in text, "the plots")
+        for file, seen in ((other, "is no view"), (path, "saved:")):
+            terminal.type("v")
+            terminal.until(lambda text: "save this view as:" in text, "the question")
+            write(terminal, str(file))
+            terminal.until(
+                lambda text, seen=seen: seen in text and "save this view as:" not in text,
+                "what was done",
+            )
+    assert other.read_text() == "nothing of ours"
+    view = read_view(str(path))
+    assert (view.panel, view.fields, view.span) == ("plots", ("odometry.odometry.x",), 15.0)
+    assert view.place is not None and not view.follows
+    line, environment = command(tmp_path, "dash", "--hz", "2", "--view", str(path))
+    with Terminal(line, environment) as terminal:
+        terminal.until(lambda text: "odometry.odometry.x 0.3" in text, "the plots again")
+        terminal.type("1")
+        terminal.until(lambda text: bar(text) == zoomed, "the same zoom")
 
 
 def test_the_log_level_of_a_block_is_set(engine, tmp_path):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import ClassVar, assert_never
 
 from rich.console import Group, RenderableType
@@ -14,6 +15,12 @@ from textual.containers import Horizontal
 from textual.screen import Screen
 from textual.widgets import Static
 
+from diffbotctl.config.saved_view import (
+    PLOT_SPAN_MAX_S,
+    PLOT_SPAN_MIN_S,
+    ViewSettings,
+    save_view,
+)
 from diffbotctl.control_socket.address import EngineAddress
 from diffbotctl.errors import closest_match
 from diffbotctl.ui.dash import panels
@@ -30,7 +37,7 @@ WIDE_MIN_WIDTH, WIDE_MIN_HEIGHT = 110, 36  # from here plots, blocks and log are
 HIGH_MIN_HEIGHT = 55  # from here the parameters too
 DEFAULT_PLOTS = 3  # fields that are plotted until the user chooses
 PAN_CHARACTERS = 4  # a key press
-PLOT_SPAN_S, PLOT_SPAN_MIN_S, PLOT_SPAN_MAX_S = 30.0, 7.5, 120.0  # of the past
+VIEW_FILE = "view.yaml"  # unless the user writes another name
 
 
 class Dashboard(EngineApp):
@@ -57,12 +64,17 @@ class Dashboard(EngineApp):
     )
 
     def __init__(
-        self, engine: EngineAddress, tool: str, options: ScreenOptions, fields: list[str]
+        self,
+        engine: EngineAddress,
+        tool: str,
+        options: ScreenOptions,
+        view: ViewSettings | None = None,
     ) -> None:
         super().__init__(engine, tool, options)
-        self.panel: PanelName = "map"
-        self.fields = fields  # that are plotted
-        self.plot_span = PLOT_SPAN_S
+        self.view = view or ViewSettings()  # at the start
+        self.panel: PanelName = self.view.panel
+        self.fields = list(self.view.fields)  # that are plotted
+        self.plot_span = self.view.span
         self.selected = 0  # row of the parameters
         self.is_wide = self.is_high = False
         self.drawn: dict[str, object] = {}  # content of each widget, or what it was made from
@@ -72,7 +84,7 @@ class Dashboard(EngineApp):
         yield Static(id="title")
         yield Static(id="banner")
         with Horizontal(id="body"):
-            yield MapBox(self.options.ascii_only)
+            yield MapBox(self.options.ascii_only, self.view.place, self.view.follows)
             yield Static(id="view")
             yield Static(id="facts")
         with Horizontal(id="below"):
@@ -216,6 +228,7 @@ class Dashboard(EngineApp):
             "<": partial(self.scale_plots, 0.5),
             ">": partial(self.scale_plots, 2.0),
             "g": self.ask_goal,
+            "v": self.ask_view_file,
             "p": self.ask_fields,
             "r": partial(self.request, "resume"),
             "t": self.next_key_set,
@@ -273,6 +286,18 @@ class Dashboard(EngineApp):
     def ask_fields(self) -> None:
         """Ask for the fields to plot."""
         self.ask("plot (block.port.field ...):", " ".join(self.plotted), self._set_fields)
+
+    def ask_view_file(self) -> None:
+        """Ask for the file that gets what is shown."""
+        self.ask("save this view as:", VIEW_FILE, self._save_view)
+
+    def _save_view(self, text: str | None) -> None:
+        if not text or not text.strip():
+            return
+        box = self.main.query_one(MapBox)
+        panel = self.panel if self.panel != "help" else "map"
+        view = ViewSettings(panel, tuple(self.plotted), self.plot_span, box.place(), box.follows)
+        self.status = save_view(Path(text.strip()), view)
 
     def _set_goal(self, text: str | None) -> None:
         if not text or not text.strip():

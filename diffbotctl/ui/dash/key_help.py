@@ -15,6 +15,7 @@ KEYS = (  # what is important first: a narrow terminal shows the first ones
     "[ ] zoom",
     "t keys",
     "b latch",
+    "v save",
 )
 KEYS_WIDTH = 20  # columns of the keys in the panel
 # With the letters that drive not more rows than a terminal of 60x20 has, each not wider.
@@ -22,8 +23,7 @@ HELP = (
     ("arrows", "drive; so do the letters below"),
     ("click, drag", "set a goal; drag for its heading"),
     ("g", "enter a goal in numbers"),
-    ("space", "stop driving; standing: stop until r"),
-    ("r", "resume"),
+    ("space, r", "stop driving, or the robot; resume"),
     ("1 2 3 4 5, n", "map plots parameters blocks log; next"),
     ("wheel, [ ]", "zoom"),
     ("right drag, {} ()", "pan"),
@@ -31,6 +31,7 @@ HELP = (
     ("p, < >", "plotted fields; seconds of the plots"),
     ("3, arrows, enter", "change a parameter"),
     ("5, enter", "set the log level of a block"),
+    ("v", "save this view to a file"),
     ("t, b", "other letters; hold or latched keys"),
     ("ctrl-c", "leave"),
 )
