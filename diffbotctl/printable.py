@@ -1,4 +1,4 @@
-"""Text for a terminal without control characters.
+"""Text for a terminal: without control characters, and folded between words where it is narrow.
 
 Names, causes and log texts come from files, boards and clients. An escape sequence in one of them
 could change the title of a terminal, write to its clipboard, or hide what is printed.
@@ -12,7 +12,9 @@ from typing import Any, TextIO
 
 # C0 but tab and newline, DEL, C1, the line separators, and what reorders text (Unicode TR36, 2.4).
 CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]")
+STYLE = re.compile("\x1b\\[[0-9;]*m")
 REPLACEMENT = "\N{MIDDLE DOT}"
+HANG = 2  # columns by which the rest of a folded line is indented
 
 
 def printable(text: str) -> str:
@@ -31,22 +33,70 @@ def printable_values(value: Any) -> Any:
     return value
 
 
+def fold_line(line: str, width: int, column: int = 0) -> str:
+    """`line` in rows of at most `width` columns, broken at spaces, the first at `column`.
+
+    Continued rows are indented further than the first. A word that is longer than a row, such as
+    a path, stays whole, so that it can be copied.
+    """
+    begin = len(line) - len(line.lstrip(" "))
+    hang = " " * min((0 if column else begin) + HANG, width // 2)
+    rows, rest, room = [], line, width - column
+    while len(rest) > room:
+        end = rest.rfind(" ", begin, room + 1)
+        end = end if end > begin else rest.find(" ", max(room, begin + 1))
+        if end < 0:
+            break
+        rows.append(rest[:end].rstrip(" "))
+        rest, room, begin = hang + rest[end:].lstrip(" "), width, len(hang)
+    return "\n".join([*rows, rest])
+
+
 class PrintableStream(TextIOWrapper):
     """A text stream that writes control characters as middle dots.
 
-    Escape sequences of our own go through `write_raw`.
+    Escape sequences of our own go through `write_raw`. `columns`: the width of the terminal, at
+    which lines are folded between words; None: lines stay whole.
     """
 
     former: TextIO | None = None
+    columns: int | None = None
+    column = 0  # where the next text begins, while lines are folded
 
     def write(self, text: str) -> int:
-        """Write `text`, made printable. Returns its length."""
-        super().write(printable(text))
+        """Write `text`, made printable and folded. Returns its length."""
+        shown = printable(text)
+        super().write(shown if self.columns is None else self._folded(shown, self.columns))
         return len(text)
 
     def write_raw(self, text: str) -> None:
         """Write `text` as it is."""
         super().write(text)
+        if self.columns is not None:
+            self._move(STYLE.sub("", text))
+
+    def _folded(self, text: str, columns: int) -> str:
+        first, *others = text.split("\n")
+        lines = [fold_line(first, columns, self.column), *(fold_line(o, columns) for o in others)]
+        folded = "\n".join(lines)
+        self._move(folded)
+        return folded
+
+    def _move(self, text: str) -> None:
+        _, newline, last = text.rpartition("\n")
+        self.column = len(last) if newline else self.column + len(last)
+
+
+def fold_lines(stream: TextIO, columns: int) -> None:
+    """Fold what is written to `stream` at `columns`, between words."""
+    if isinstance(stream, PrintableStream):
+        stream.columns = columns
+
+
+def keep_lines(stream: TextIO) -> None:
+    """Write lines whole from now on: another program reads them, or a person copies them."""
+    if isinstance(stream, PrintableStream):
+        stream.columns = None
 
 
 class RawStream:

@@ -51,7 +51,7 @@ def _engine() -> EngineAddress:
 
 
 async def _picture(engine: EngineAddress, path: Path, size: tuple[int, int]) -> None:
-    dashboard = Dashboard(engine, "picture", ScreenOptions(), [])
+    dashboard = Dashboard(engine, "picture", ScreenOptions())
     async with dashboard.run_test(size=size) as pilot, asyncio.timeout(TIMEOUT_S):
         while not _is_near(dashboard):
             await pilot.pause(0.1)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import click
 from click.shell_completion import CompletionItem, get_completion_class
 
-from diffbotctl.cli import COMPLETING
+from diffbotctl.cli import COMPLETING, live_names
+from diffbotctl.printable import keep_lines
 
+Values = Callable[[click.Context], Iterable[str]]
 PORTS = ("sim", "emulated", "auto")
 
 
@@ -26,6 +29,7 @@ def command(ctx: click.Context, shell: str) -> None:
     """
     kind = get_completion_class(shell)
     assert kind is not None
+    keep_lines(sys.stdout)
     click.echo(kind(ctx.find_root().command, {}, "diffbotctl", COMPLETING).source())
 
 
@@ -43,7 +47,7 @@ def teach(command: click.Command) -> click.Command:
 class Known(click.types.StringParamType):
     """A text of which some values are known; what is typed need not be one of them."""
 
-    def __init__(self, values: Callable[[], Iterable[str]]) -> None:
+    def __init__(self, values: Values) -> None:
         self.values = values
 
     def shell_complete(
@@ -52,11 +56,11 @@ class Known(click.types.StringParamType):
         """Those that begin so; files, once it looks like a path."""
         if "/" in incomplete and not incomplete.startswith("/dev/"):
             return [CompletionItem(incomplete, type="file")]
-        return [CompletionItem(each) for each in self.values() if each.startswith(incomplete)]
+        return [CompletionItem(each) for each in self.values(ctx) if each.startswith(incomplete)]
 
 
-def _files(kind: str) -> Callable[[], list[str]]:
-    def names() -> list[str]:
+def _files(kind: str) -> Values:
+    def names(ctx: click.Context) -> list[str]:
         from diffbotctl.config.lookup import names as shipped
 
         own = (path.stem for path in Path(kind).glob("*.yaml"))
@@ -65,29 +69,36 @@ def _files(kind: str) -> Callable[[], list[str]]:
     return names
 
 
-def _ports() -> list[str]:
+def _ports(ctx: click.Context) -> list[str]:
     found = (str(each) for kind in ("ttyACM", "ttyUSB", "rfcomm") for each in DEV.glob(f"{kind}*"))
     return [*PORTS, *sorted(found)]
 
 
-def _codes() -> list[str]:
+def _codes(ctx: click.Context) -> list[str]:
     from diffbotctl.codes import code_texts
 
     return sorted(code_texts())
 
 
-def _blocks() -> list[str]:
+def _blocks(ctx: click.Context) -> list[str]:
     from diffbotctl.config.registry import names
 
     return names()
 
 
-def _both() -> list[str]:
-    return sorted({*_files("pipelines")(), *_files("robots")()})
+def _both(ctx: click.Context) -> list[str]:
+    return sorted({*_files("pipelines")(ctx), *_files("robots")(ctx)})
+
+
+def _kits(ctx: click.Context) -> list[str]:
+    from diffbotctl.cli.kits import KITS
+
+    return sorted(KITS)
 
 
 DEV = Path("/dev")
-KNOWN: dict[str, Callable[[], Iterable[str]]] = {
+# Values of a parameter by its name, or by the names of its command and itself.
+KNOWN: dict[str, Values] = {
     "robot": _files("robots"),
     "robot_argument": _files("robots"),
     "pipeline": _files("pipelines"),
@@ -96,5 +107,20 @@ KNOWN: dict[str, Callable[[], Iterable[str]]] = {
     "port": _ports,
     "radio": _ports,
     "code": _codes,
+    "engine": live_names.engine_names,
+    "topic": live_names.topics,
+    "topics": live_names.topics,
+    "exclude": live_names.topics,
+    "parameter": live_names.parameters,
+    "parameters": live_names.parameters,
+    "action": live_names.actions,
+    "block": live_names.blocks,
+    "sets": live_names.settings,
+    "kit": _kits,
+    "sensor": live_names.sensors,
     "show name": _blocks,
+    "call arguments": live_names.action_arguments,
+    "dash fields": live_names.plotted_fields,
+    "plot fields": live_names.recorded_fields,
+    "export fields": live_names.recorded_fields,
 }

@@ -1,15 +1,25 @@
-"""`diffbotctl graph`: the blocks and wires of a pipeline, as a tree or as Mermaid."""
+"""`diffbotctl graph`: the blocks and wires of a pipeline, as a tree, a picture or Mermaid."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from diffbotctl.cli.engine_client import attached, rate_text
-from diffbotctl.cli.options import engine_option, json_option, robot_option, set_option
-from diffbotctl.cli.output import print_json
+from diffbotctl.cli.options import (
+    engine_option,
+    json_option,
+    output_option,
+    robot_option,
+    set_option,
+)
+from diffbotctl.cli.output import print_json, write_output
+from diffbotctl.printable import keep_lines
+from diffbotctl.render.block_graph import Wire, dot_lines, mermaid_lines
 
 if TYPE_CHECKING:
     from rich.tree import Tree
@@ -17,15 +27,6 @@ if TYPE_CHECKING:
     from diffbotctl.graph import Graph
 
 SILENCE_MESSAGES_MIN = 20  # after so many messages, a wire without a rate is marked as silent
-
-
-class Wire(NamedTuple):
-    """One wire, from a node's output to another node's input."""
-
-    source: str
-    output: str
-    target: str
-    port: str
 
 
 @click.command()
@@ -37,6 +38,7 @@ class Wire(NamedTuple):
 @robot_option
 @set_option
 @click.option("--mermaid", is_flag=True, help="Print a Mermaid diagram.")
+@output_option("Write a picture: FILE.svg, .dot (Graphviz) or .mmd (Mermaid).")
 @json_option
 def command(
     pipeline: str | None,
@@ -45,10 +47,14 @@ def command(
     robot: str | None,
     sets: tuple[str, ...],
     mermaid: bool,
+    output: Path | None,
+    force: bool,
     as_json: bool,
 ) -> int:
     """Draw the blocks and wires of PIPELINE, with the nodes that are added to it."""
     if running or engine is not None:
+        if output is not None:
+            raise click.UsageError("--output draws a pipeline's files; give its name")
         return _draw_running(engine, as_json)
     if pipeline is None:
         raise click.UsageError("give a pipeline, such as goal, or --running")
@@ -62,24 +68,50 @@ def command(
     for name, _, part in assembly.parts:
         if part.command is not None:
             wires.append(_command_wire(f"{name}.{part.command}", f"{name}.robot"))
-    if as_json:
+    blocks = [node.name for node in assembly.graph.nodes]
+    title = f"{configuration.file}"
+    if configuration.robot_file is not None:
+        title += f" on {configuration.robot_file}"
+    if output is not None:
+        _write_picture(output, force, title, wires, assembly.graph)
+    elif as_json:
         for wire in wires:
             kind = type_name(assembly.graph.kinds[f"{wire.source}.{wire.output}"])
             print_json({**wire._asdict(), "type": kind})
     elif mermaid:
-        for line in mermaid_lines(wires, assembly.graph):
+        keep_lines(sys.stdout)
+        for line in mermaid_lines(wires, set(blocks)):
             click.echo(line)
     else:
-        title = f"{configuration.file}"
-        if configuration.robot_file is not None:
-            title += f" on {configuration.robot_file}"
         _print_tree(title, wires, assembly.graph)
     return 0
 
 
+def _write_picture(output: Path, force: bool, title: str, wires: list[Wire], graph: Graph) -> None:
+    from diffbotctl.message_types import type_name
+    from diffbotctl.render.graph_svg import graph_svg
+
+    blocks = [node.name for node in graph.nodes]
+    kinds = {wire: type_name(kind) for wire, kind in graph.kinds.items()}
+    writers = {
+        ".svg": lambda: graph_svg(title, wires, blocks, kinds),
+        ".dot": lambda: "\n".join(["// diffbotctl", *dot_lines(wires, set(blocks), title), ""]),
+        ".mmd": lambda: "\n".join(["%% diffbotctl", *mermaid_lines(wires, set(blocks)), ""]),
+    }
+    write_output(output, writers, force)
+
+
 def _print_tree(title: str, wires: list[Wire], graph: Graph) -> None:
+    from shutil import get_terminal_size
+
+    from diffbotctl.errors import WIDTH
     from diffbotctl.ui.console import PrintableConsole
 
+    if get_terminal_size((WIDTH, 24)).columns < WIDTH:  # the branches of the tree would be broken
+        click.echo(title)
+        for wire in wires:
+            click.echo(f"  {wire.source}.{wire.output} -> {wire.target}.{wire.port}")
+        return
     PrintableConsole(soft_wrap=True, highlight=False).print(wire_tree(title, wires, graph))
 
 
@@ -112,23 +144,6 @@ def wires_of(graph: Graph, command: str | None) -> Iterator[Wire]:
 def _command_wire(command: str, robot: str) -> Wire:
     source, _, output = command.rpartition(".")
     return Wire(source, output, robot, output)
-
-
-def mermaid_lines(wires: list[Wire], graph: Graph) -> Iterator[str]:
-    """A Mermaid flow chart; drivers are rounded."""
-    yield "flowchart LR"
-    blocks = {node.name for node in graph.nodes}
-    for name in dict.fromkeys(end for wire in wires for end in (wire.source, wire.target)):
-        key = _key(name)
-        yield f"    {key}[{name}]" if name in blocks else f"    {key}([{name}])"
-    for wire in wires:
-        label = wire.output if wire.output == wire.port else f"{wire.output} to {wire.port}"
-        yield f"    {_key(wire.source)} -->|{label}| {_key(wire.target)}"
-
-
-def _key(name: str) -> str:
-    """The name of a node in Mermaid, where a dot has a meaning."""
-    return name.replace(".", "_")
 
 
 def wire_tree(title: str, wires: list[Wire], graph: Graph) -> Tree:

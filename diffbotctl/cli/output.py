@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from io import TextIOWrapper
@@ -10,6 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+
+from diffbotctl.printable import keep_lines
 
 if TYPE_CHECKING:
     from diffbotctl.config.configuration import RobotFile
@@ -24,6 +27,8 @@ MARKS = {
     b"PK\x03\x04": b"diffbotctl_bundle/",  # the folder in a bundle of `doctor`
     b"<svg": b"<!-- diffbotctl -->",
     b"<?xml": b"<!-- diffbotctl -->",
+    b"//": b"// diffbotctl\n",  # Graphviz
+    b"%%": b"%% diffbotctl\n",  # Mermaid
 }
 
 
@@ -114,7 +119,8 @@ def write_output(
 
 
 def print_json(record: object) -> None:
-    """One JSON object on a line, flushed."""
+    """One JSON object on a line, whole on every terminal, flushed."""
+    keep_lines(sys.stdout)
     print(json.dumps(record), flush=True)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator, Sequence
 from math import degrees
 from pathlib import Path
@@ -11,6 +12,7 @@ import click
 
 from diffbotctl.cli.options import json_option, output_option, robot_object
 from diffbotctl.cli.output import load_robot_file, print_json, write_output
+from diffbotctl.printable import keep_lines
 
 if TYPE_CHECKING:
     from diffbotctl.model.frames import RobotFrame
@@ -54,6 +56,9 @@ def frames(robot: str | None, as_json: bool) -> int:
 
     Frame names follow REP-105; x points forward, y left, z up; lengths in m, angles in deg.
     """
+    from shutil import get_terminal_size
+
+    from diffbotctl.errors import WIDTH
     from diffbotctl.model.frames import WORLD, robot_frames
 
     all_frames = list(robot_frames(load_robot_file(robot).robot))
@@ -61,10 +66,21 @@ def frames(robot: str | None, as_json: bool) -> int:
         for frame in all_frames:
             print_json(frame._asdict())
         return 0
+    if get_terminal_size((WIDTH, 24)).columns < WIDTH:
+        for line in frame_rows(all_frames):
+            click.echo(line)
+        return 0
     click.echo(WORLD)
     for line in branch_lines(all_frames, WORLD, ""):
         click.echo(line)
     return 0
+
+
+def frame_rows(all_frames: Sequence[RobotFrame]) -> Iterator[str]:
+    """Two rows for each frame, for a terminal that is too narrow for the tree."""
+    for frame in all_frames:
+        yield f"{frame.name} in {frame.parent}"
+        yield f"  {frame_text(frame)}"
 
 
 def branch_lines(all_frames: Sequence[RobotFrame], parent: str, margin: str) -> Iterator[str]:
@@ -103,6 +119,7 @@ def urdf(robot: str | None, name: str | None, output: Path | None, force: bool) 
     file = load_robot_file(robot)
     text = urdf_text(file.robot, name or file.file.stem)
     if output is None:
+        keep_lines(sys.stdout)
         click.echo(text, nl=False)
     else:
         write_output(output, {".urdf": lambda: text, ".xml": lambda: text}, force)

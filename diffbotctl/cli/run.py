@@ -158,7 +158,7 @@ def command(
     if web:
         return _run_with_page(configuration, options, signals, show_page(lan, tcp_port))
     stderr = NonBlockingStderr()
-    show = None if quiet or as_json else screen(configuration, port)
+    show = None if quiet or as_json else screen(configuration, port, duration)
     run = Run(configuration, options, show, stderr.say, signals)
     return _finish(run, stderr, as_json)
 
@@ -249,8 +249,13 @@ def _print_header(configuration: Configuration, port: str, seed: int) -> None:
     click.echo(fold_text(f"{configuration.file}{robot}: {kind}", hang=2))
 
 
-def screen(configuration: Configuration, port: str) -> Callable[[Iterator[RunSnapshot]], None]:
-    """The function that draws a run in a child process; only the child imports the drawing."""
+def screen(
+    configuration: Configuration, port: str, duration: float | None = None
+) -> Callable[[Iterator[RunSnapshot]], None]:
+    """The function that draws a run in a child process; only the child imports the drawing.
+
+    `duration`: time limit in s of logical time, for its progress.
+    """
 
     def show(snapshots: Iterator[RunSnapshot]) -> None:
         if configuration.robots or not sys.stdout.isatty():
@@ -261,7 +266,8 @@ def screen(configuration: Configuration, port: str) -> Callable[[Iterator[RunSna
         from diffbotctl.render.map_scene import describe_scene, parse_scene
         from diffbotctl.ui import live_view
 
-        live_view.show_live(parse_scene(describe_scene(configuration, None, port)), snapshots)
+        scene = parse_scene(describe_scene(configuration, None, port))
+        live_view.show_live(scene, snapshots, duration)
 
     return partial(show)
 

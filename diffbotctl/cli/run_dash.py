@@ -58,7 +58,7 @@ def show(pictures: Iterator[RunSnapshot]) -> None:
 
     parent = os.getppid()
     try:
-        dashboard = Dashboard(engine_of(parent), "diffbotctl run --dash", ScreenOptions(), [])
+        dashboard = Dashboard(engine_of(parent), "diffbotctl run --dash", ScreenOptions())
         dashboard.run_to_end()
         if dashboard.problem is not None:
             print(dashboard.problem, file=sys.stderr)

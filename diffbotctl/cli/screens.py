@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from diffbotctl.cli.engine_client import host
-from diffbotctl.cli.options import Quantity, choice_option, engine_option, number_option
+from diffbotctl.cli.options import FILE, Quantity, choice_option, engine_option, number_option
 
 if TYPE_CHECKING:
     from diffbotctl.ui.engine_app import EngineApp, ScreenOptions
@@ -81,11 +82,15 @@ def launch(app: EngineApp) -> int:
 @click.command()
 @click.option("--once", is_flag=True, help="Print the panels once and end, as in a pipe.")
 @click.option("--plot", "fields", multiple=True, metavar="FIELD", help="What to plot. Repeatable.")
+@click.option(
+    "--view", "view_file", metavar="FILE", type=FILE, help="Open a view that was saved with `v`."
+)
 @screen_options
 @engine_option
 def dash(
     once: bool,
     fields: tuple[str, ...],
+    view_file: Path | None,
     keys: KeySetName,
     mode: DriveMode,
     hz: float,
@@ -102,16 +107,19 @@ def dash(
     from diffbotctl.control_socket.client import choose_engine
 
     options = screen_options_of(keys, mode, hz, speed, turn, ascii_only)
+    from diffbotctl.config.saved_view import ViewSettings, read_view
+
+    view = ViewSettings() if view_file is None else read_view(str(view_file))
+    if fields:
+        view = view._replace(fields=fields)
     if once or not sys.stdout.isatty():
         from diffbotctl.ui.dash.print_once import print_once
 
-        print_once(choose_engine(engine, host()), list(fields), options.ascii_only)
+        print_once(choose_engine(engine, host()), list(view.fields), options.ascii_only)
         return 0
     from diffbotctl.ui.dash.app import Dashboard
 
-    return launch(
-        Dashboard(choose_engine(engine, host()), "diffbotctl dash", options, list(fields))
-    )
+    return launch(Dashboard(choose_engine(engine, host()), "diffbotctl dash", options, view))
 
 
 @click.command()

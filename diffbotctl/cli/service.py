@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from diffbotctl.cli.options import port_option, robot_option
+from diffbotctl.printable import keep_lines
 
 if TYPE_CHECKING:
     from diffbotctl.config.configuration import Configuration
@@ -80,6 +81,7 @@ def command(
     words += ["--name", name]
     if configuration.robot_file is not None:
         words += ["--robot", str(configuration.robot_file.resolve())]
+    keep_lines(sys.stdout)
     click.echo(
         UNIT.format(
             pipeline=pipeline,

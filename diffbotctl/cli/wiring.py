@@ -26,7 +26,7 @@ WIDTH = 80  # columns of the narrowest terminal in common use
 def command(
     robot: str | None, output: Path | None, force: bool, table: bool, as_json: bool
 ) -> None:
-    """Show every wire of ROBOT with the usual colours: a picture and a table.
+    """Show every wire of ROBOT with the usual colours: a picture (from 80 columns) and a table.
 
     Warnings are those of `check`. The drawing is made from the robot file alone.
     """
@@ -91,13 +91,16 @@ def table_lines(harness: Harness) -> Iterator[str]:
 
 
 def _draw(harness: Harness, notes: Iterable[str]) -> None:
+    from shutil import get_terminal_size
     from textwrap import fill
 
     from diffbotctl.render.wiring_terminal import wiring_text
     from diffbotctl.ui.console import PrintableConsole
 
-    PrintableConsole(width=WIDTH, highlight=False).print(wiring_text(harness))
-    click.echo()
+    columns = min(get_terminal_size((WIDTH, 24)).columns, WIDTH)
+    if columns == WIDTH:
+        PrintableConsole(width=WIDTH, highlight=False).print(wiring_text(harness))
+        click.echo()
     for note in notes:
-        click.echo(fill(note, WIDTH - 2, initial_indent="- ", subsequent_indent="  "))
+        click.echo(fill(note, columns - 2, initial_indent="- ", subsequent_indent="  "))
     click.echo()

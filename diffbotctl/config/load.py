@@ -13,7 +13,14 @@ from pathlib import Path
 from typing import TypeAlias, TypeVar
 
 from diffbotctl.block import robot_fields
-from diffbotctl.config import lookup, registry, robot_tree, source_tree, yaml_reader
+from diffbotctl.config import (
+    lookup,
+    registry,
+    robot_tree,
+    saved_view,
+    source_tree,
+    yaml_reader,
+)
 from diffbotctl.config.checks import CHECKS
 from diffbotctl.config.checks.block_needs import drop_unusable_blocks
 from diffbotctl.config.checks.context import CheckContext
@@ -85,6 +92,9 @@ def check(
     A name without a path is looked up among pipelines, then among robots.
     """
     try:
+        if lookup.is_path(name) and saved_view.is_view(Path(name)):
+            saved_view.read_view(name)
+            return ()
         if _is_robot(name):
             return load_robot(name, sets, real=real).warnings
         return load(name, robot, sets, real=real).warnings

@@ -130,6 +130,12 @@ class TopicRateRequest(NamedTuple):
     topic: Topic
 
 
+class ReadHistoryRequest(NamedTuple):
+    """The last two minutes of a topic: `times` in s, `fields` with a value each, `trail` in m."""
+
+    topic: Topic
+
+
 class SubscribeRequest(NamedTuple):
     """Stream a topic from now on; `*` is all."""
 

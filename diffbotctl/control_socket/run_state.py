@@ -11,6 +11,7 @@ from diffbotctl.control_socket.connection import Client, Subscriptions
 from diffbotctl.control_socket.engine_channel import EngineLink, EngineUpdate
 from diffbotctl.control_socket.protocol import RefusalError
 from diffbotctl.control_socket.requests import ALL, LOG_LINES_MAX
+from diffbotctl.control_socket.run_history import RunHistory
 from diffbotctl.engine.live_changes import LiveChanges
 from diffbotctl.engine.profiler import BlockLoad
 from diffbotctl.errors import closest_match
@@ -79,6 +80,7 @@ class RunState:
         self.counts = dict.fromkeys(self.wires, 0)
         self.times: dict[str, deque[int]] = {wire: deque(maxlen=TIMES_MAX) for wire in self.wires}
         self.stops: deque[StopEpisode] = deque(maxlen=STOPS_MAX)
+        self.history = RunHistory(self.wires)
         self.lines: deque[LogLine] = deque(maxlen=LOG_LINES_MAX)
         self.errors: dict[str, LogLine] = {}
         self.loads: dict[str, BlockLoad] = {}
@@ -110,6 +112,7 @@ class RunState:
                 self.lines.append(message)
                 if message.level == "error":
                     self.errors[message.source] = message
+        self.history.sample(now, self.newest)
 
     def rate(self, wire: str) -> TopicRate:
         """The rate of `wire` over the last RATE_SPAN."""

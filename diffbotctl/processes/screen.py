@@ -29,7 +29,8 @@ DRIVING_NICENESS = 2  # the control path has priority; a late drive command woul
 class RunSnapshot(NamedTuple):
     """The newest message of each wire that a screen shows, by wire, and the count of goals.
 
-    `lines` are those of the log since the snapshot before.
+    `lines` are those of the log since the snapshot before. The last snapshot of a run has the
+    cause of its end in `ending`, and `has_failed`.
     """
 
     time: int
@@ -37,6 +38,8 @@ class RunSnapshot(NamedTuple):
     reached: int
     goals: int
     lines: tuple[LogLine, ...] = ()
+    ending: str = ""
+    has_failed: bool = False
 
 
 class ScreenFeed:
@@ -78,15 +81,16 @@ class ScreenFeed:
             self.due = now + SNAPSHOT_PERIOD
             self._send_snapshot(now)
 
-    def finish(self, now: int) -> None:
+    def finish(self, now: int, ending: str, has_failed: bool) -> None:
         """Send the last snapshot, waiting a moment for the screen, and end the feed."""
         self.channel.settimeout(FINISH_TIMEOUT_S)
-        self._send_snapshot(now)
+        self._send_snapshot(now, ending, has_failed)
         self._send(None)
         self.channel.close()
 
-    def _send_snapshot(self, now: int) -> None:
-        snapshot = RunSnapshot(now, self.messages, *self.progress(), tuple(self.lines))
+    def _send_snapshot(self, now: int, ending: str = "", has_failed: bool = False) -> None:
+        lines = tuple(self.lines)
+        snapshot = RunSnapshot(now, self.messages, *self.progress(), lines, ending, has_failed)
         if self._send(snapshot):
             self.lines.clear()
 

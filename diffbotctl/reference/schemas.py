@@ -1,4 +1,4 @@
-"""JSON Schemas (draft 2020-12) of robot and pipeline files, for editors.
+"""JSON Schemas (draft 2020-12) of robot, pipeline and view files, for editors.
 
 `python -m diffbotctl.reference.schemas` writes them to schemas/. An editor sees a file before
 includes and variables are applied: a file with an include may be incomplete, and any value may be
@@ -15,6 +15,7 @@ from diffbotctl.config import lookup, registry
 from diffbotctl.config.configuration import Pipeline
 from diffbotctl.config.node_ports import NODE_NAME
 from diffbotctl.config.robot import Robot
+from diffbotctl.config.saved_view import SavedView
 from diffbotctl.params import BOUNDS, Declaration, Pin, Section, declared
 from diffbotctl.units import NUMBER, magnitude_max, of_kind
 
@@ -49,7 +50,16 @@ def pipeline() -> Schema:
     return _as_written(whole)
 
 
-SCHEMAS = {"robot.schema.json": robot, "pipeline.schema.json": pipeline}
+def view() -> Schema:
+    """The schema of a saved view."""
+    return of_section(SavedView, "A saved view of diffbotctl")
+
+
+SCHEMAS = {
+    "robot.schema.json": robot,
+    "pipeline.schema.json": pipeline,
+    "view.schema.json": view,
+}
 
 
 def text(schema: Schema) -> str:

@@ -149,7 +149,7 @@ def _mm(word: str, length: float) -> str:
 
 WIDTH = 640.0  # px of the wider view
 MARGIN = 70.0  # px around a view, for its dimensions
-TEXT = 14.0  # px
+TEXT, NAME_TEXT = 14.0, 11.0  # px
 FILLS = {"blue": "#cfe0f7", "black": "#9a9a9a", "grey": "#dddddd", "red": "#f4b6b6"}
 
 
@@ -176,17 +176,57 @@ def drawing_svg(title: str, views: Sequence[DrawingView]) -> str:
         inner += _view(view, sheet, above)
         above += (high - low) * scale + 2 * MARGIN
     name = text_element(MARGIN, MARGIN / 2, title, font_weight="bold")
+    inner += _scale_bar(scale, above)
     return svg_document(
-        WIDTH + 2 * MARGIN, above, [name, *inner], font_family="sans-serif", font_size=TEXT
+        WIDTH + 2 * MARGIN,
+        above + MARGIN / 2,
+        [name, *inner],
+        font_family="sans-serif",
+        font_size=TEXT,
     )
+
+
+def _scale_bar(scale: float, y: float) -> Iterator[str]:
+    """A bar of a round length, at most a third of the picture, with that length."""
+    lengths = [m * 10.0**e for e in range(-3, 2) for m in (1, 2, 5)]  # m
+    length = max(length for length in lengths if length * scale <= WIDTH / 3 or length == 0.001)
+    end = MARGIN + length * scale
+    corners = [(MARGIN, y - 5), (MARGIN, y), (end, y), (end, y - 5)]
+    yield element(
+        "polyline", points=points_attribute(corners), fill="none", stroke="#222222", stroke_width=2
+    )
+    yield text_element(end + TEXT / 2, y, _mm("", length).strip())
 
 
 def _view(view: DrawingView, sheet: DrawingSheet, above: float) -> Iterator[str]:
     yield text_element(MARGIN, above + TEXT, view.title)
     for outline in view.outlines:
         yield _outline(outline, sheet)
+    yield from _part_names(view, sheet)
     for dimension in view.dimensions:
         yield from _dimension(dimension, sheet)
+
+
+def _part_names(view: DrawingView, sheet: DrawingSheet) -> Iterator[str]:
+    """The name of each part in its lower left corner, or below it where it has no room.
+
+    From the side the left wheel hides the right one, which then has no name.
+    """
+    shown: set[Point] = set()
+    for outline in sorted(view.outlines, key=lambda outline: not outline.name.startswith("left")):
+        if not outline.closed:
+            continue
+        corners = [sheet.place(point) for point in outline.points]
+        xs, ys = zip(*corners, strict=True)
+        left, right, bottom = min(xs), max(xs), max(ys)
+        if (round(left), round(bottom)) in shown:
+            continue
+        shown.add((round(left), round(bottom)))
+        name = outline.name.replace("_", " ")
+        is_inside = len(corners) != CIRCLE and NAME_TEXT * len(name) < 1.5 * (right - left)
+        x, y = (left + 5, bottom - 5) if is_inside else ((left + right) / 2, bottom + NAME_TEXT)
+        anchor = "start" if is_inside else "middle"
+        yield text_element(x, y, name, text_anchor=anchor, font_size=NAME_TEXT, fill="#1a1a60")
 
 
 def _outline(outline: DrawingOutline, sheet: DrawingSheet) -> str:

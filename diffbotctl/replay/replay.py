@@ -225,7 +225,8 @@ class _ReplayRun:
 
     def _close(self, outcome: RunOutcome) -> None:
         if self.screen is not None:
-            self.screen.finish(max(self.engine.last_instant, 0))
+            last = max(self.engine.last_instant, 0)
+            self.screen.finish(last, outcome.cause, outcome.code != 0)
         if self.recorder is not None:
             end = {**(self.run.end or {}), "last": str(self.engine.last_instant)}
             end.update({"code": str(outcome.code), "digest": self.digest.text()})

@@ -204,7 +204,7 @@ class RunOutputs:
             self.black_box.finish(summary)
         if self.screen is not None:
             self.screen.add_line(ending.time, line)
-            self.screen.finish(max(last, 0))
+            self.screen.finish(max(last, 0), ending.cause, ending.code != 0)
 
     def _resume_children(self) -> None:
         """A suspended child would keep what it has received, and the end of the run waiting."""

@@ -6,9 +6,10 @@ from collections.abc import Iterator, Sequence
 from math import hypot
 from typing import TYPE_CHECKING
 
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from diffbotctl.calibrate.step import CurvePlot
+from diffbotctl.errors import WIDTH
 from diffbotctl.ui.console import PrintableConsole
 from diffbotctl.ui.plot.plots import render_curve, render_scatter
 from diffbotctl.ui.text import fold_text
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
     from diffbotctl.calibrate.geometry_fit import GeometryFit
     from diffbotctl.calibrate.simulated_truth import ComparedValue
     from diffbotctl.calibrate.step import CurvePlot, ScatterPlot, StepProgress
+
+SPEED_ESTIMATE_S = 600.0  # of the past from which the time left is estimated: some drives
 
 
 class CalibrationScreen:
@@ -29,15 +32,27 @@ class CalibrationScreen:
     def say(self, text: str) -> None:
         """Print a line; the bar is removed."""
         self.rest()
-        self.console.print(fold_text(text), markup=False, soft_wrap=True)
+        folded = fold_text(text, width=min(WIDTH, self.console.width))
+        self.console.print(folded, markup=False, soft_wrap=True)
 
     def progress(self, progress: StepProgress) -> None:
         """Show a bar."""
         if not self.console.is_terminal:
             return
         if self.bar is None:
-            columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-            self.bar = Progress(*columns, console=self.console, transient=True)
+            columns = (
+                TextColumn("{task.description}"),
+                BarColumn(),
+                TimeElapsedColumn(),
+                TimeRemainingColumn(),
+                TextColumn("left"),
+            )
+            self.bar = Progress(
+                *columns,
+                console=self.console,
+                transient=True,
+                speed_estimate_period=SPEED_ESTIMATE_S,
+            )
             self.bar.start()
             self.bar.add_task(progress.what, total=progress.total)
         self.bar.update(

@@ -24,6 +24,7 @@ from diffbotctl.control_socket.client import AsyncControlClient
 from diffbotctl.control_socket.protocol import Fields, RefusalError
 from diffbotctl.errors import UserError
 from diffbotctl.ui.dash.state import REQUESTS, Request, RunView
+from diffbotctl.ui.run_text import odometry_topic
 from diffbotctl.ui.teleop.deadman import (
     CURSOR_QUERY,
     SEND_PERIOD_S,
@@ -72,6 +73,7 @@ class EngineApp(App[int]):
         self.status = ""  # the last refusal of the engine, or a note
         self.poll_task: asyncio.Task[None] | None = None
         self.last_slow_poll = 0.0
+        self.histories: set[str] = set()  # topics whose past was asked for
         self.exit_timer: threading.Timer | None = None
 
     # Overridden by programs.
@@ -82,6 +84,10 @@ class EngineApp(App[int]):
     def handle_key(self, key: str) -> bool:
         """Handle a key before it can drive. False when it has no meaning here."""
         return False
+
+    def plotted_topics(self) -> set[str]:
+        """The topics whose past is drawn."""
+        return set()
 
     def redraw(self) -> None:
         """Draw, unless the widgets are gone already: the last reply may come after them."""
@@ -101,6 +107,7 @@ class EngineApp(App[int]):
             await self.client.connect(self.engine, self.tool)
             self.run_view.engine = str(self.client.about.get("engine", ""))
             await self._poll("scene", "list_topics", "snapshot")
+            await self._read_trail()
         except UserError as error:
             self.problem = error
             self.exit(1)
@@ -126,6 +133,22 @@ class EngineApp(App[int]):
             reply = await self.client.request(request, **REQUESTS[request])
             self.run_view.take_reply(request, reply)
 
+    async def _read_trail(self) -> None:
+        """The way before this screen was attached."""
+        topic = odometry_topic(self.run_view.snapshot)
+        if topic is not None:
+            with suppress(RefusalError):  # an engine of an earlier version keeps none
+                reply = await self.client.request("read_history", topic=topic)
+                self.run_view.take_trail(reply)
+
+    async def _read_histories(self) -> None:
+        """The past of the topics that are plotted, each once."""
+        for topic in self.plotted_topics() - self.histories:
+            self.histories.add(topic)
+            with suppress(RefusalError):
+                reply = await self.client.request("read_history", topic=topic)
+                self.run_view.take_history(topic, reply)
+
     async def _refresh_view(self) -> None:
         now = time.monotonic()
         try:
@@ -133,6 +156,7 @@ class EngineApp(App[int]):
             if now - self.last_slow_poll > SLOW_POLL_PERIOD_S:
                 self.last_slow_poll = now
                 await self._poll(*self.slow_requests)
+                await self._read_histories()
         except RefusalError as refusal:
             self.status = str(refusal)
         self.redraw()

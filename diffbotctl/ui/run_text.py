@@ -43,9 +43,19 @@ def newest_odometry(snapshot: RunSnapshot) -> Odometry | None:
 
     Where no block does: as a camera measures it from above, in the frame of the world.
     """
+    return max(_poses(snapshot).values(), key=lambda pose: pose.time, default=None)
+
+
+def odometry_topic(snapshot: RunSnapshot) -> str | None:
+    """The wire of `newest_odometry`."""
+    poses = _poses(snapshot)
+    return max(poses, key=lambda wire: poses[wire].time, default=None)
+
+
+def _poses(snapshot: RunSnapshot) -> dict[str, Odometry]:
     poses = {wire: pose for wire, pose in snapshot.messages.items() if isinstance(pose, Odometry)}
-    estimated = [pose for wire, pose in poses.items() if not wire.startswith(ROBOT_WIRES)]
-    return max(estimated or poses.values(), key=lambda pose: pose.time, default=None)
+    estimated = {wire: pose for wire, pose in poses.items() if not wire.startswith(ROBOT_WIRES)}
+    return estimated or poses
 
 
 def active_stop(snapshot: RunSnapshot) -> Stop | None:

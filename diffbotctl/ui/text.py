@@ -48,6 +48,13 @@ def fold_text(text: str, hang: int = 0, width: int = WIDTH) -> str:
     return "\n".join(part for line in lines for part in _parts(line, hang, width))
 
 
+def shorten_text(text: str, width: int) -> str:
+    """`text` in at most `width` columns: it ends between words, with an ellipsis."""
+    if len(text) <= width:
+        return text
+    return f"{text[: max(width, 0)].rpartition(' ')[0].rstrip()}…" if width > 1 else ""
+
+
 def _parts(line: str, hang: int, width: int) -> list[str]:
     if len(line) <= width:
         return [line]

@@ -10,6 +10,7 @@ from diffbotctl.control_socket.address import EngineAddress
 from diffbotctl.control_socket.client import AsyncControlClient
 from diffbotctl.control_socket.protocol import Fields, RefusalError
 from diffbotctl.ui.dash.state import REQUESTS, Request
+from diffbotctl.ui.run_text import odometry_topic
 from diffbotctl.web.picture import RunPicture
 
 PICTURE_PERIOD_S = 0.1
@@ -39,9 +40,14 @@ class EngineFeed:
         """Connect, and ask for what does not change. Raises RunError when nothing answers."""
         await self.client.connect(engine, "web page")
         await self._poll("scene", "list_topics", "snapshot")
+        topic = odometry_topic(self.picture.view.snapshot)
+        if topic is not None:
+            self.picture.take_trail(await self._history(topic))
 
     async def run(self) -> None:
-        """Poll until the run has ended."""
+        """Read what pages may plot of the past, then poll until the run has ended."""
+        for topic in self.topics:
+            self.picture.view.take_history(topic, await self._history(topic))
         polls = 0
         while not self.ended.is_set():
             period = PICTURE_PERIOD_S if self.has_pages() else IDLE_PERIOD_S
@@ -72,6 +78,12 @@ class EngineFeed:
     async def status(self) -> Fields:
         """The engine's status. Raises RefusalError."""
         return await self.client.request("status")
+
+    async def _history(self, topic: str) -> Fields:
+        try:
+            return await self.client.request("read_history", topic=topic)
+        except RefusalError:  # an engine of an earlier version keeps none, or the run has ended
+            return {"times": [], "fields": {}, "trail": []}
 
     async def _poll(self, *requests: Request) -> None:
         for request in requests:

@@ -52,6 +52,11 @@ class RunPicture:
             self.is_trail_new |= len(points) == 1
             self.new_points.append(points[-1])
 
+    def take_trail(self, reply: Fields) -> None:
+        """Take the trail from before this server was attached, in a reply to `read_history`."""
+        self.view.take_trail(reply)
+        self.new_points, self.is_trail_new = list(self.view.trail.points), True
+
     def changes(self) -> Fields:
         """What is new since the last call."""
         scans = {

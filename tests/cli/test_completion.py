@@ -10,6 +10,7 @@ import pytest
 
 from diffbotctl.cli import COMPLETING, completion
 from diffbotctl.cli.main import COMMANDS
+from diffbotctl.testing.running import PlainClient, running
 from tests.command_result import invoke
 
 ROOT = Path(__file__).parents[2]
@@ -73,6 +74,63 @@ CASES = [
 @pytest.mark.parametrize(("line", "words"), CASES)
 def test_words_are_completed(place, line, words):
     assert asked(place, "bash", line).split() == [f"plain,{word}" for word in words]
+
+
+LIVE_CASES = [
+    ("diffbotctl topic echo gate.wh", ["gate.wheels"]),
+    ("diffbotctl topic hz --engine test odometry.", ["odometry.imu", "odometry.odometry"]),
+    ("diffbotctl topic hz --engine none odometry.", []),
+    ("diffbotctl param get guard.ma", ["guard.margin"]),
+    ("diffbotctl param set limiter.", []),  # none of its parameters may change in a run
+    ("diffbotctl param set guard.sl", ["guard.slowest"]),
+    ("diffbotctl call odometry.set", ["odometry.set_pose"]),
+    ("diffbotctl call odometry.set_pose h", ["heading="]),
+    ("diffbotctl log level kine", ["kinematics"]),
+    ("diffbotctl dash --plot odometry.odometry.li", ["odometry.odometry.linear"]),
+    ("diffbotctl stop --engine te", ["test"]),
+    ("diffbotctl bag record --exclude robot.enc", ["robot.encoders"]),
+]
+
+
+@pytest.fixture(scope="module")
+def engine(tmp_path_factory):
+    """A run whose robot waits, in a folder of its own."""
+    folder = tmp_path_factory.mktemp("engine")
+    with running(folder, "goal", "--stay", "--goal", "0 0"):
+        client = PlainClient(folder)
+        client.until(lambda status: status["goal_state"] is not None)
+        yield folder
+
+
+@pytest.mark.parametrize("shell", SHELLS)
+def test_names_of_a_running_engine_are_completed(place, engine, shell, monkeypatch):
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(engine))
+    cases = LIVE_CASES if shell == "bash" else LIVE_CASES[:1]
+    for line, words in cases:
+        said = asked(place, shell, line)
+        separator = "\n" if shell == "zsh" else ","  # of type, word and help
+        found = [
+            word
+            for word in said.replace("\n", separator).split(separator)
+            if word not in ("plain", "_", "")
+        ]
+        assert found == words, line
+
+
+def test_names_of_a_recording_and_of_a_pipeline_are_completed(place, monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))  # no engine runs there
+    words = ["run", "goal", "--fast", "--quiet", "--goal", "0 0", "--record", "short.mcap"]
+    program = [place / "bin" / "diffbotctl", *words]
+    subprocess.run(program, cwd=place, check=True, capture_output=True, env=environment(place))
+    for line, word in (
+        ("diffbotctl bag plot short.mcap odometry.odometry.li", "odometry.odometry.linear"),
+        ("diffbotctl run goal --set guard.marg", "guard.margin="),
+        ("diffbotctl new robot --kit rom", "romi_32u4"),
+        ("diffbotctl calibrate range --sensor fr", "front"),
+    ):
+        assert asked(place, "bash", line).split() == [f"plain,{word}"], line
+    assert asked(place, "bash", "diffbotctl topic echo gate").strip() == ""
+    assert asked(place, "bash", "diffbotctl bag plot nothing.mcap odo").strip() == ""
 
 
 @pytest.mark.parametrize("shell", ["zsh", "fish"])

@@ -198,6 +198,22 @@ def test_the_picture_is_to_scale(lopsided):
             assert 0 <= float(x) <= float(root.get("width"))
 
 
+def test_the_picture_has_a_scale_bar_and_the_names_of_the_parts(lopsided):
+    views = [robot_drawing.top_view(lopsided), robot_drawing.side_view(lopsided)]
+    root = ElementTree.fromstring(drawing_svg("lopsided", views))
+    texts = [each.text for each in root.iter("{http://www.w3.org/2000/svg}text")]
+    assert texts.count("chassis") == 2 and texts.count("caster") == 2
+    assert texts.count("left wheel") == 2 and texts.count("right wheel") >= 1
+    (length,) = (float(text[:-3]) for text in texts if re.fullmatch(r"[\d.]+ mm", text))
+    chassis = next(part for part in root.iter() if part.get("data-part") == "chassis")
+    bar = [part for part in root.iter() if part.tag.endswith("polyline")][-1]
+    spans = []
+    for part in (chassis, bar):
+        xs = [float(x) for x in re.findall(r"-?[\d.]+(?=,)", part.get("points"))]
+        spans.append(max(xs) - min(xs))
+    assert spans[1] / spans[0] == pytest.approx(length / 230, abs=0.001)
+
+
 def test_a_wheel_is_as_far_away_as_its_place_says(robot):
     for frame in robot_frames(robot):
         if frame.moves == "wheel":

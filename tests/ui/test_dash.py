@@ -8,10 +8,11 @@ import termios
 
 import pytest
 
+from diffbotctl.config.saved_view import read_view
 from diffbotctl.testing.running import PlainClient, command, moves, running
 from diffbotctl.testing.terminal import Terminal
 
-SIZES = [(80, 24), (120, 40), (200, 60)]
+SIZES = [(60, 20), (80, 24), (120, 40), (200, 60)]
 
 
 @pytest.fixture
@@ -53,6 +54,21 @@ def scale(text):
     return float(found[1]) if found else None
 
 
+def bar(text):
+    """The scale bar with its length."""
+    found = re.search(r"├─+┤ [\d.]+ m", text)
+    return found[0] if found else None
+
+
+def write(terminal, name):
+    """Replace the name of a file in the prompt; the end of a long one is seen."""
+    terminal.type("\x15")  # ctrl-u empties it
+    terminal.until(lambda screen: "view.yaml" not in screen, "the empty prompt")
+    terminal.type(name)
+    terminal.until(lambda screen: name[-10:] in screen, "what was typed")
+    terminal.type("\r")
+
+
 def answer(terminal, text):
     """Replace the content of the prompt with `text`."""
     terminal.type("\x15")  # ctrl-u empties it
@@ -92,6 +108,18 @@ def test_a_click_sets_a_goal_and_the_robot_arrives(engine, tmp_path, columns, li
         terminal.until(lambda text: "reached" in text, "the arrival")
         pose = client.request("describe_topic", topic="odometry")["last"]
         assert abs(pose["x"] - goal["x"]) < 0.02 and abs(pose["y"] - goal["y"]) < 0.02
+
+
+def test_attached_late_it_shows_the_way_and_the_numbers_before(engine, tmp_path):
+    """The robot drove 0.3 m, and stands since before this screen."""
+    with dash(tmp_path) as terminal:
+        column, row = robot_at(terminal)
+        behind = terminal.screen.display[row][: column - 6]  # beyond the outline
+        assert sum("\u2800" < sign < "\u28ff" for sign in behind) > 5, terminal.text
+        terminal.type("2")
+        seen = terminal.until(lambda text: "gate.wheels.left 0 rad/s" in text, "the plots")
+        terminal.until(lambda text: re.search(r"^ +[2-9](\.0)? │", text, re.M), "the speeds before")
+        assert re.search(r"^ +(\d+ +)+\d+ s *$", seen, re.M), "the time axis"
 
 
 def test_a_drag_sets_the_heading_and_the_wheel_zooms(engine, tmp_path):
@@ -158,6 +186,36 @@ def test_a_parameter_is_changed_and_a_wrong_value_refused(engine, tmp_path):
         terminal.until(lambda text: "guard.margin (m) =" in text, "the question again")
         answer(terminal, "-1")
         terminal.until(lambda text: "must be" in text, "the refusal")
+
+
+def test_a_view_is_saved_and_opened_again(engine, tmp_path):
+    path, other = tmp_path / "mine.yaml", tmp_path / "notes.txt"
+    other.write_text("nothing of ours")
+    with dash(tmp_path, "--plot", "odometry.odometry.x") as terminal:
+        terminal.until(bar, "the map")
+        before = bar(terminal.text)
+        terminal.type("[")
+        terminal.until(lambda text: bar(text) not in (None, before), "another scale")
+        zoomed = bar(terminal.text)
+        terminal.type("2<")
+        terminal.until(lambda text: "odometry.odometry.x 0.3" in text, "the plots")
+        for file, seen in ((other, "is no view"), (path, "saved:")):
+            terminal.type("v")
+            terminal.until(lambda text: "save this view as:" in text, "the question")
+            write(terminal, str(file))
+            terminal.until(
+                lambda text, seen=seen: seen in text and "save this view as:" not in text,
+                "what was done",
+            )
+    assert other.read_text() == "nothing of ours"
+    view = read_view(str(path))
+    assert (view.panel, view.fields, view.span) == ("plots", ("odometry.odometry.x",), 15.0)
+    assert view.place is not None and not view.follows
+    line, environment = command(tmp_path, "dash", "--hz", "2", "--view", str(path))
+    with Terminal(line, environment) as terminal:
+        terminal.until(lambda text: "odometry.odometry.x 0.3" in text, "the plots again")
+        terminal.type("1")
+        terminal.until(lambda text: bar(text) == zoomed, "the same zoom")
 
 
 def test_the_log_level_of_a_block_is_set(engine, tmp_path):

@@ -9,7 +9,7 @@ from diffbotctl.estimation.imu_text import imu_text
 from diffbotctl.messages import Imu
 from diffbotctl.processes.screen import RunSnapshot
 from diffbotctl.testing.running import PlainClient, cli, running
-from diffbotctl.ui.dash.panels import facts_panel
+from diffbotctl.ui.dash.facts import facts_panel
 from diffbotctl.ui.live_view import facts_table
 from diffbotctl.web.picture import RunPicture
 
@@ -59,7 +59,7 @@ def test_every_screen_has_the_same_words(imu, text):
     assert ["imu", text, imu.state != "working"] in map(list, picture.whole()["facts"])
     assert f"imu {text}" in texts(facts_table(snapshot), 100)
     for width in (80, 34):  # a line that is too long goes on in the next one
-        panel = texts(facts_panel(picture.view, width), width)
+        panel = texts(facts_panel(picture.view, width, 40), width)
         assert text.replace(", bias", " bias") in " ".join(panel.replace("imu", " ").split())
 
 

@@ -37,6 +37,11 @@ def handle_describe_topic(
     return {"topic": wire, "type": type_name(kind), "schema": json_schema(kind), "last": last}
 
 
+def handle_read_history(context: RequestContext, request: requests.ReadHistoryRequest) -> Fields:
+    wire = context.wire(request.topic)
+    return {"topic": wire, **context.state.history.topics[wire].reply()}
+
+
 def handle_subscribe(context: RequestContext, request: requests.SubscribeRequest) -> Fields:
     wires = context.topics(request.topic)
     context.client.topics.update(wires)

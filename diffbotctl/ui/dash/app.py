@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import ClassVar, assert_never
 
 from rich.console import Group, RenderableType
@@ -14,20 +15,29 @@ from textual.containers import Horizontal
 from textual.screen import Screen
 from textual.widgets import Static
 
+from diffbotctl.config.saved_view import (
+    PLOT_SPAN_MAX_S,
+    PLOT_SPAN_MIN_S,
+    ViewSettings,
+    save_view,
+)
 from diffbotctl.control_socket.address import EngineAddress
 from diffbotctl.errors import closest_match
 from diffbotctl.ui.dash import panels
+from diffbotctl.ui.dash.facts import facts_panel
+from diffbotctl.ui.dash.key_help import help_line, help_panel
 from diffbotctl.ui.dash.panels import PANELS, PanelName
 from diffbotctl.ui.dash.state import Request, RunView
 from diffbotctl.ui.dash.widgets import ZOOM_STEP, InputPrompt, MapBox, OnInput
 from diffbotctl.ui.engine_app import EngineApp, ScreenOptions
 from diffbotctl.units import UnitError, parse_pose
 
-FACTS_WIDTH, FACTS_WIDTH_WIDE = 32, 44  # characters
+FACTS_WIDTH, FACTS_WIDTH_WIDE = 33, 44  # characters
 WIDE_MIN_WIDTH, WIDE_MIN_HEIGHT = 110, 36  # from here plots, blocks and log are below the map
 HIGH_MIN_HEIGHT = 55  # from here the parameters too
 DEFAULT_PLOTS = 3  # fields that are plotted until the user chooses
 PAN_CHARACTERS = 4  # a key press
+VIEW_FILE = "view.yaml"  # unless the user writes another name
 
 
 class Dashboard(EngineApp):
@@ -35,13 +45,15 @@ class Dashboard(EngineApp):
 
     CSS = """
     Screen { layout: vertical; overflow: hidden; }
-    #title, #keyboard, #status, #help { height: 1; width: 100%; }
+    #title, #keyboard, #help { height: 1; width: 100%; }
+    #status { height: auto; min-height: 1; max-height: 3; width: 100%; }
     #banner { display: none; height: auto; max-height: 3; width: 100%; }
     #body { height: 1fr; }
     #view { width: 1fr; height: 1fr; display: none; padding: 0 1; }
     #facts { height: 1fr; }
     #below { height: 12; display: none; border-top: solid $primary; }
     #below Static { width: 1fr; height: 100%; padding: 0 1; }
+    #below #blocks { width: 46; }
     #more { height: 14; display: none; border-top: solid $primary; padding: 0 1; }
     """
     slow_requests: ClassVar[tuple[Request, ...]] = (
@@ -52,11 +64,17 @@ class Dashboard(EngineApp):
     )
 
     def __init__(
-        self, engine: EngineAddress, tool: str, options: ScreenOptions, fields: list[str]
+        self,
+        engine: EngineAddress,
+        tool: str,
+        options: ScreenOptions,
+        view: ViewSettings | None = None,
     ) -> None:
         super().__init__(engine, tool, options)
-        self.panel: PanelName = "map"
-        self.fields = fields  # that are plotted
+        self.view = view or ViewSettings()  # at the start
+        self.panel: PanelName = self.view.panel
+        self.fields = list(self.view.fields)  # that are plotted
+        self.plot_span = self.view.span
         self.selected = 0  # row of the parameters
         self.is_wide = self.is_high = False
         self.drawn: dict[str, object] = {}  # content of each widget, or what it was made from
@@ -66,7 +84,7 @@ class Dashboard(EngineApp):
         yield Static(id="title")
         yield Static(id="banner")
         with Horizontal(id="body"):
-            yield MapBox(self.options.ascii_only)
+            yield MapBox(self.options.ascii_only, self.view.place, self.view.follows)
             yield Static(id="view")
             yield Static(id="facts")
         with Horizontal(id="below"):
@@ -76,7 +94,7 @@ class Dashboard(EngineApp):
         yield Static(id="more")
         yield Static(id="status")
         yield Static(id="keyboard")
-        yield Static(panels.HELP_LINE, id="help")
+        yield Static(id="help")
 
     async def on_mount(self) -> None:
         """Lay out; then textual calls the on_mount of EngineApp, which connects."""
@@ -119,31 +137,34 @@ class Dashboard(EngineApp):
         has_facts = is_map or self.size.width >= WIDE_MIN_WIDTH
         self._set_shown("#facts", has_facts)
         if has_facts:
-            width = max(self.main.query_one("#facts").size.width, FACTS_WIDTH) - 1
-            self._put("facts", panels.facts_panel(self.run_view, width, plain))
+            size = self.main.query_one("#facts").size
+            width, height = max(size.width, FACTS_WIDTH) - 1, size.height
+            self._put("facts", facts_panel(self.run_view, width, height, plain))
         self._set_shown("MapBox", is_map)
         self._set_shown("#view", not is_map)
         if is_map:
             self.main.query_one(MapBox).show(self.run_view)
         else:
-            self._draw_panel("view", self.panel, 2)
+            self._draw_panel("view", self.panel)
         if self.is_wide:
             self._draw_panel("plots", "plots")
             self._draw_panel("blocks", "blocks")
             self._draw_panel("log", "log")
         if self.is_high:
             self._draw_panel("more", "parameters")
-        self._put("status", Text(self.status, "yellow", no_wrap=True, overflow="ellipsis"))
-        self._put("keyboard", panels.keyboard_line(self.deadman))
+        self._put("status", Text(self.status, "yellow"), resizes=True)
+        width = self.size.width
+        self._put("keyboard", panels.keyboard_line(self.deadman, width))
+        self._put("help", Text(help_line(width), no_wrap=True))
 
-    def _draw_panel(self, widget: str, panel: PanelName, margin: int = 0) -> None:
+    def _draw_panel(self, widget: str, panel: PanelName) -> None:
         """Draw a panel in a widget, if what it shows may have changed since."""
         size = self.main.query_one(f"#{widget}", Static).size
         time = self.run_view.snapshot.time if panel == "plots" else self.last_slow_poll
-        state = (panel, size, time, self.selected, tuple(self.fields))
+        state = (panel, size, time, self.selected, tuple(self.fields), self.plot_span)
         if self.drawn.get(widget) != state:
             self.drawn[widget] = state
-            self._update(widget, self._render_panel(panel, size.width - margin, size.height))
+            self._update(widget, self._render_panel(panel, size.width, size.height))
 
     def _put(self, widget: str, content: RenderableType, resizes: bool = False) -> None:
         """Draw what is fast to make, if it differs from the content of the widget."""
@@ -160,15 +181,16 @@ class Dashboard(EngineApp):
         view, plain = self.run_view, self.options.ascii_only
         match panel:
             case "plots":
-                return panels.plots_panel(view, self.plotted, width, max(height, 4), plain)
+                span, height = self.plot_span, max(height, 4)
+                return panels.plots_panel(view, self.plotted, span, width, height, plain)
             case "blocks":
-                return panels.blocks_panel(view, height)
+                return panels.blocks_panel(view, width, height)
             case "parameters":
-                return panels.parameters_panel(view, self.selected, height)
+                return panels.parameters_panel(view, self.selected, width, height)
             case "help":
-                return panels.help_panel(self.keyboard.keys.help)
+                return help_panel(self.keyboard.keys.help)
             case "log":
-                return panels.log_panel(view, max(height, 1))
+                return panels.log_panel(view, width, max(height, 1))
             case "map":
                 return Text()  # a widget of its own
         assert_never(panel)
@@ -177,6 +199,10 @@ class Dashboard(EngineApp):
     def plotted(self) -> list[str]:
         """The fields that are plotted: the chosen ones, else defaults."""
         return self.fields or default_fields(self.run_view)
+
+    def plotted_topics(self) -> set[str]:
+        """The topics of the plotted fields."""
+        return {name.rpartition(".")[0] for name in self.plotted}
 
     # Keys and mouse.
 
@@ -199,7 +225,10 @@ class Dashboard(EngineApp):
             "escape": partial(self.show_panel, "map"),
             "?": partial(self.show_panel, "map" if self.panel == "help" else "help"),
             "n": self.show_next_panel,
+            "<": partial(self.scale_plots, 0.5),
+            ">": partial(self.scale_plots, 2.0),
             "g": self.ask_goal,
+            "v": self.ask_view_file,
             "p": self.ask_fields,
             "r": partial(self.request, "resume"),
             "t": self.next_key_set,
@@ -237,6 +266,10 @@ class Dashboard(EngineApp):
         index = PANELS.index(self.panel) if self.panel in PANELS else -1
         self.show_panel(PANELS[(index + 1) % len(PANELS)])
 
+    def scale_plots(self, factor: float) -> None:
+        """Show more or less of the past in the plots."""
+        self.plot_span = min(max(self.plot_span * factor, PLOT_SPAN_MIN_S), PLOT_SPAN_MAX_S)
+
     def on_map_box_pointed(self, event: MapBox.Pointed) -> None:
         """A click or drag on the map: set a goal there."""
         self._go_to(*event.place, event.heading)
@@ -253,6 +286,18 @@ class Dashboard(EngineApp):
     def ask_fields(self) -> None:
         """Ask for the fields to plot."""
         self.ask("plot (block.port.field ...):", " ".join(self.plotted), self._set_fields)
+
+    def ask_view_file(self) -> None:
+        """Ask for the file that gets what is shown."""
+        self.ask("save this view as:", VIEW_FILE, self._save_view)
+
+    def _save_view(self, text: str | None) -> None:
+        if not text or not text.strip():
+            return
+        box = self.main.query_one(MapBox)
+        panel = self.panel if self.panel != "help" else "map"
+        view = ViewSettings(panel, tuple(self.plotted), self.plot_span, box.place(), box.follows)
+        self.status = save_view(Path(text.strip()), view)
 
     def _set_goal(self, text: str | None) -> None:
         if not text or not text.strip():

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from itertools import chain, islice
-from math import degrees, isfinite, pi, remainder
+from collections import deque
 from textwrap import wrap
 from typing import Any, Literal, get_args
 
@@ -12,185 +10,17 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from diffbotctl import messages
-from diffbotctl.estimation.imu_text import imu_lines
-from diffbotctl.messages import Battery, Duty, Goal, GoalState, Imu, Link, Range, Wheels
 from diffbotctl.time import SECOND
 from diffbotctl.ui.dash.state import RunView
-from diffbotctl.ui.plot.plots import render_chart
-from diffbotctl.ui.run_text import (
-    LOG_STYLES,
-    log_line_text,
-    newest_message,
-    newest_odometry,
-    range_text,
-)
+from diffbotctl.ui.plot.chart import ChartCurve, render_chart
+from diffbotctl.ui.run_text import LOG_STYLES, log_line_text
 from diffbotctl.ui.teleop.deadman import TeleopDeadman
-from diffbotctl.ui.text import render_bar, render_signed_bar
+from diffbotctl.ui.text import fold_text, shorten_text
 
 PanelName = Literal["map", "plots", "parameters", "blocks", "log", "help"]
 PANELS: tuple[PanelName, ...] = get_args(PanelName)[:-1]  # in the order of their keys
 STOP_STYLE = "bold white on red"
-PLOT_SPAN_S = 30.0
-IMU_ROWS = 4  # at most for why it has failed; `why` has all of it
-NAME_WIDTH = 6  # characters of the names of the facts
-HELP_LINE = "1-5 views  g goal  p plot  f follow  [ ] zoom  t keys  b latch  r resume  ? help"
-HELP = (
-    ("click", "set a goal there"),
-    ("drag", "set a goal with a heading"),
-    ("wheel, [ ]", "zoom"),
-    ("right drag, { } ( )", "pan left, right, up, down"),
-    ("1 2 3 4 5, n", "map, plots, parameters, blocks, log; the next panel"),
-    ("3, arrows, enter", "change a parameter"),
-    ("5, enter", "set the log level of a block"),
-    ("g", "enter a goal in numbers"),
-    ("space", "stop driving; if not driving: stop the robot until r"),
-    ("r", "resume"),
-    ("f, 0", "keep the robot in the middle; keep everything in view"),
-    ("p", "choose the plotted fields"),
-    ("arrows", "drive"),
-    ("t", "change to the other set of letters"),
-    ("b", "drive while a key is held, or until the next key"),
-    ("ctrl-c", "leave"),
-)
-
-Row = tuple[str, str | Text]
-
-
-def facts_panel(view: RunView, width: int, plain: bool = False) -> Table:
-    """Pose, goal, wheels, IMU, range, battery, link and stop, in `width` characters."""
-    value_width = width - NAME_WIDTH - 1
-    table = Table.grid(padding=(0, 1))
-    table.add_column(style="bold", no_wrap=True, width=NAME_WIDTH)
-    table.add_column(no_wrap=True, overflow="ellipsis", width=value_width)
-    for row in chain(
-        _pose(view),
-        _goal(view),
-        _wheels(view, value_width, plain),
-        _imu(view, value_width),
-        _ranges(view, value_width, plain),
-        _battery(view),
-        _link(view),
-        _stop(view),
-        _texts(view),
-    ):
-        table.add_row(*row)
-    return table
-
-
-def _pose(view: RunView) -> Iterator[Row]:
-    pose = newest_odometry(view.snapshot)
-    if pose is not None:
-        heading = degrees(remainder(pose.heading, 2 * pi))
-        yield "pose", f"{pose.x:+.3f} {pose.y:+.3f} m {heading:+.1f}°"
-        yield "", f"{pose.linear:+.3f} m/s {pose.angular:+.2f} rad/s"
-
-
-def _goal(view: RunView) -> Iterator[Row]:
-    goal, state = newest_message(view.snapshot, Goal), newest_message(view.snapshot, GoalState)
-    name = "goal"
-    if goal is not None and goal.number:
-        heading = "" if goal.heading is None else f" {degrees(goal.heading):+.1f}°"
-        yield name, f"{goal.x:+.3f} {goal.y:+.3f} m{heading}"
-        name = ""
-    if state is None:
-        return
-    text = Text(state.state.replace("_", " "), _goal_style(state))
-    if state.state not in ("idle", "reached"):
-        text.append(f" {state.distance:.3f} m {degrees(state.turn):+.0f}°")
-    yield name, text
-    if state.cause:
-        yield "", Text(state.cause, "red")
-
-
-def _goal_style(state: GoalState) -> str:
-    match state.state:
-        case "reached":
-            return "green"
-        case "reached_unsure" | "blocked" | "stuck" | "given_up" | "cancelled":
-            return "red"
-        case "idle" | "turning" | "driving" | "aligning":
-            return ""
-
-
-def _wheels(view: RunView, width: int, plain: bool) -> Iterator[Row]:
-    """Commanded above measured speed, for each wheel."""
-    robot, odometry = view.scene.robot, newest_odometry(view.snapshot)
-    commanded = view.snapshot.messages.get("gate.wheels") or newest_message(view.snapshot, Wheels)
-    if robot is None or not isinstance(commanded, Wheels | Duty):
-        return
-    bar_width = max(width - 8, 5)
-
-    def bar(value: float, maximum: float, style: str) -> Text:
-        signed_bar = render_signed_bar(value / maximum, bar_width, plain)
-        return Text.assemble((signed_bar, style), f" {value:+6.2f}")
-
-    for side, command, sign, diameter in (
-        ("left", commanded.left, -1, robot.left_diameter),
-        ("right", commanded.right, 1, robot.right_diameter),
-    ):
-        maximum = 1.0 if isinstance(commanded, Duty) else robot.speed / (diameter / 2)
-        yield side, bar(command, maximum, "magenta")
-        if odometry is not None and isinstance(commanded, Wheels):
-            speed = odometry.linear + sign * odometry.angular * robot.track / 2
-            yield "", bar(speed / (diameter / 2), maximum, "cyan")
-
-
-def _imu(view: RunView, width: int) -> Iterator[Row]:
-    imu = newest_message(view.snapshot, Imu)
-    if imu is None:
-        return
-    style = {"failed": "red", "zeroing": "yellow", "working": ""}[imu.state]
-    lines = (wrap(line, width, max_lines=IMU_ROWS, placeholder="...") for line in imu_lines(imu))
-    parts = list(chain.from_iterable(lines))
-    for number, part in enumerate(parts):
-        yield "" if number else "imu", Text(part, style)
-
-
-def _ranges(view: RunView, width: int, plain: bool) -> Iterator[Row]:
-    ranges = {beam.topic: beam.reach for beam in view.scene.beams}
-    for wire, message in view.snapshot.messages.items():
-        if not isinstance(message, Range):
-            continue
-        is_valid = message.state in ("measured", "clear")
-        maximum = ranges.get(wire, message.distance or 1.0)
-        share = message.distance / maximum if is_valid else 0.0
-        bar = render_bar(share, max(width - 10, 4), plain)
-        style = "yellow" if is_valid else "red"
-        yield "range", Text.assemble((bar, style), f" {range_text(message)}")
-
-
-def _battery(view: RunView) -> Iterator[Row]:
-    battery = newest_message(view.snapshot, Battery)
-    if battery is not None:
-        yield "supply", Text(f"{battery.volts:.1f} V", "red" if battery.low else "")
-
-
-def _link(view: RunView) -> Iterator[Row]:
-    link = newest_message(view.snapshot, Link)
-    if link is None:
-        return
-    rate = view.rates["robot.encoders"]["rate"] if "robot.encoders" in view.rates else 0.0
-    style = "" if link.state == "up" else "red"
-    yield "link", Text(f"{link.state} {rate:.0f} Hz, {link.lost} lost", style)
-    latency = f"{link.latency * 1e3:.0f} ms, " if isfinite(link.latency) else ""
-    yield "", f"{latency}{link.damaged} damaged, {link.restarts} restarts"
-    if link.cause:
-        yield "", Text(link.cause, "red")
-
-
-def _stop(view: RunView) -> Iterator[Row]:
-    if view.held is None:
-        yield "stop", "none"
-    else:
-        yield "stop", Text(str(view.held["code"]), "bold red")
-        yield "", str(view.held["cause"])
-
-
-def _texts(view: RunView) -> Iterator[Row]:
-    for wire, message in view.snapshot.messages.items():
-        if isinstance(message, messages.Text):
-            yield wire.partition(".")[0][:NAME_WIDTH], message.text
+LOG_HANG = 12  # columns of the time of a line
 
 
 def title_line(view: RunView) -> Text:
@@ -206,100 +36,134 @@ def title_line(view: RunView) -> Text:
 
 
 def stop_banner(view: RunView) -> Text:
-    """The stop in force, over the whole width; empty when there is none."""
+    """The stop in force, over the whole width; empty when there is none. How it ends is first."""
     stop = view.held
     if stop is None:
         return Text()
     end = "r: resume" if stop["latched"] else "ends by itself"
-    return Text(f" STOPPED  {stop['code']}: {stop['cause']}  ({end}) ", STOP_STYLE)
+    return Text(f" STOPPED ({end})  {stop['code']}: {stop['cause']} ", STOP_STYLE)
 
 
-def keyboard_line(deadman: TeleopDeadman) -> Text:
-    """Mode and speeds of the keys, whether they drive now, and the terminal's round-trip time."""
-    out, keyboard = Text(no_wrap=True, overflow="ellipsis"), deadman.keyboard
-    if deadman.is_driving:
-        out.append(" DRIVING ", "black on green")
-    else:
-        out.append(" keys ", "reverse")
-    if keyboard.mode == "hold":
-        out.append(" HOLD a key ")
-    else:
-        out.append(" LATCHED until the next key ", "bold")
-    out.append(f" {keyboard.speed:.2f} m/s {keyboard.turn_rate:.2f} rad/s")
-    if deadman.heartbeat.round_trip is not None:
-        out.append(f"  terminal {deadman.heartbeat.round_trip * 1e3:.0f} ms", "dim")
+def keyboard_line(deadman: TeleopDeadman, width: int) -> Text:
+    """Mode and speeds of the keys, whether they drive now, and the terminal's round-trip time.
+
+    The last parts are left out where they do not fit.
+    """
+    keyboard = deadman.keyboard
+    mode = "HOLD a key" if keyboard.mode == "hold" else "LATCHED until the next key"
+    parts = [
+        (" DRIVING ", "black on green") if deadman.is_driving else (" keys ", "reverse"),
+        (f" {mode}", "" if keyboard.mode == "hold" else "bold"),
+        (f"  {keyboard.speed:.2f} m/s {keyboard.turn_rate:.2f} rad/s", ""),
+    ]
     if keyboard.has_gap:
-        out.append("  gap: the first key repeat was late", "yellow")
+        parts.append(("  the first key repeat was late", "yellow"))
+    if deadman.heartbeat.round_trip is not None:
+        parts.append((f"  terminal {deadman.heartbeat.round_trip * 1e3:.0f} ms", "dim"))
+    out = Text(no_wrap=True, overflow="ellipsis")
+    for text, style in parts:
+        if len(out) + len(text) <= width:
+            out.append(text, style)
     return out
 
 
 def plots_panel(
-    view: RunView, names: list[str], width: int, height: int, plain: bool = False
+    view: RunView, names: list[str], span: float, width: int, height: int, plain: bool = False
 ) -> Text:
-    """The chosen fields over the last half minute."""
+    """The chosen fields over the last `span` seconds."""
     if not names:
         return Text("press p to choose the plotted fields", "dim")
-    series = [(name, list(view.numbers.get(name, ()))) for name in names]
-    return render_chart(series, PLOT_SPAN_S, width, height, plain)
+    curves = [ChartCurve(name, view.unit(name), list(view.numbers.get(name, ()))) for name in names]
+    return render_chart(curves, span, width, height, plain)
 
 
-def blocks_panel(view: RunView, height: int) -> Table:
+BLOCK_COLUMNS = ("block", "rate", "age", "busy", "overruns", "last_error")
+OPTIONAL_COLUMNS = ("last_error", "busy", "overruns", "age")  # as far as the width goes
+COLUMN_GAP = 2
+ERROR_MIN_WIDTH = 20
+
+
+def blocks_panel(view: RunView, width: int, height: int) -> Table:
     """Each block with its rate, the processor time that it takes and its last error."""
-    optional = [
-        name
-        for name in ("busy", "overruns", "last_error")
-        if any(row.get(name) is not None for row in view.blocks)
-    ]
+    rows = view.blocks[: max(height - 1, 1)]
+    cells = {name: [_cell(name, row.get(name)) for row in rows] for name in BLOCK_COLUMNS}
+    widths = {name: max(len(name), *map(len, texts), 0) for name, texts in cells.items()}
+    widths["last_error"] = ERROR_MIN_WIDTH  # it takes what remains
+    shown, used = ["block", "rate"], widths["block"] + COLUMN_GAP + widths["rate"]
+    for name in OPTIONAL_COLUMNS:
+        if any(cells[name]) and used + COLUMN_GAP + widths[name] <= width:
+            shown.append(name)
+            used += COLUMN_GAP + widths[name]
+    free = width - used + ERROR_MIN_WIDTH
+    cells["last_error"] = [shorten_text(text, free) for text in cells["last_error"]]
     table = _table()
-    for name in ("block", "rate", "age", *optional):
-        ratio = 1 if name == "last_error" else None  # it takes the remaining width
-        table.add_column(name.replace("_", " "), no_wrap=True, overflow="ellipsis", ratio=ratio)
-    for row in islice(view.blocks, max(height - 1, 1)):
-        age = "" if row["age"] is None else f"{row['age']:.1f} s"
-        cells = (_cell(name, row.get(name)) for name in optional)
-        table.add_row(row["block"], f"{row['rate']:.0f} Hz", age, *cells)
+    names = [name for name in BLOCK_COLUMNS if name in shown]
+    for name in names:
+        table.add_column(name.replace("_", " "), no_wrap=True, overflow="ellipsis")
+    for texts in zip(*(cells[name] for name in names), strict=True):
+        table.add_row(*texts)
     return table
 
 
 def _table() -> Table:
-    return Table(box=None, pad_edge=False, header_style="bold", expand=True)
+    return Table(box=None, padding=(0, COLUMN_GAP, 0, 0), pad_edge=False, header_style="bold")
 
 
 def _cell(name: str, value: Any) -> str:
-    if value is None:
-        return ""
-    if name == "last_error":
-        return f"{value['time'] / SECOND:.1f} s: {value['text']}"
-    return f"{100 * value:.2f} %" if name == "busy" else str(value)
+    match name, value:
+        case _, None:
+            return ""
+        case "last_error", _:
+            return f"{value['time'] / SECOND:.1f} s: {value['text']}"
+        case "busy", _:
+            return f"{100 * value:.2f} %"
+        case "rate", _:
+            return f"{value:.0f} Hz"
+        case "age", _:
+            return f"{value:.1f} s"
+    return str(value)
 
 
-def parameters_panel(view: RunView, selected: int, height: int) -> Table:
-    """The live parameters around the selected one, as many as fit."""
+def parameters_panel(view: RunView, selected: int, width: int, height: int) -> RenderableType:
+    """The live parameters around the selected one, as many as fit, and what that one means."""
     rows = view.live_parameters
-    table = _table()
-    for name in ("parameter", "value", "unit"):
-        table.add_column(name, no_wrap=True)
-    table.add_column("description", no_wrap=True, overflow="ellipsis", ratio=1)
-    count = max(height - 1, 1)
-    first = min(max(selected - count // 2, 0), max(len(rows) - count, 0))
-    for number, row in enumerate(rows[first : first + count], first):
-        style = "reverse" if number == selected else "bold" if row["changed"] else ""
-        value = row["value"]
-        text = f"{value:.6g}" if isinstance(value, float) else str(value)
-        table.add_row(row["parameter"], text, row["unit"], row["help"], style=style)
     if not rows:
-        table.add_row("this pipeline has no parameter that can change during a run")
-    return table
+        return Text("this pipeline has no parameter that can change during a run")
+    meaning = rows[selected]["help"] if selected >= 0 else ""
+    folded = fold_text(meaning, width=max(width, 1))
+    below = folded.count("\n") + 2 if meaning else 0
+    count = max(height - 1 - below, 1)
+    first = min(max(selected - count // 2, 0), max(len(rows) - count, 0))
+    shown = rows[first : first + count]
+    texts = [(row["parameter"], _value(row["value"]), row["unit"]) for row in shown]
+    names = ("parameter", "value", "unit")
+    used = sum(max(map(len, column)) + COLUMN_GAP for column in zip(names, *texts, strict=True))
+    table = _table()
+    for name in (*names, "description"):
+        table.add_column(name, no_wrap=True, overflow="ellipsis")
+    for number, (row, cells) in enumerate(zip(shown, texts, strict=True), first):
+        style = "reverse" if number == selected else "bold" if row["changed"] else ""
+        table.add_row(*cells, shorten_text(row["help"], width - used), style=style)
+    return Group(table, Text(f"\n{folded}", "dim")) if meaning else table
 
 
-def log_panel(view: RunView, height: int) -> Text:
-    """The newest lines of the log that fit."""
-    lines = view.log[-height:]
-    texts = [Text(log_line_text(line), LOG_STYLES.get(line.level, "")) for line in lines]
-    return Text("\n", no_wrap=True, overflow="ellipsis").join(texts)
+def _value(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def help_panel(letters: str) -> RenderableType:
-    """Every key; `letters` describes those that drive."""
-    rows = [Text.assemble((f"{keys:<21}", "bold"), effect) for keys, effect in HELP]
-    return Group(*rows, Text(letters))
+def log_panel(view: RunView, width: int, height: int) -> Text:
+    """The newest lines of the log that fit, folded between words."""
+    shown: deque[Text] = deque()
+    for line in reversed(view.log):
+        folded = wrap(
+            log_line_text(line),
+            max(width, 2 * LOG_HANG),
+            subsequent_indent=" " * LOG_HANG,
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
+        rows = [Text(row, LOG_STYLES.get(line.level, "")) for row in folded]
+        if shown and len(shown) + len(rows) > height:
+            break
+        shown.extendleft(reversed(rows[:height]))
+    return Text("\n", no_wrap=True, overflow="ellipsis").join(shown)

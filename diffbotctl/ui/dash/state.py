@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections import defaultdict, deque
 from collections.abc import Iterator
-from functools import partial
+from functools import cache, partial
+from math import inf, nan
 from typing import Any, Literal, assert_never
 
 from diffbotctl.messages import BUILT_IN, LogLine
+from diffbotctl.messages import fields as message_fields
 from diffbotctl.processes.screen import RunSnapshot
 from diffbotctl.recording.json_codec import message_reader
 from diffbotctl.render.map_scene import Scene, parse_scene
@@ -15,6 +17,7 @@ from diffbotctl.time import SECOND
 from diffbotctl.ui.map.state import MapState
 
 HISTORY_MAX_VALUES = 1200  # of each field: two minutes at ten a second
+NO_UNITS = ("1", "see kind")  # in a declaration: a ratio, and what depends on another field
 LOG_MAX_LINES = 100  # more than the highest terminal shows
 
 Fields = dict[str, Any]
@@ -64,6 +67,33 @@ class RunView(MapState):
             case _:
                 assert_never(request)
 
+    def take_trail(self, reply: Fields) -> None:
+        """Put the trail in a reply to `read_history` before the one that was drawn here."""
+        here = list(self.trail.points)
+        self.trail.points.clear()
+        for x, y in [*reply["trail"], *here]:
+            self.trail.add((x, y))
+
+    def take_history(self, topic: str, reply: Fields) -> None:
+        """Put the numbers in a reply to `read_history` before those that came since."""
+        for name, values in reply["fields"].items():
+            history = self.numbers[f"{topic}.{name}"]
+            begin = history[0][0] if history else inf
+            earlier = [
+                (time, nan if value is None else value)
+                for time, value in zip(reply["times"], values, strict=True)
+                if time < begin
+            ]
+            room = HISTORY_MAX_VALUES - len(history)
+            history.extendleft(reversed(earlier[max(len(earlier) - room, 0) :]))
+
+    def unit(self, name: str) -> str:
+        """The unit of a field, `block.port.field`; empty where it has none or it is not known."""
+        wire, _, field = name.rpartition(".")
+        row = self.rates.get(wire)
+        kind = None if row is None else BUILT_IN.get(row["type"])
+        return "" if kind is None else declared_units(kind).get(field, "")
+
     @property
     def fields(self) -> list[str]:
         """Every number that can be plotted, `block.port.field`."""
@@ -98,6 +128,13 @@ class RunView(MapState):
             history = self.numbers[f"{wire}.{name}"]
             if not history or history[-1][0] < time:
                 history.append((time, value))
+
+
+@cache
+def declared_units(kind: type) -> dict[str, str]:
+    """The unit of each field of a message class; none for a ratio."""
+    units = {name: field.unit for name, (_, field) in message_fields(kind).items()}
+    return {name: "" if unit in NO_UNITS else unit for name, unit in units.items()}
 
 
 def _numbers(values: Fields) -> Iterator[tuple[str, float]]:

@@ -20,7 +20,7 @@ from textual.widget import Widget
 from textual.widgets import Input, Label
 
 from diffbotctl.ui.dash.state import RunView
-from diffbotctl.ui.map.canvas import Camera, Point
+from diffbotctl.ui.map.canvas import DOTS_ACROSS, Camera, Point
 from diffbotctl.ui.map.layers import draw_map, mark_goal, overview_camera
 
 ZOOM_STEP = 1.25  # of the mouse wheel
@@ -42,14 +42,22 @@ class MapBox(Widget):
             super().__init__()
             self.place, self.heading = place, heading
 
-    def __init__(self, plain: bool) -> None:
+    def __init__(
+        self,
+        plain: bool,
+        place: tuple[float, float, float] | None = None,
+        follows: bool = False,
+    ) -> None:
+        """`place`: x, y and width in m to show first; None: everything."""
         super().__init__()
         self.plain = plain
         self.run_view: RunView | None = None
         self.camera: Camera | None = None
         self.fitted: tuple[Camera, tuple[int, int]] | None = None  # camera, size of its window
         self.drawn: Camera | None = None  # the camera of the last drawing
-        self.follows = False
+        self.drawn_width = 0  # its characters; a map that is hidden has no size
+        self.follows = follows
+        self.wanted = place  # until the size of the window is known
         self.pressed: Point | None = None  # where the left button went down, in characters
         self.dragged: Point | None = None  # where the mouse is since
         self.panning: Point | None = None
@@ -59,7 +67,7 @@ class MapBox(Widget):
         width, height = self.size
         if self.run_view is None or width < 1 or height < 1:
             return Text("")
-        self.drawn = self._camera(self.run_view)
+        self.drawn, self.drawn_width = self._camera(self.run_view), width
         canvas = draw_map(self.run_view, self.drawn, width, height, self.plain)
         if self.pressed is not None:
             mark_goal(canvas, *self._goal(self.drawn, self.pressed, self.dragged or self.pressed))
@@ -69,6 +77,14 @@ class MapBox(Widget):
         """Draw this run."""
         self.run_view = run_view
         self.refresh()
+
+    def place(self) -> tuple[float, float, float] | None:
+        """Middle (x, y) and width in m of the part that is shown; None: everything is in view."""
+        if self.wanted is not None:
+            return self.wanted
+        if self.camera is None or self.drawn is None:
+            return None
+        return self.drawn.x, self.drawn.y, self.drawn_width * DOTS_ACROSS / self.drawn.scale
 
     def zoom(self, factor: float) -> None:
         """Closer by `factor`."""
@@ -138,6 +154,9 @@ class MapBox(Widget):
     def _camera(self, run_view: RunView) -> Camera:
         if self.pressed is not None and self.drawn is not None:
             return self.drawn  # the floor must not move under the mouse
+        if self.wanted is not None:
+            x, y, width = self.wanted
+            self.camera, self.wanted = Camera(x, y, self.size.width * DOTS_ACROSS / width), None
         if self.camera is None:
             return self._fitted_camera(run_view)
         if self.follows and run_view.trail.points:

@@ -53,12 +53,12 @@ class CharacterCanvas:
             self.dots[cell] = self.dots.get(cell, 0) | bit
             self.styles[cell] = style
 
-    def polyline(self, points: Iterable[tuple[int, int] | None]) -> None:
+    def polyline(self, points: Iterable[tuple[int, int] | None], style: str | None = None) -> None:
         """Set the dots from each point to the next; None is a gap."""
         last = None
         for point in points:
             if point is not None:
-                self._line(last or point, point)
+                self._line(last or point, point, style)
             last = point
 
     def put(self, column: int, row: int, character: str, style: str | None = None) -> None:
@@ -85,9 +85,9 @@ class CharacterCanvas:
         rows = (self.row(row) for row in range(self.height))
         return Text("\n", no_wrap=True, end="").join(rows)
 
-    def _line(self, start: tuple[int, int], end: tuple[int, int]) -> None:
+    def _line(self, start: tuple[int, int], end: tuple[int, int], style: str | None) -> None:
         (x0, y0), (x1, y1) = start, end
         steps = max(abs(x1 - x0), abs(y1 - y0))
         for step in range(steps + 1):
             share = step / steps if steps else 0.0
-            self.dot(round(x0 + (x1 - x0) * share), round(y0 + (y1 - y0) * share))
+            self.dot(round(x0 + (x1 - x0) * share), round(y0 + (y1 - y0) * share), style)

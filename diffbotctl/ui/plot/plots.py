@@ -1,10 +1,10 @@
-"""Plots in the terminal: a live chart, a curve, a scatter plot, and panels over a time axis."""
+"""Plots in the terminal: a curve, a scatter plot, and panels over a time axis."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import cycle
-from math import isfinite, isnan
+from math import isnan
 
 from rich.text import Text
 
@@ -13,61 +13,6 @@ from diffbotctl.ui.plot.axes import Axis, make_axis
 from diffbotctl.ui.plot.canvas import BRAILLE, CharacterCanvas, DotFont
 
 Point = tuple[float, float]
-
-CHART_STYLES = ("cyan", "yellow", "magenta", "green", "red", "blue")
-CHART_LETTERS = "*+xo#@"
-CHART_LABEL_WIDTH = 9  # characters for the numbers on the left
-
-
-def render_chart(
-    series: Sequence[tuple[str, Sequence[Point]]],
-    span: float,
-    width: int,
-    height: int,
-    plain: bool = False,
-) -> Text:
-    """The last `span` seconds of each named series of (time, value), on one scale.
-
-    `height` lines in total; the last ones are the legend. `plain`: letters in place of braille.
-    """
-    rows, columns = max(height - max(len(series), 1), 2), max(width - CHART_LABEL_WIDTH, 4)
-    canvas = CharacterCanvas(columns, rows)
-    end = max((points[-1][0] for _, points in series if points), default=0.0)
-    begin = end - span
-    shown = [[(t, v) for t, v in points if t >= begin and isfinite(v)] for _, points in series]
-    low, high = _chart_limits([value for points in shown for _, value in points])
-    for samples, letter, style in zip(
-        shown, cycle(CHART_LETTERS), cycle(CHART_STYLES), strict=False
-    ):
-        for time, value in samples:
-            x = round((time - end + span) / span * (canvas.dot_width - 1))
-            y = round((high - value) / (high - low) * (canvas.dot_height - 1))
-            if plain:
-                canvas.put(x // BRAILLE.across, y // BRAILLE.down, letter, style)
-            else:
-                canvas.dot(x, y, style)
-    labels = {0: f"{high:.4g}", rows - 1: f"{low:.4g}"}
-    lines = [
-        Text.assemble((f"{labels.get(row, ''):>{CHART_LABEL_WIDTH - 1}} ", "dim"), canvas.row(row))
-        for row in range(rows)
-    ]
-    for (name, points), letter, style in zip(
-        series, cycle(CHART_LETTERS), cycle(CHART_STYLES), strict=False
-    ):
-        last = f"{points[-1][1]:.4g}" if points else "no data"
-        sign = letter if plain else "━"
-        lines.append(Text(f"{last:>{CHART_LABEL_WIDTH - 1}} {sign} {name}", style))
-    return Text("\n", no_wrap=True, end="").join(lines)
-
-
-def _chart_limits(values: Sequence[float]) -> Point:
-    """The least and the greatest value, apart."""
-    low, high = min(values, default=0.0), max(values, default=1.0)
-    if high - low < 1e-9:
-        margin = abs(high) * 0.1 or 1.0
-        return low - margin, high + margin
-    return low, high
-
 
 CURVE_WIDTH, CURVE_HEIGHT = 60, 16  # characters
 CURVE_LABEL_WIDTH = 7  # characters for the numbers on the left
@@ -162,7 +107,7 @@ def render_plots(
     time = make_axis(begin, end, max(columns // COLUMNS_PER_TICK, 1))
     for series in plotted:
         yield from _panel(series, time, columns, max(available, PANEL_MIN_ROWS), font)
-    yield from _time_axis(time, columns, font)
+    yield from time_axis_lines(time, columns, font)
 
 
 def _panel(series: Series, time: Axis, columns: int, rows: int, font: DotFont) -> Iterator[str]:
@@ -182,7 +127,8 @@ def _panel(series: Series, time: Axis, columns: int, rows: int, font: DotFont) -
         yield f"{labels.get(row, ''):>{PANEL_LABEL_WIDTH - 2}} {bar}{canvas.row(row)}".rstrip()
 
 
-def _time_axis(time: Axis, columns: int, font: DotFont) -> Iterator[str]:
+def time_axis_lines(time: Axis, columns: int, font: DotFont) -> Iterator[str]:
+    """A ruler of `columns` characters below panels, and its times in s."""
     corner, dash, mark = "\u2514\u2500\u2534" if font is BRAILLE else "+-+"  # box drawing
     ruler, labels = [dash] * columns, [" "] * columns
     for tick in time.ticks:

@@ -8,10 +8,11 @@ from textual.app import ComposeResult
 from textual.widgets import Static
 
 from diffbotctl.ui.dash import panels
+from diffbotctl.ui.dash.facts import facts_panel
 from diffbotctl.ui.engine_app import EngineApp
 
 HELP = "t other letters   b hold/latched   r resume   space stop   ctrl-c leave"
-FACTS_MAX_WIDTH = 60  # characters
+FACTS_MAX_WIDTH, HEAD_ROWS = 60, 8  # characters; rows above the facts, with a stop
 
 
 class Teleop(EngineApp):
@@ -39,13 +40,14 @@ class Teleop(EngineApp):
         if not self.is_connected:
             return
         width = min(self.size.width, FACTS_MAX_WIDTH)
+        rows = max(self.size.height - HEAD_ROWS, 1)
         lines = (
             panels.title_line(self.run_view),
             panels.stop_banner(self.run_view),
-            panels.keyboard_line(self.deadman),
+            panels.keyboard_line(self.deadman, self.size.width),
             Text(self.keyboard.keys.help, "dim", no_wrap=True),
             Text(HELP, "dim", no_wrap=True),
             Text(self.status, "yellow", no_wrap=True, overflow="ellipsis"),
-            panels.facts_panel(self.run_view, width, self.options.ascii_only),
+            facts_panel(self.run_view, width, rows, self.options.ascii_only),
         )
         self.query_one("#all", Static).update(Group(*lines))

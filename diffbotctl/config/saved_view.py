@@ -1,0 +1,121 @@
+"""A saved view: what a screen shows of a run, as a YAML file that opens it again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal, NamedTuple, get_args
+
+from diffbotctl.config import yaml_reader
+from diffbotctl.config.section_reader import read_section
+from diffbotctl.errors import ConfigurationError, Problem
+from diffbotctl.params import Choice, Param, Section
+
+ScreenPanel = Literal["map", "plots", "parameters", "blocks", "log"]
+SCREEN_PANELS: tuple[ScreenPanel, ...] = get_args(ScreenPanel)  # in the order of their keys
+PLOT_SPAN_S, PLOT_SPAN_MIN_S, PLOT_SPAN_MAX_S = 30.0, 7.5, 120.0  # of the past
+MAP_WIDTH_MIN_M, MAP_WIDTH_MAX_M = 0.05, 5000.0
+FIRST_LINE = "# A view of diffbotctl: `diffbotctl dash --view FILE` opens it."
+
+
+class PlotsView(Section):
+    """What is plotted."""
+
+    fields = Param(
+        list[str],
+        default=[],
+        help="Names such as odometry.odometry.x; empty: the speeds of the wheels.",
+    )
+    span = Param(
+        float,
+        unit="s",
+        minimum=PLOT_SPAN_MIN_S,
+        maximum=PLOT_SPAN_MAX_S,
+        default=PLOT_SPAN_S,
+        help="The past that the plots show.",
+    )
+
+
+class MapSection(Section):
+    """The part of the map that is shown."""
+
+    x = Param(float, unit="m", default=0.0, help="Middle of the map, in odom.")
+    y = Param(float, unit="m", default=0.0, help="Middle of the map, in odom.")
+    width = Param(
+        float,
+        unit="m",
+        minimum=MAP_WIDTH_MIN_M,
+        maximum=MAP_WIDTH_MAX_M,
+        help="Length from the left to the right edge.",
+    )
+    follow = Param(bool, default=False, help="Keep the robot in the middle, in place of x and y.")
+
+
+class SavedView(Section):
+    """A view of a running robot."""
+
+    format = Param(int, choices=(1,), help="Version of the file format.")
+    kind = Param(str, choices=("view",), help="Kind of file.")
+    panel: ScreenPanel = Choice(
+        ScreenPanel, default="map", help="What a small screen shows beside the values."
+    )
+    plots = Param(PlotsView, default=PlotsView(), help="What is plotted.")
+    map = Param(
+        MapSection, none=True, default=None, help="Part of the map; absent: all is kept in view."
+    )
+
+
+class ViewSettings(NamedTuple):
+    """A view as a screen uses it. `place`: x, y and width of the map in m; None: all in view."""
+
+    panel: ScreenPanel = "map"
+    fields: tuple[str, ...] = ()
+    span: float = PLOT_SPAN_S
+    place: tuple[float, float, float] | None = None
+    follows: bool = False
+
+
+def read_view(path: str) -> ViewSettings:
+    """The view in the file at `path`. Raises ConfigurationError with every problem."""
+    problems: list[Problem] = []
+    view = read_section(yaml_reader.read(path), SavedView, "view", problems)
+    if problems:
+        raise ConfigurationError(problems)
+    part = view.map
+    return ViewSettings(
+        view.panel,
+        tuple(view.plots.fields),
+        view.plots.span,
+        None if part is None else (part.x, part.y, part.width),
+        part is not None and part.follow,
+    )
+
+
+def view_text(view: ViewSettings) -> str:
+    """The view as a file."""
+    lines = [FIRST_LINE, "format: 1", "kind: view", f"panel: {view.panel}", "plots:"]
+    lines += [f"  fields: [{', '.join(view.fields)}]", f"  span: {view.span:g} s"]
+    if view.place is not None:
+        x, y, width = view.place
+        lines += ["map:", f"  x: {x:.3f} m", f"  y: {y:.3f} m", f"  width: {width:.3f} m"]
+        lines += [f"  follow: {str(view.follows).lower()}"]
+    return "\n".join([*lines, ""])
+
+
+def save_view(path: Path, view: ViewSettings) -> str:
+    """Write the view to a file. Returns what was done, or why it was not."""
+    if path.exists() and not is_view(path):
+        return f"{path} exists already and is no view: choose another name"
+    try:
+        path.write_text(view_text(view), encoding="utf-8")
+    except OSError as error:
+        return f"{path} cannot be written: {error.strerror}"
+    return f"saved: `diffbotctl dash --view {path}` opens this view again"
+
+
+def is_view(path: Path) -> bool:
+    """Whether the file at `path` says that it is a view."""
+    try:
+        kind = yaml_reader.read(str(path)).entries.get("kind")
+    except (ConfigurationError, OSError, ValueError):
+        return False
+    return kind is not None and kind.text == "view"

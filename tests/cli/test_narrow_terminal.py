@@ -1,0 +1,82 @@
+"""On a terminal that is narrower than 80 columns no word is broken, and no drawing is torn."""
+
+import io
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from diffbotctl.printable import fold_line, fold_lines, keep_lines, printable_stream, write_raw
+from diffbotctl.testing.running import command
+from diffbotctl.testing.terminal import Terminal
+
+COLUMNS, LINES = 60, 150
+COMMANDS = [
+    ("frames", "book_2wd"),
+    ("wiring", "book_2wd"),
+    ("graph", "goal"),
+    ("blocks", "show", "odometry"),
+    ("run", "goal", "--port", "/dev/ttyNOPE"),
+    ("frames", "bok_2wd"),
+]
+
+FOLDED = (
+    # line, width, column, what comes of it
+    ("short", 10, 0, "short"),
+    ("one two three", 7, 0, "one two\n  three"),
+    ("one two three", 9, 6, "one\n  two\n  three"),  # six columns are taken already
+    ("a      column  of a table", 16, 0, "a      column\n  of a table"),
+    ("  indented text here", 12, 0, "  indented\n    text\n    here"),
+    ("see /a/path/longer/than/that x", 10, 0, "see\n  /a/path/longer/than/that\n  x"),
+    ("/a/path/longer/than/that", 10, 0, "/a/path/longer/than/that"),
+    ("", 10, 0, ""),
+)
+
+
+@pytest.mark.parametrize(("line", "width", "column", "expected"), FOLDED)
+def test_folding(line, width, column, expected):
+    assert fold_line(line, width, column) == expected
+
+
+@given(st.text(alphabet="ab  ", max_size=80), st.integers(4, 30))
+def test_no_word_is_lost_or_broken_and_no_row_is_too_long(line, width):
+    folded = fold_line(line, width)
+    assert folded.split() == line.split()
+    for row in folded.split("\n"):
+        assert len(row) <= width or len(row.split()) == 1
+
+
+def test_a_stream_folds_what_is_printed_and_not_what_others_read():
+    output = printable_stream(io.TextIOWrapper(io.BytesIO(), encoding="utf-8"))
+    fold_lines(output, 20)
+    write_raw(output, "\x1b[31merror:\x1b[0m")  # six columns
+    print(" one two three four", file=output)
+    print("five six seven eight nine", file=output)
+    keep_lines(output)
+    print('{"json": "is never folded"}', file=output)
+    output.flush()
+    text = output.buffer.getvalue().decode()
+    assert text == (
+        "\x1b[31merror:\x1b[0m one two three\n  four\nfive six seven eight\n  nine\n"
+        '{"json": "is never folded"}\n'
+    )
+
+
+def shown(folder, columns, words):
+    """The words on a terminal, after the command has ended."""
+    line, environment = command(folder, *words)
+    with Terminal(line, environment, columns, LINES) as terminal:
+        terminal.ended()
+        return terminal.text
+
+
+@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
+def test_no_word_of_a_command_is_broken(tmp_path, words):
+    narrow, wide = (shown(tmp_path, columns, words) for columns in (COLUMNS, 160))
+    broken = {word for word in set(narrow.split()) - set(wide.split()) if re.search("[a-z]", word)}
+    if words[0] in ("frames", "graph"):  # a list takes the place of the tree
+        broken = {word for word in broken if word.split(".")[0] not in wide and word != "in"}
+    assert not broken, narrow
+    drawing = set("│├└╭╮╰╯━●") & set(narrow)
+    assert not drawing, narrow

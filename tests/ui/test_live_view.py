@@ -1,0 +1,70 @@
+"""The picture of `run`: its progress, and the last one, which stays on the terminal."""
+
+import io
+
+import pytest
+from rich.console import Console
+
+from diffbotctl.messages import GoalState, Odometry
+from diffbotctl.processes.screen import RunSnapshot
+from diffbotctl.render.map_scene import Scene
+from diffbotctl.testing.running import command
+from diffbotctl.testing.terminal import Terminal
+from diffbotctl.ui.live_view import LiveView, duration_text, progress_text
+
+MESSAGES = {
+    "odometry.odometry": Odometry(0, 0.5, 0.2, 0.0, 0.1, 0.0, (0.0,) * 6),
+    "follower.state": GoalState(0, 1, "reached", 0.002, 0.0),
+}
+
+
+@pytest.mark.parametrize(
+    ("time", "elapsed", "duration", "text"),
+    [
+        (30.0, 30.0, None, None),  # paced, and its end is not known
+        (300.0, 10.0, None, "30 times real time"),
+        (15.0, 15.0, 60.0, "25 % of 60 s, 45 s left"),
+        (150.0, 5.0, 1000.0, "15 % of 1000 s, 28 s left, 30 times real time"),
+        (0.2, 0.5, 1000.0, "0 % of 1000 s"),  # too early for an estimate
+        (60.0, 60.0, 60.0, None),
+        (0.0, 9.0, 60.0, "0 % of 60 s"),
+    ],
+)
+def test_progress(time, elapsed, duration, text):
+    assert progress_text(time, elapsed, duration) == text
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [(0.4, "0 s"), (59.4, "59 s"), (200.0, "3 min 20 s"), (7500.0, "2 h 5 min")],
+)
+def test_durations(seconds, text):
+    assert duration_text(seconds) == text
+
+
+@pytest.mark.parametrize(("width", "height"), [(60, 20), (80, 24), (120, 40)])
+@pytest.mark.parametrize(
+    ("messages", "rows_below"), [(MESSAGES, 13), ({}, 22)], ids=["pose", "no pose"]
+)
+def test_the_last_picture_has_the_cause_and_leaves_room_for_the_summary(
+    width, height, messages, rows_below
+):
+    view = LiveView(Scene("goal", "SIMULATED"))
+    console = Console(file=io.StringIO(), width=width, color_system=None)
+    ending = "obstacle: [something] stands 5 cm ahead"
+    console.print(view.render(RunSnapshot(9, messages, 0, 1, (), ending, True), width, height))
+    lines = console.file.getvalue().rstrip("\n").split("\n")
+    shown = ending if width > 60 else "obstacle: [something] stands 5 cm…"
+    assert shown in lines[0] and "goal" in lines[0]
+    assert len(lines) <= max(height - rows_below, 8) and max(map(len, lines)) <= width
+
+
+@pytest.mark.parametrize(("columns", "lines"), [(60, 20), (80, 24)])
+def test_the_picture_of_a_run_stays_above_its_summary(tmp_path, columns, lines):
+    line, environment = command(tmp_path, "run", "goal", "--fast", "--goal", "0.5 0")
+    with Terminal(line, environment, columns, lines) as terminal:
+        assert terminal.ended() == 0
+        title, *_ = (row for row in terminal.screen.display if row.startswith("╭"))
+        assert "all goals reached" in title
+        assert "├" in terminal.text and "goals 1 of 1 reached" in terminal.text
+        assert terminal.text.index(title) < terminal.text.index("goals 1 of 1 reached")
