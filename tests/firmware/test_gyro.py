@@ -1,4 +1,4 @@
-"""A gyro on the I2C bus of both emulated boards: its turn, its faults, what goes on beside them."""
+"""A gyro on the I2C bus of the emulated boards: its turn, its faults, what goes on beside them."""
 
 from dataclasses import replace
 from random import Random
@@ -11,13 +11,17 @@ from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import pack
 from diffbotctl.links.diffbot_settings import GyroInput, RangeInput
 from diffbotctl.testing import firmware_parts
-from diffbotctl.testing.board_bench import BOOK, MS, RADIO, UNO, BoardBench, speed
+from diffbotctl.testing.board_bench import BOOK, MS, PICO, RADIO, UNO, BoardBench, speed
 
 SETTINGS = {
     name: replace(settings, telemetry=30, gyro=GyroInput(0x68))
-    for name, settings in (("mega2560", BOOK), ("uno", UNO))
+    for name, settings in (
+        ("mega2560", BOOK),
+        ("uno", UNO),
+        ("pico", replace(PICO, left=replace(PICO.left, enable=11))),  # 5 is the bus's clock
+    )
 }
-BOTH = pytest.mark.parametrize("board", SETTINGS)
+ALL = pytest.mark.parametrize("board", SETTINGS)
 NOISE_SD = 0.05  # deg/s in readings at 100 Hz, of 0.005 deg/s/sqrt(Hz)
 PERIOD = 10 * MS
 
@@ -57,7 +61,7 @@ def last_flags(bench):
     )
 
 
-@BOTH
+@ALL
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_the_turn_is_a_running_sum(board, axis):
     """270 deg at 180 deg/s, from the frames before and after alone: those between may be lost."""
@@ -72,7 +76,7 @@ def test_the_turn_is_a_running_sum(board, axis):
     assert after.turn_fault == 0
 
 
-@BOTH
+@ALL
 @pytest.mark.parametrize(
     ("fault", "flag"),
     [
@@ -93,7 +97,7 @@ def test_a_failure_under_way_is_reported_within_half_a_second(board, fault, flag
         assert not bench.turn_at(20.0, 600)[-1].frame.turn_fault
 
 
-@BOTH
+@ALL
 @pytest.mark.parametrize("fault", [Fault.SILENT, Fault.BUS_HELD])
 def test_a_gyro_that_is_dead_at_the_start_is_never_trusted(board, fault):
     with GyroBench(SETTINGS[board]) as bench:
@@ -104,7 +108,7 @@ def test_a_gyro_that_is_dead_at_the_start_is_never_trusted(board, fault):
     assert all(each.frame.turn_fault for each in heard)
 
 
-@BOTH
+@ALL
 def test_a_turn_beyond_the_full_scale_is_reported(board):
     with GyroBench(SETTINGS[board]) as bench:
         bench.start()
@@ -113,7 +117,7 @@ def test_a_turn_beyond_the_full_scale_is_reported(board):
         assert last_flags(bench) & frames.FLAG_GYRO_RANGE
 
 
-@BOTH
+@ALL
 def test_a_gyro_that_lost_its_settings_gets_them_again(board):
     """An MPU6500 after a dip of its supply measures at twice the rate, without a sign of it."""
     with GyroBench(SETTINGS[board]) as bench:
@@ -125,7 +129,7 @@ def test_a_gyro_that_lost_its_settings_gets_them_again(board):
         assert degrees(before, bench.inertial()) == pytest.approx(180.0, abs=2.0)
 
 
-@BOTH
+@ALL
 def test_a_gyro_that_waits_in_a_reading_is_clocked_out_of_it(board):
     """A board that restarts in the middle of a reading leaves its gyro holding the data line."""
     with GyroBench(SETTINGS[board]) as bench:
@@ -134,7 +138,7 @@ def test_a_gyro_that_waits_in_a_reading_is_clocked_out_of_it(board):
         assert not bench.turn_at(0.0, 700, Fault.BUS_IN_READING)[-1].frame.turn_fault
 
 
-@BOTH
+@ALL
 def test_a_bus_that_is_held_stops_nothing_else(board):
     """Commands, dead-man timeout and the time of the main loop."""
     with GyroBench(SETTINGS[board]) as bench:
@@ -157,10 +161,11 @@ def test_a_bus_that_is_held_stops_nothing_else(board):
         assert loops and max(loops) < 2000
 
 
-@BOTH
+@ALL
 def test_30_frames_a_second_at_9600_baud_beside_two_distance_sensors(board):
     """A Sharp in the state, and an HC-SR04."""
-    pins = RangeInput("side", 50, 24) if board == "mega2560" else RangeInput("side", 12, 4)
+    echo, trigger = {"mega2560": (50, 24), "uno": (12, 4), "pico": (12, 13)}[board]
+    pins = RangeInput("side", echo, trigger)
     settings = replace(SETTINGS[board], further_ranges=(pins,))
     with GyroBench(settings) as bench:
         bench.run(30 * MS, {FIRST_SONAR: 5_000, 0: 1000})

@@ -31,7 +31,12 @@ FIRMWARE = Path(__file__).resolve().parents[3] / "firmware"
 DEADMAN_TARGET = 320 * MS
 COMMAND_BYTES = 10
 # Bytes of stack never used; more than any interrupt on top of any function takes.
-SPARE_STACK = {frames.BoardCode.MEGA2560: 1024, frames.BoardCode.ATMEGA328P: 400}
+# That of the RP2040 is of 2048 that are watched.
+SPARE_STACK = {
+    frames.BoardCode.MEGA2560: 1024,
+    frames.BoardCode.ATMEGA328P: 400,
+    frames.BoardCode.RP2040: 1024,
+}
 # Bytes; those of the ATmega328P leave 900 of its 2048 for the stack.
 STATIC_RAM_MAX = {"mega2560": 1400, "atmega328p": 1100}
 
@@ -218,6 +223,7 @@ PINS = {
         {0, 1, 18, 19}, {*range(2, 11), 13, 44, 45, 46}, {2, 3, 20, 21}, 70, 54, 16
     ),
     frames.BoardCode.ATMEGA328P: PinSets({0, 1}, {5, 6, 9, 10}, {2, 3}, 20, 14, 8),
+    frames.BoardCode.RP2040: PinSets({0, 1}, {*range(2, 23)}, {*range(2, 23)}, 29, 26, 3),
 }
 
 
