@@ -30,14 +30,14 @@ AGAINST ?=
 OPTIODOM ?=
 SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 
-.PHONY: demo test ros2 prove bench packages clean
+.PHONY: demo test pico ros2 prove bench packages clean
 
 demo: $(VENV)/installed
 	$(BIN)/diffbotctl run pipelines/goal.yaml
 
 # Debian packages: compiler and emulator library, since the tests run the real firmware binary, and
 # the browser in which they open the page.
-DEBIAN := gcc make gcc-avr avr-libc avrdude libsimavr-dev arduino-core-avr \
+DEBIAN := gcc make gcc-avr avr-libc gcc-arm-none-eabi avrdude libsimavr-dev arduino-core-avr \
   netcat-openbsd iproute2 openssh-client socat dbus-daemon chromium
 
 packages:
@@ -45,7 +45,17 @@ packages:
 	  $(SUDO) apt-get update -qq && \
 	  $(SUDO) apt-get install -y -qq --no-install-recommends $(DEBIAN) >/dev/null; }
 
-test: packages $(VENV)/tested
+# The emulator of a Pico: an npm package, and Node.js if it is not there from another source.
+PICO := firmware/emulator/rp2040
+pico: $(PICO)/node_modules/.package-lock.json
+
+$(PICO)/node_modules/.package-lock.json: $(PICO)/package-lock.json
+	command -v npm >/dev/null || { $(SUDO) apt-get update -qq && \
+	  $(SUDO) apt-get install -y -qq --no-install-recommends nodejs npm >/dev/null; }
+	npm ci --silent --no-audit --no-fund --prefix $(PICO)
+	touch $@
+
+test: packages pico $(VENV)/tested
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy diffbotctl
@@ -65,7 +75,7 @@ $(ROS2)/installed: tests/ros2/build_tf2_msgs.py
 	$(ROS2)/bin/python tests/ros2/build_tf2_msgs.py
 	touch $@
 
-prove: packages $(VENV)/tested
+prove: packages pico $(VENV)/tested
 	$(BIN)/python -m prove --seed $(SEED) --robots $(ROBOTS) --trials $(TRIALS) --starts $(STARTS) \
 	  --board $(BOARD) --wander $(WANDER) --faulty $(FAULTY) --emulated $(EMULATED) --goals $(GOALS) --matrix $(MATRIX) \
 	  --hostile $(HOSTILE) --hours $(HOURS) --failures $(FAILURES) --cuts $(CUTS) --drives $(DRIVES) --calibrated $(CALIBRATED) \

@@ -5,6 +5,23 @@
 #ifdef __AVR__
 #include <util/atomic.h>
 #define ATOMIC ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
+#elif defined __arm__
+#include <stdint.h>
+
+static inline uint32_t atomic_begin(void)
+{
+    uint32_t masked;
+    __asm__ volatile("mrs %0, primask\n\tcpsid i" : "=r"(masked)::"memory");
+    return masked;
+}
+
+static inline void atomic_end(const uint32_t *masked)
+{
+    __asm__ volatile("msr primask, %0" ::"r"(*masked) : "memory");
+}
+
+#define ATOMIC \
+    for (uint32_t masked __attribute__((cleanup(atomic_end))) = atomic_begin(), once = 1; once; once = 0)
 #else
 #define ATOMIC
 #endif

@@ -136,6 +136,11 @@ bool board_store_ready(void)
     return eeprom_is_ready();
 }
 
+void board_store_clear(uint16_t slot)
+{
+    board_store_write(slot, UINT8_MAX);
+}
+
 void board_store_write(uint16_t address, uint8_t byte)
 {
     eeprom_write_byte((uint8_t *)(uintptr_t)address, byte);

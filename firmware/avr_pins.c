@@ -67,6 +67,19 @@ bool board_input(uint8_t number, bit_t *bit)
     return true;
 }
 
+void board_release_input(const bit_t *bit)
+{
+    board_write(bit, OUTPUT, false);
+}
+
+/* The timer drives the pin only between 0 and full duty, which fast PWM cannot produce exactly. */
+void board_set_duty(const bit_t *pin, const pwm_t *output, uint8_t duty)
+{
+    *output->compare = duty; /* the high byte of a 16-bit timer stays 0 */
+    board_write(pin, OUTPUT, duty == UINT8_MAX);
+    board_write(&output->connect, 0, (uint8_t)(duty + 1) > 1);
+}
+
 /* OCRnx stand behind TCCRnA: from 3 on in steps of 1 for 8-bit timers, from 8 on in steps of 2 for
    16-bit ones. */
 void board_pwm(uint8_t number, pwm_t *output)

@@ -1,7 +1,7 @@
 /* The hardware layer: all that touches a register of the microcontroller. No other module does.
 
    board_<name>.c has the pins and timers of one board; avr_pins.c, avr.c and interrupts.c have what all
-   AVR boards share. */
+   AVR boards share, rp2040.c and the other files with that name what is of the RP2040. */
 #ifndef BOARD_H
 #define BOARD_H
 
@@ -11,25 +11,14 @@
 #include "progmem.h"
 #include "ticks.h"
 
-/* Serial links: with one, USB cable and radio module share it and its rate is a setting; with two, USB
-   is the first, at a fixed rate. */
-#ifdef __AVR_ATmega328P__
-#define LINKS 1
+/* LINKS, BOARD_SHARES_PWM, BOARD_LIGHT, BOARD_NOTHING, BOARD_LINK and the types bit_t and pwm_t. Built for the host, the
+   pure parts use those of the AVR boards. */
+#ifdef __arm__
+#include "rp2040_types.h"
 #else
-#define LINKS 2
+#include "avr_types.h"
 #endif
 
-/* Values in pin_t: no PWM output or interrupt; pin of a serial link, which has neither. */
-#define BOARD_NOTHING 15
-#define BOARD_LINK 14
-
-typedef volatile uint8_t register_t;
-
-/* One bit of a register. For a pin the register is PINx; DDRx and PORTx follow it. */
-typedef struct {
-    register_t *at;
-    uint8_t mask;
-} bit_t;
 enum { LEVEL, DIRECTION, OUTPUT };
 
 typedef struct {
@@ -37,11 +26,6 @@ typedef struct {
     uint8_t pwm;       /* number of the PWM output, or BOARD_NOTHING */
     uint8_t interrupt; /* number of the external interrupt, BOARD_LINK or BOARD_NOTHING */
 } pin_t;
-
-typedef struct {
-    bit_t connect;       /* COMnx1 */
-    register_t *compare; /* OCRnx; its low byte for a 16-bit timer */
-} pwm_t;
 
 extern const uint8_t board_code; /* BOARD_... of the protocol */
 extern const uint8_t board_analogs;
@@ -60,7 +44,13 @@ bool board_read(const bit_t *bit);
 /* Makes the pin an input with pull-up, for open-collector outputs; false without such a pin. */
 bool board_input(uint8_t number, bit_t *bit);
 
+/* Removes the pull-up of an input. */
+void board_release_input(const bit_t *bit);
+
 void board_pwm(uint8_t number, pwm_t *output);
+
+/* Drives a pin, which is an output, by its PWM output or, at duty 0 and 255, at a constant level. */
+void board_set_duty(const bit_t *pin, const pwm_t *output, uint8_t duty);
 
 /* Starts the timers of the PWM outputs (8-bit, fast, 977 Hz). */
 void board_start_timers(void);
@@ -117,9 +107,12 @@ uint8_t board_two_wire_received(void);
    a reading gets a clock pulse: nine of them end every reading. */
 void board_two_wire_release(void);
 
-/* Memory that keeps its content without power. Writing a byte goes on in the background. */
+/* Memory that keeps its content without power. Writing a byte goes on in the background. A slot of
+   BOARD_STORE_SLOT bytes is cleared before its bytes are written: that sets its first byte to 0xFF. */
+#define BOARD_STORE_SLOT 128
 void board_store_read(uint16_t address, void *to, uint8_t size);
 bool board_store_ready(void);
+void board_store_clear(uint16_t slot);
 void board_store_write(uint16_t address, uint8_t byte);
 
 /* Cause of the reset that the chip tells: a RESET_... of the protocol; RESET_UNKNOWN when the

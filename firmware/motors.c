@@ -2,23 +2,15 @@
 
 #include "protocol.h"
 
-/* The timer drives the pin only between 0 and full duty, which fast PWM cannot produce exactly. */
-static void put(const bit_t *pin, const pwm_t *pwm, uint8_t duty)
-{
-    *pwm->compare = duty; /* the high byte of a 16-bit timer stays 0 */
-    board_write(pin, OUTPUT, duty == UINT8_MAX);
-    board_write(&pwm->connect, 0, (uint8_t)(duty + 1) > 1);
-}
-
 static void enable(const motor_t *motor, uint8_t duty)
 {
-    put(&motor->pins[ENABLE], &motor->pwm[0], motor->inverted ? (uint8_t)~duty : duty);
+    board_set_duty(&motor->pins[ENABLE], &motor->pwm[0], motor->inverted ? (uint8_t)~duty : duty);
 }
 
 static void put_both(const motor_t *motor, uint8_t first, uint8_t second)
 {
-    put(&motor->pins[IN1], &motor->pwm[0], first);
-    put(&motor->pins[IN2], &motor->pwm[1], second);
+    board_set_duty(&motor->pins[IN1], &motor->pwm[0], first);
+    board_set_duty(&motor->pins[IN2], &motor->pwm[1], second);
 }
 
 void motors_configure(motor_t *motor, const uint8_t *pins)

@@ -45,7 +45,7 @@ void ranges_configure(const settings_t *settings)
         board_write(&pin.bit, OUTPUT, false);
         board_write(&pin.bit, DIRECTION, true);
         board_input(input - 1, &sensors[count].echo);
-        board_write(&sensors[count].echo, OUTPUT, false); /* pulled up, an open wire would be an echo */
+        board_release_input(&sensors[count].echo); /* pulled up, an open wire would be an echo */
     }
     current = 0;
 }

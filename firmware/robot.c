@@ -1,5 +1,7 @@
 #include "robot.h"
 
+#include <stddef.h>
+
 #include "analog.h"
 #include "atomic.h"
 #include "battery.h"
@@ -18,7 +20,6 @@
 #define VERSION_MAJOR 0
 #define VERSION_MINOR 2
 #define VERSION_PATCH 0
-#define LIGHT_PIN 13
 #define BIT(capability) (1UL << (capability))
 #define CAPABILITIES \
     (BIT(CAPABILITY_EDGE_TIMES) | BIT(CAPABILITY_CAPTURE) | BIT(CAPABILITY_STORMS) \
@@ -58,14 +59,20 @@ static uint32_t rated_edges(uint16_t slots, const speed_t *speed)
     return (uint32_t)slots * (uint16_t)(DUTY_FULL - speed->start) / (uint16_t)speed->gain / turn + 1;
 }
 
-/* Applies the settings of one wheel: its pins, from `enable` on, its gains, from `start` on. */
-static void use_wheel(wheel_t *wheel, const uint8_t *pins, const uint16_t *gains, uint16_t slots)
+/* Four numbers of the settings, which need not be at an even address. */
+typedef struct {
+    int16_t start, gain, proportional, integral;
+} __attribute__((packed)) gains_t;
+#define GAINS(side) ((const gains_t *)((const uint8_t *)&settings + offsetof(settings_t, side##_start)))
+
+/* Applies the settings of one wheel: its pins, from `enable` on. */
+static void use_wheel(wheel_t *wheel, const uint8_t *pins, const gains_t *gains, uint16_t slots)
 {
     speed_t *speed = &wheel->speed;
-    speed->start = (int16_t)gains[0];
-    speed->gain = (int16_t)gains[1];
-    speed->proportional = (int16_t)gains[2];
-    speed->integral = (int16_t)gains[3];
+    speed->start = gains->start;
+    speed->gain = gains->gain;
+    speed->proportional = gains->proportional;
+    speed->integral = gains->integral;
     speed->pitch = speed_pitch(slots);
     wheel->motor.inverted = settings.enable_inverted;
     wheel->motor.brake = settings.brake;
@@ -92,17 +99,17 @@ static void use(void)
     settings_mark = codec_check(&settings, sizeof settings);
     limit = (uint32_t)settings.deadman * TICKS_PER_MS;
     encoders_configure(&settings);
+    gyro_configure(&settings); /* before motors, which may use the pins of a bus without a gyro */
     LEFT->motor.reversed = settings.left_reversed;
     LEFT->encoder.reversed = settings.left_encoder_reversed;
-    use_wheel(LEFT, &settings.left_enable, &settings.left_start, settings.left_slots);
+    use_wheel(LEFT, &settings.left_enable, GAINS(left), settings.left_slots);
     RIGHT->motor.reversed = settings.right_reversed;
     RIGHT->encoder.reversed = settings.right_encoder_reversed;
     RIGHT->encoder.wheel = 1;
-    use_wheel(RIGHT, &settings.right_enable, &settings.right_start, settings.right_slots);
+    use_wheel(RIGHT, &settings.right_enable, GAINS(right), settings.right_slots);
     wake_driver();
     analog_configure(&settings);
     ranges_configure(&settings);
-    gyro_configure(&settings);
     battery = (battery_t){.low = settings.battery_low};
     telemetry_configure(&settings);
     if (!board_input(settings.button, &button))
@@ -202,22 +209,22 @@ static void drive(uint8_t link, const command_t *frame)
     drive_wheel(RIGHT, frame->right);
 }
 
-/* Pin 13 is the LED unless the settings use it. */
+/* Its pin is the LED's unless the settings use it. */
 static void light(uint8_t how)
 {
     static bool lit;
     pin_t pin;
     for (const uint8_t *at = &settings.left_enable; at < &settings.range; at++)
-        if (*at == LIGHT_PIN)
+        if (*at == BOARD_LIGHT)
             return;
-    if (settings.standby == LIGHT_PIN + 1)
+    if (settings.standby == BOARD_LIGHT + 1)
         return;
     for (uint8_t i = 0; i < RANGE_SENSORS; i++) {
         const uint8_t *pins = settings_range_pins(&settings, i);
-        if (pins[0] == LIGHT_PIN + 1 || (pins[0] != 0 && pins[1] == LIGHT_PIN + 1))
+        if (pins[0] == BOARD_LIGHT + 1 || (pins[0] != 0 && pins[1] == BOARD_LIGHT + 1))
             return;
     }
-    board_pin(LIGHT_PIN, &pin);
+    board_pin(BOARD_LIGHT, &pin);
     lit = how == 2 ? !lit : how;
     board_write(&pin.bit, DIRECTION, true);
     board_write(&pin.bit, OUTPUT, lit);

@@ -58,6 +58,7 @@ static uint8_t suits(uint8_t number, uint8_t role)
 typedef struct {
     uint8_t pins[USES];
     uint8_t count;
+    uint16_t outputs; /* PWM outputs, where pins share them */
 } uses_t;
 
 /* Adds a use of a pin, or of an analog channel. */
@@ -74,6 +75,14 @@ static uint8_t use(uses_t *uses, uint8_t pin, uint8_t role)
     for (uint8_t i = 0; i < uses->count; i++)
         if (uses->pins[i] == pin)
             return REFUSAL_PIN_TWICE;
+    if (BOARD_SHARES_PWM && role == PWM_PIN) {
+        pin_t found;
+        board_pin(pin, &found);
+        uint16_t output = (uint16_t)(1u << found.pwm);
+        if (uses->outputs & output)
+            return REFUSAL_PIN_TWICE;
+        uses->outputs |= output;
+    }
     uses->pins[uses->count++] = pin;
     return REFUSAL_NONE;
 }

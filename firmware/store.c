@@ -4,10 +4,8 @@
 #include "codec.h"
 
 #define SLOTS 2
-#define SLOT_ROOM 128
 /* Marks a completely written slot; erased first and written last. */
 #define COMPLETE 0xA5
-#define ERASED 0xFF
 
 typedef struct {
     uint8_t marker;
@@ -28,7 +26,7 @@ static bool done;
 
 static uint16_t address(uint8_t number)
 {
-    return (uint16_t)(number * SLOT_ROOM);
+    return (uint16_t)(number * BOARD_STORE_SLOT);
 }
 
 static bool read(uint8_t number)
@@ -72,7 +70,7 @@ void store_tick(void)
     uint16_t to = address(slot);
     remaining--;
     if (remaining == BODY + 1) {
-        board_store_write(to, ERASED);
+        board_store_clear(to);
     } else if (remaining != 0) {
         board_store_write(to + remaining, ((const uint8_t *)&image)[remaining]);
     } else {

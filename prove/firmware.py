@@ -1,6 +1,7 @@
 """Figures of firmware, protocol, virtual board and flashing: `python -m prove.firmware`.
 
-Everything but the codecs runs the real binary on an emulated Mega 2560 and on an Uno.
+Everything but the codecs runs the real binary on an emulated Mega 2560, on an Uno and on a
+Pico.
 """
 
 from __future__ import annotations
@@ -8,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from functools import partial
 
-from diffbotctl.testing.board_bench import UNO_BOARD, trials_on
+from diffbotctl.testing.board_bench import PICO_BOARD, UNO_BOARD, BenchBoard, trials_on
 from diffbotctl.testing.trials import (
     board,
     board_faults,
@@ -43,17 +44,20 @@ def rows(seed: int, share: float = 1.0) -> Iterator[Row]:
     ]
     for section in sections:
         yield from section()
-    yield from uno_rows(seed, share)
+    yield from rows_of("Uno", UNO_BOARD, 12_000, seed, share)
+    yield from rows_of("Pico", PICO_BOARD, 20_000, seed, share)
 
 
-def uno_rows(seed: int, share: float = 1.0) -> Iterator[Row]:
-    """The rows of the Mega that concern its chip, on an Uno."""
+def rows_of(
+    name: str, bench: BenchBoard, edges: int, seed: int, share: float = 1.0
+) -> Iterator[Row]:
+    """The rows of the Mega that concern its chip, on another board, with `edges` per second."""
     trials = partial(trials_of, share)
-    for section in chip_sections(seed, trials, partial(board.edges, 12_000)):
-        with trials_on(UNO_BOARD):
+    for section in chip_sections(seed, trials, partial(board.edges, edges)):
+        with trials_on(bench):
             found = list(section())
         for row in found:
-            yield row._replace(what=f"Uno: {row.what}")
+            yield row._replace(what=f"{name}: {row.what}")
 
 
 def chip_sections(seed: int, trials: Callable[[float, int], int], edges: Section) -> list[Section]:

@@ -22,6 +22,7 @@ FLOATS = """\
 After each reset the board's pins float for 0.83 s, and a motor driver with
 floating inputs may turn the wheels. Lift the wheels off the ground, or switch
 the motors' power off."""
+LIFT = "Lift the wheels off the ground, or switch the motors' power off."
 STILL_ROSSERIAL = """\
 Note: {file} has link: {{protocol: rosserial}}, which this board no longer uses. Change it
 to link: {{protocol: diffbot}} before the next run."""
@@ -67,6 +68,9 @@ def flash(
     from diffbotctl.drivers.robot_link import board_settings
     from diffbotctl.flash.flasher import flash, load
 
+    if load_robot(robot).robot.board.type == "pico":
+        _flash_pico(port, robot, programmer, backup, image, yes)
+        return
     device = choose_port() if port == "auto" else port
     refuse_radio(device)
     file = load_robot(robot)
@@ -89,6 +93,34 @@ def flash(
     _show(events)
     if ours and file.robot.link.protocol == "rosserial":
         click.echo(STILL_ROSSERIAL.format(file=file.file))
+
+
+def _flash_pico(
+    port: str,
+    robot: str | None,
+    programmer: str,
+    backup: Path | None,
+    image: Path | None,
+    yes: bool,
+) -> None:
+    """A Pico has no serial bootloader: the program is copied onto its drive."""
+    from diffbotctl.config.board_pins import PICO
+    from diffbotctl.config.load import load_robot
+    from diffbotctl.config.lookup import folder
+    from diffbotctl.drivers.board_ports import NoBackupError, NoProgrammerError
+    from diffbotctl.flash.boot_drive import check_drive, choose_drive, flash_drive
+
+    if backup is not None:
+        raise NoBackupError("--backup", "a Pico's boot ROM does not show the program on it")
+    if programmer != "built-in":
+        raise NoProgrammerError("it does not flash a Pico", "leave --programmer out")
+    drive = choose_drive(port)
+    check_drive(drive)
+    click.echo(f"robot {load_robot(robot).file}, drive {drive}")
+    click.echo(LIFT)
+    if not yes and not _agreed():
+        raise click.Abort
+    _show(flash_drive(drive, folder("firmware") / PICO.image if image is None else image))
 
 
 def _agreed() -> bool:

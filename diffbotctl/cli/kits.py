@@ -40,8 +40,7 @@ KITS = {
         "DRV8835 in its place, and no ultrasonic sensor",
     ),
     "pico_tc1508s": KitFile(
-        "TC1508S and slotted discs of a Pico kit, Sharp sensor",
+        "Pico, TC1508S, slotted discs, Sharp sensor",
         "kit_pico_tc1508s.yaml",
-        "our firmware does not run on a Pico (RP2040); the file has a Nano in its place",
     ),
 }

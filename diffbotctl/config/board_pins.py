@@ -3,6 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+
+class BoardSupplyPins(NamedTuple):
+    """Names of the supply pins of a board: of 5 V in, of 5 V out, and of what its pins take."""
+
+    into: str
+    out: str
+    logic: str
+
+
+FIVE_VOLTS = BoardSupplyPins("5V", "5V", "5V")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -14,6 +26,10 @@ class BoardPins:
     `clock_timer` is the timer that the firmware uses for its clock, whose PWM is not available, and
     `links` are the ports that the firmware uses. `chip` is its name in the
     protocol: one firmware serves all boards with it. `i2c` are the (SDA, SCL) pins of its bus.
+
+    `volts` is the most that its pins take, `led` the pin of its LED, if it has one, `supply` its
+    pins of supply. Port 0 is also the USB port if `has_usb_serial`. With `shares_pwm`, `pwm` maps a
+    pin to its PWM output, which another pin may have too.
     """
 
     title: str
@@ -29,11 +45,17 @@ class BoardPins:
     links: dict[str, tuple[int, ...]]
     chip: str
     i2c: tuple[str, str]
+    volts: float = 5.0
+    led: str | None = "13"
+    supply: BoardSupplyPins = FIVE_VOLTS
+    has_usb_serial: bool = True
+    shares_pwm: bool = False
 
     @property
     def image(self) -> str:
         """Name of the file with our firmware."""
-        return f"diffbot_{self.chip.lower()}.hex"
+        kind = "uf2" if self.chip == "RP2040" else "hex"
+        return f"diffbot_{self.chip.lower()}.{kind}"
 
     @property
     def shares_usb(self) -> bool:
@@ -68,6 +90,8 @@ class BoardPins:
 def _pwm(pins_of_timer: dict[int, str]) -> dict[str, int]:
     return {pin: timer for timer, pins in pins_of_timer.items() for pin in pins.split()}
 
+
+NO_TIMER = -1  # a clock beside the PWM units
 
 MEGA_2560 = BoardPins(
     title="Mega 2560",
@@ -104,5 +128,28 @@ NANO = BoardPins(
 # The same chip in a package without A6 and A7.
 UNO = replace(NANO, title="Uno", analog=NANO.analog[:6], analog_only=())
 
+# Numbers of its GP pins; A0 to A2 are GP26 to GP28. The others serve its supply and its LED. Pins
+# 16 numbers apart have one PWM output.
+PICO = BoardPins(
+    title="Pico",
+    digital=tuple(str(number) for number in range(23)),
+    analog=("A0", "A1", "A2"),
+    analog_only=(),
+    first_analog=26,
+    pwm={str(number): number % 16 for number in range(2, 23)},
+    interrupts=tuple(str(number) for number in range(2, 23)),
+    changes=tuple(str(number) for number in range(2, 23)),
+    uarts={0: ("1", "0")},
+    clock_timer={"diffbot": NO_TIMER, "rosserial": NO_TIMER},
+    links={"diffbot": (0,), "rosserial": ()},
+    chip="RP2040",
+    i2c=("4", "5"),
+    volts=3.3,
+    led=None,
+    supply=BoardSupplyPins("VSYS", "VBUS", "3V3"),
+    has_usb_serial=False,
+    shares_pwm=True,
+)
+
 SIMULATED = "simulated"  # board type of a robot that exists only in the simulator
-BOARDS = {"mega2560": MEGA_2560, "uno": UNO, "nano": NANO}
+BOARDS = {"mega2560": MEGA_2560, "uno": UNO, "nano": NANO, "pico": PICO}

@@ -17,6 +17,8 @@ from diffbotctl.errors import Problem, UsageError, join_words
 from diffbotctl.geometry.distance_sensors import ECHOES, is_analog
 
 SUPPLY, GROUND = "red", "black"
+LOGIC = "cyan"  # 3.3 V of a board whose pins take no more
+RAILED = (SUPPLY, LOGIC, GROUND)
 ENABLE, FIRST, SECOND = "orange", "green", "blue"  # motor: PWM, first and second direction input
 ENCODER, SENSOR, BUTTON = "purple", "yellow", "white"
 STANDBY = "pink"
@@ -24,6 +26,7 @@ TO_BOARD, FROM_BOARD = "grey", "brown"  # serial line
 MEANINGS = {
     SUPPLY: "supply",
     GROUND: "ground",
+    LOGIC: "supply, 3.3 V",
     ENABLE: "speed, PWM",
     FIRST: "direction 1",
     SECOND: "direction 2",
@@ -38,7 +41,8 @@ MEANINGS = {
 DRIVER, BOARD, RADIO, CELLS, STOP = "driver", "board", "radio", "battery", "button"
 IMU = "IMU"
 TAP = "battery tap"  # the battery's plus pole again, where the voltage divider begins
-PIN_MAX_V, SUPPLY_FULL_V = 5.0, 12.6  # of an analog pin; of three lithium cells
+SUPPLY_FULL_V = 12.6  # of three lithium cells
+FIVE_V = 5.0
 USUAL_CURRENT = 0.5  # A; a small gear motor under load
 PARALLEL_KOHM = 10.0  # the ATmega's ADC is specified for sources of at most 10 kOhm
 # Values of resistors that are sold (series E24), in units of a power of ten.
@@ -177,16 +181,17 @@ def _power(robot: Robot, board: BoardPins) -> Iterator[HarnessWire]:
         case "vin":
             yield _wire(DRIVER, facts.supply_pin, BOARD, "VIN", SUPPLY, "board's supply, 7 to 12 V")
         case "regulator":
-            yield _wire(DRIVER, "5V", BOARD, "5V", SUPPLY, "board's supply, 5 V")
+            yield _wire(DRIVER, "5V", BOARD, board.supply.into, SUPPLY, "board's supply, 5 V")
         case "usb":
             pass
         case _:
             assert_never(robot.board.supply)
     yield _wire(DRIVER, "GND", BOARD, "GND", GROUND, "common ground")
     if facts.logic_pin is not None:
-        yield _wire(BOARD, "5V", DRIVER, facts.logic_pin, SUPPLY, "supply of the driver's inputs")
+        pin, colour = board.supply.logic, _logic(board)
+        yield _wire(BOARD, pin, DRIVER, facts.logic_pin, colour, "supply of the driver's inputs")
     if facts.standby is not None:
-        pin = "5V" if motor.standby is None else board.named(str(motor.standby))
+        pin = board.supply.logic if motor.standby is None else board.named(str(motor.standby))
         yield _wire(BOARD, pin, DRIVER, facts.standby, STANDBY, "driver awake")
 
 
@@ -205,19 +210,32 @@ def _motor(name: str, side: SideSection, board: BoardPins) -> Iterator[HarnessWi
     yield _wire(DRIVER, names.second_output, key, "-", GROUND, key)
 
 
-def _supplied(key: str, supply: str, ground: str, title: str) -> Iterator[HarnessWire]:
-    yield _wire(BOARD, "5V", key, supply, SUPPLY, f"{title}: 5 V")
-    yield _wire(BOARD, "GND", key, ground, GROUND, f"{title}: ground")
+def _logic(board: BoardPins) -> str:
+    """The colour of the wires with the voltage that the board's pins take."""
+    return LOGIC if board.volts < FIVE_V else SUPPLY
+
+
+def _supplied(
+    board: BoardPins, key: str, title: str, *, logic: bool = False, pin: str = "VCC"
+) -> Iterator[HarnessWire]:
+    """Supply of a part with 5 V; with `logic`, with what the board's pins take."""
+    if logic:
+        volts = f"{title}: {board.volts:g} V"
+        yield _wire(BOARD, board.supply.logic, key, pin, _logic(board), volts)
+    else:
+        yield _wire(BOARD, board.supply.out, key, pin, SUPPLY, f"{title}: 5 V")
+    yield _wire(BOARD, "GND", key, "GND", GROUND, f"{title}: ground")
 
 
 def _radio(robot: Robot, board: BoardPins) -> Iterator[HarnessWire]:
     if not robot.link.has_radio:
         return
     receive, transmit = board.uarts[robot.link.uart]
-    yield from _supplied(RADIO, "VCC", "GND", "HC-05")
+    yield from _supplied(board, RADIO, "HC-05")
     yield _wire(RADIO, "TXD", BOARD, receive, TO_BOARD, "data to the board")
     # 5 V x 2 / 3 = 3.3 V
-    through = Divider("1k", "2k", "RXD") if robot.link.level == "divider" else None
+    is_divided = robot.link.level == "divider" and board.volts == FIVE_V
+    through = Divider("1k", "2k", "RXD") if is_divided else None
     yield _wire(BOARD, transmit, RADIO, "RXD", FROM_BOARD, "data", through)
 
 
@@ -225,7 +243,7 @@ def _encoder(name: str, side: SideSection, board: BoardPins) -> Iterator[Harness
     if not side.encoder.channels:
         return
     key, pin = f"{name} encoder", board.named(str(side.encoder.pin))
-    yield from _supplied(key, "VCC", "GND", key)
+    yield from _supplied(board, key, key, logic=True)
     if side.encoder.channels == 1:
         yield _wire(key, "OUT", BOARD, pin, ENCODER, f"{key}: edges")
         return
@@ -237,11 +255,16 @@ def _encoder(name: str, side: SideSection, board: BoardPins) -> Iterator[Harness
 def _sensors(robot: Robot, board: BoardPins) -> Iterator[HarnessWire]:
     for name, sensor in robot.sensors.items():
         key = f"{name} sensor"
-        yield from _supplied(key, "VCC", "GND", key)
+        yield from _supplied(board, key, key)
         if sensor.type in ECHOES:
             trigger, echo = board.named(str(sensor.trigger)), board.named(str(sensor.echo))
             yield _wire(BOARD, trigger, key, "Trig", FROM_BOARD, f"{key}: trigger")
-            yield _wire(key, "Echo", BOARD, echo, SENSOR, f"{key}: echo, 5 V")
+            purpose = f"{key}: echo, 5 V"
+            if sensor.level == "divider":  # 5 V x 2 / 3 = 3.3 V
+                through = Divider("1k", "2k", echo, True)
+                yield _wire(BOARD, echo, key, "Echo", SENSOR, purpose, through)
+            else:
+                yield _wire(key, "Echo", BOARD, echo, SENSOR, purpose)
             continue
         pin = board.named(str(sensor.pin))
         yield _wire(key, "Vo", BOARD, pin, SENSOR, f"{key}: 0 to 3.1 V")
@@ -252,7 +275,7 @@ def _imu(robot: Robot, board: BoardPins) -> Iterator[HarnessWire]:
         return
     data, clock = board.i2c
     chip, address = IMU_CHIPS[robot.imu.type], imu_address(robot.imu)
-    yield from _supplied(IMU, chip.supply_pin, "GND", IMU)
+    yield from _supplied(board, IMU, IMU, pin=chip.supply_pin)
     yield _wire(IMU, "SDA", BOARD, data, SENSOR, "IMU: data of the I2C bus")
     yield _wire(BOARD, clock, IMU, "SCL", FROM_BOARD, "IMU: clock of the I2C bus")
     is_high = address == chip.addresses[1]
@@ -264,18 +287,19 @@ def _imu(robot: Robot, board: BoardPins) -> Iterator[HarnessWire]:
 def _battery_voltage(robot: Robot, board: BoardPins) -> Iterator[HarnessWire]:
     if robot.battery.pin is not None:
         pin = board.named(str(robot.battery.pin))
-        through = battery_divider(robot, pin)
+        through = battery_divider(robot, board, pin)
         yield _wire(BOARD, pin, TAP, "+", SENSOR, "battery voltage", through)
 
 
-def battery_divider(robot: Robot, pin: str) -> Divider:
+def battery_divider(robot: Robot, board: BoardPins, pin: str) -> Divider:
     """The divider from the battery to the board's `pin`.
 
-    Without a stated ratio: the smallest one that keeps the pin below 5 V with a margin of 10 %.
+    Without a stated ratio: the smallest one that keeps the pin below what it takes, with a margin
+    of 10 %.
     """
     ratio = robot.battery.divider
     full = robot.battery.full or SUPPLY_FULL_V
-    wanted = (ratio or 1.1 * full / PIN_MAX_V) - 1.0
+    wanted = (ratio or 1.1 * full / board.volts) - 1.0
     kilohms = [tens * decade for decade in (0.1, 1.0, 10.0) for tens in E24]
     if ratio is None:
         series = next(value for value in kilohms if value >= wanted * PARALLEL_KOHM)
@@ -322,11 +346,13 @@ def _parts(robot: Robot, board: BoardPins, wires: list[HarnessWire]) -> dict[str
 
 
 def _printed(robot: Robot, board: BoardPins) -> dict[str, str]:
+    # The pins of a board of 3.3 V have only their numbers printed.
+    printed = {pin: f"{board.number(pin)} {pin}" for pin in board.analog if board.volts < FIVE_V}
     if not robot.link.has_radio:
-        return {}
+        return printed
     receive, transmit = board.uarts[robot.link.uart]
     number = str(robot.link.uart or "")  # port 0 is printed RX and TX
-    return {receive: f"RX{number} {receive}", transmit: f"TX{number} {transmit}"}
+    return printed | {receive: f"RX{number} {receive}", transmit: f"TX{number} {transmit}"}
 
 
 def notes(robot: Robot) -> Iterator[str]:
@@ -350,15 +376,19 @@ def notes(robot: Robot) -> Iterator[str]:
         f"{facts.bridge.drop(USUAL_CURRENT):.2g} V at {USUAL_CURRENT:g} A, and supplies "
         f"{facts.current:g} A per motor; the motors of the kit are rated for 5 to 9 V."
     )
-    if robot.link.has_radio and robot.link.level == "divider":
+    board = BOARDS[robot.board.type]
+    yield from _voltage_notes(robot, board)
+    if robot.link.has_radio and robot.link.level == "divider" and board.volts == FIVE_V:
         yield "The HC-05 runs on 5 V, but its RXD takes 3.3 V: 1 kOhm in the wire, 2 kOhm to GND."
     if any(is_analog(sensor.type) for sensor in robot.sensors.values()):
         yield "Solder 10 uF across a Sharp sensor's VCC and GND: it draws its current in pulses."
     if any(sensor.type in ECHOES for sensor in robot.sensors.values()):
+        level = "right for this board, too much for one of 3.3 V"
+        if board.volts < FIVE_V:
+            level = "1 kOhm in its wire and 2 kOhm from the pin to GND make it 3.3 V"
         yield (
-            "The echo of an HC-SR04 is a 5 V signal: right for this board, too much for one of "
-            "3.3 V. Mount it at least 10 cm above the floor, or tilted up: it hears 15 degrees "
-            "around its axis."
+            f"The echo of an HC-SR04 is a 5 V signal: {level}. Mount it at least 10 cm above the "
+            "floor, or tilted up: it hears 15 degrees around its axis."
         )
     if robot.imu.type is not None:
         yield (
@@ -368,11 +398,11 @@ def notes(robot: Robot) -> Iterator[str]:
             f"{'down' if robot.imu.axes.startswith('-') else 'up'}, and keep its wires short."
         )
     if robot.battery.pin is not None:
-        divider = battery_divider(robot, str(robot.battery.pin))
+        divider = battery_divider(robot, board, str(robot.battery.pin))
         yield (
             f"Battery voltage: {divider.series} from the battery's + to {divider.node}, "
             f"{divider.parallel} from {divider.node} to GND. Never without the divider: more than "
-            "5 V destroys the pin."
+            f"{board.volts:g} V destroys the pin."
         )
     yield (
         f"10 kOhm {_floating_inputs(facts)} to GND keep the motors off while the board is flashed, "
@@ -385,6 +415,24 @@ def notes(robot: Robot) -> Iterator[str]:
             if names.in2 is not None:
                 how = f"{names.in1} low and {names.in2} high drive"
             yield f"The {name} motor is mounted mirrored (reversed: true): {how} it forward."
+
+
+def _voltage_notes(robot: Robot, board: BoardPins) -> Iterator[str]:
+    """What a board of 3.3 V needs."""
+    if board.volts == FIVE_V:
+        return
+    most = f"{board.volts:g} V"
+    yield f"The pins of {board.with_article} take {most}: 5 V destroys them."
+    if any(getattr(robot.drive, side).encoder.channels for side in SIDES):
+        yield (
+            f"Supply the encoders with {most}. One that works only with 5 V needs 1 kOhm in the "
+            "wire of each of its outputs, and 2 kOhm from the pin to GND."
+        )
+    if robot.board.supply == "usb" and not robot.link.has_radio:
+        yield (
+            f"The link is a USB-to-serial adapter with {most} outputs: its TXD to pin 1, its RXD "
+            "to pin 0, its GND to GND. The board's own USB socket only supplies it."
+        )
 
 
 def _floating_inputs(facts: MotorDriverFacts) -> str:

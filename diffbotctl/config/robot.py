@@ -22,12 +22,13 @@ SIDES = ("left", "right")
 # for uneven slots, and for a wheel that turns faster than rated.
 GLITCH_MAX_S, GLITCH_LEVEL_RATIO = 0.002, 0.25
 
-BoardType = Literal["mega2560", "uno", "nano", "simulated"]
+BoardType = Literal["mega2560", "uno", "nano", "pico", "simulated"]
 BoardSupply = Literal["vin", "regulator", "usb"]
 Protocol = Literal["diffbot", "rosserial"]
 BaudRate = Literal[9600, 19200, 38400, 57600, 115200]
 Radio = Literal["hc05", "cable"]
 LevelShift = Literal["divider", "direct"]
+EchoLevel = Literal["direct", "divider"]
 MotorDriver = Literal[
     "l298n",
     "tb6612",
@@ -377,6 +378,11 @@ class SensorSection(Section):
         none=True,
         default=None,
         help="Pin of its echo; needs a pin change interrupt.",
+    )
+    level: EchoLevel = Choice(
+        EchoLevel,
+        default="direct",
+        help="Connection of its 5 V echo to the pin; a Pico needs the divider.",
     )
     near = Param(
         float,

@@ -22,7 +22,7 @@ class UnsupportedPart(NamedTuple):
 
 def _board(title: str, difference: str) -> UnsupportedPart:
     cause = f"our firmware does not run on {title}: {difference}"
-    fix = "use a Mega 2560, Uno or Nano; without one simulate: board: {type: simulated}"
+    fix = "use a Mega 2560, Uno, Nano or Pico; without one simulate: board: {type: simulated}"
     return UnsupportedPart(cause, fix)
 
 
@@ -49,15 +49,16 @@ PARTS: dict[str, dict[str, UnsupportedPart]] = {
     "board.type": {
         "esp32": _board("an ESP32", "its chip has no firmware here"),
         "esp8266": _board("an ESP8266", "its chip has no firmware here"),
-        "pico": _board("a Raspberry Pi Pico", "its chip, the RP2040, has no firmware here yet"),
-        "rp2040": _board("an RP2040", "it has no firmware here yet"),
+        "rp2040": UnsupportedPart("an RP2040 is the chip of a Pico", "write type: pico"),
+        "pico2": _board("a Pico 2", "its chip, the RP2350, has no firmware here"),
+        "rp2350": _board("an RP2350", "it has no firmware here"),
         "teensy": _board("a Teensy", "its chip has no firmware here"),
         "leonardo": _board("a Leonardo", "its chip, the 32U4, has no firmware here"),
         "32u4": _board("a 32U4 (Leonardo, Romi)", "the chip has no firmware here"),
         "stm32": _board("an STM32", "the chip has no firmware here"),
         "raspberrypi": UnsupportedPart(
             "a Raspberry Pi is the computer that runs diffbotctl, not the board that it drives",
-            "name the board that is connected to it: mega2560, uno or nano",
+            "name the board that is connected to it: mega2560, uno, nano or pico",
         ),
     },
     "drive.type": {

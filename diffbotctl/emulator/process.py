@@ -14,7 +14,9 @@ from pathlib import Path
 from threading import Lock
 from typing import Literal, NamedTuple
 
+from diffbotctl.config.board_pins import BOARDS
 from diffbotctl.config.lookup import folder
+from diffbotctl.emulator.pseudo_terminal import PseudoTerminal
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.links.diffbot_frames import DUTY_ONE, PIN_NONE, BoardCode
 from diffbotctl.processes.real_time import prefer
@@ -23,6 +25,7 @@ FIRMWARE = folder("firmware")
 IMAGE = FIRMWARE / "diffbot_mega2560.hex"
 BOOTLOADERS = Path("/usr/share/arduino/hardware/arduino/avr/bootloaders")
 SOURCES = FIRMWARE / "emulator"
+RP2040 = SOURCES / "rp2040"
 SIMAVR = "libsimavr-dev"
 EEPROM_SIZE = 4096
 # Reset causes, as bits of the chip's MCUSR register (data sheet, section 12.5).
@@ -54,7 +57,7 @@ class EmulatorError(RunError):
 
 
 class EmulatedChip(NamedTuple):
-    """A microcontroller as the emulator knows it, and the stock bootloader of its board."""
+    """A microcontroller as simavr knows it, and the stock bootloader of its board."""
 
     name: str
     bootloader: str  # in the folder of the Arduino core
@@ -68,7 +71,7 @@ CHIPS = {
 
 def image_of(board: BoardCode) -> Path:
     """The file with our firmware for a board."""
-    return FIRMWARE / f"diffbot_{board.name.lower()}.hex"
+    return FIRMWARE / next(pins.image for pins in BOARDS.values() if pins.chip == board.name)
 
 
 class GyroFault(IntEnum):
@@ -160,6 +163,23 @@ def build(into: Path | None = None) -> Path:
     return program
 
 
+def rp2040_program() -> list[str]:
+    """The command that starts the emulator of a Pico.
+
+    Raises EmulatorError naming what is missing: node, or the package rp2040js.
+    """
+    node = shutil.which("node")
+    if node is None:
+        cause = "that of a Pico needs Node.js, version 18 or newer, which is not installed"
+        raise EmulatorError(cause, "sudo apt-get install nodejs npm")
+    if not RP2040.exists():
+        raise EmulatorError(f"its sources are not in {RP2040}", "use a checkout")
+    if not (RP2040 / "node_modules" / "rp2040js").exists():
+        cause = "that of a Pico needs the npm package rp2040js, which is not installed"
+        raise EmulatorError(cause, f"npm ci --prefix {RP2040}")
+    return [node, str(RP2040 / "emulator.mjs")]
+
+
 def _require(boots: bool = False) -> None:
     """Raises EmulatorError with all Debian packages that are missing to build it, and to boot."""
     missing = [
@@ -236,15 +256,23 @@ class Emulator:
     ) -> None:
         if image == "ours":
             image = image_of(board)
-        command = [str(build()), "--chip", CHIPS[board].name]
-        for option, path in (("--hex", image), ("--boot", boot), ("--eeprom", eeprom)):
+        if board in CHIPS:
+            command = [str(build()), "--chip", CHIPS[board].name]
+            image_option = "--hex"
+        else:
+            command, image_option = rp2040_program(), "--image"
+        for option, path in ((image_option, image), ("--boot", boot), ("--eeprom", eeprom)):
             command += [option, str(path)] if path else []
         for pins in motors:
             command += ["--motor", ",".join(map(str, MotorPins(*pins)))]
         for sonar in sonars:
             command += ["--sonar", ",".join(map(str, sonar))]
         command += ["--gyro", str(gyro)] if gyro else []
-        command += ["--pty"] * pty + ["--paced"] * paced
+        self._terminal: PseudoTerminal | None = None
+        if board in CHIPS:
+            command += ["--pty"] * pty + ["--paced"] * paced
+        elif pty:
+            self._terminal = PseudoTerminal()
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         if pty or paced:  # otherwise its time waits for the caller
             prefer(self._process.pid)
@@ -255,7 +283,9 @@ class Emulator:
         self._poll.register(self._replies, select.POLLIN)
         self.now = 0
         self.ports: tuple[str, ...] | None = None
-        if pty:
+        if self._terminal is not None:
+            self.ports = (self._terminal.name,)
+        elif pty:
             self.ports = self._ports()
 
     @property
@@ -284,6 +314,8 @@ class Emulator:
         its fault; `received` is what goes into each UART, at its
         own baud rate. Raises EmulatorError when the emulator has crashed.
         """
+        if self._terminal is not None:
+            received = (self._terminal.read(), b"")
         changes = transitions or []
         analogs = millivolts or {}
         parts = [_HEAD.pack(b"S", until, len(changes), len(analogs), *map(len, received))]
@@ -293,7 +325,10 @@ class Emulator:
         parts += [_ANALOG.pack(channel, value & 0xFFFF) for channel, value in analogs.items()]
         with self._lock:
             self._write(b"".join([*parts, *received]))
-            return self._result()
+            result = self._result()
+        if self._terminal is not None and result.sent:
+            self._terminal.write(result.bytes_of(0))
+        return result
 
     def _result(self) -> StepResult:
         began = self.now
@@ -353,6 +388,9 @@ class Emulator:
                 self._process.kill()
                 self._process.wait()
         self._replies.close()
+        if self._terminal is not None:
+            self._terminal.close()
+            self._terminal = None
 
     def __enter__(self) -> Emulator:
         return self

@@ -18,7 +18,7 @@ from diffbotctl.emulator.emulated_robot import (
     motor_pins,
     sonar_pins,
 )
-from diffbotctl.emulator.process import Emulator, Firmware, bootloader
+from diffbotctl.emulator.process import CHIPS, Emulator, Firmware, bootloader
 from diffbotctl.plant.world import World
 from diffbotctl.processes.real_time import prefer
 from diffbotctl.time import SECOND
@@ -85,7 +85,7 @@ class VirtualBoard:
             pins,
             board=board,
             image=image,
-            boot=bootloader(board),
+            boot=bootloader(board) if board in CHIPS else None,
             pty=True,
             sonars=sonar_pins(settings),
             gyro=gyro_address(settings),

@@ -22,6 +22,7 @@ from diffbotctl.drivers.serial_port import open_port
 from diffbotctl.errors import RunError
 from diffbotctl.flash.bootloaders import SYNC_TIME_S, Bootloader, find_bootloader
 from diffbotctl.flash.intel_hex import chip_of, read_hex, write_hex
+from diffbotctl.flash.uf2 import is_uf2, read_uf2
 from diffbotctl.links.diffbot_frames import BoardCode
 from diffbotctl.links.diffbot_host import DiffbotHost
 from diffbotctl.links.diffbot_settings import BoardSettings
@@ -31,9 +32,12 @@ WRITES = 2  # of the whole image, when a page that is read back differs
 
 
 def load(file: Path) -> bytes:
-    """The program in a hex file. Raises BadImageError."""
+    """The program in a hex file, or in a UF2 file. Raises BadImageError."""
     try:
-        return read_hex(file.read_text("ascii"), str(file))
+        data = file.read_bytes()
+        if is_uf2(data):
+            return read_uf2(data, str(file))
+        return read_hex(data.decode("ascii"), str(file))
     except OSError as error:
         raise BadImageError(str(file), error.strerror or str(error)) from error
     except UnicodeDecodeError as error:

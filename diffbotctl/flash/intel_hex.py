@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from diffbotctl.drivers.board_ports import BadImageError
+from diffbotctl.flash.uf2 import is_rp2040
 from diffbotctl.links.diffbot_frames import BoardCode
 
 PAGE_BYTES = 256  # bytes; the chip erases and writes whole pages
@@ -77,7 +78,12 @@ def _joined(chunks: list[tuple[int, bytes]], name: str) -> bytes:
 
 
 def chip_of(image: bytes) -> BoardCode | None:
-    """The board that a program was built for, by its interrupt vectors; None if unknown."""
+    """The board that a program was built for, by its interrupt vectors; None if unknown.
+
+    A program for the RP2040 is known by the checksum of its boot code.
+    """
+    if is_rp2040(image):
+        return BoardCode.RP2040
     count = 0
     while VECTOR.match(image, 4 * count):
         count += 1

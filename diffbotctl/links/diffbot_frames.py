@@ -155,6 +155,7 @@ class BoardCode(ProtocolCode):
     UNKNOWN = 0
     MEGA2560 = 1, "Arduino Mega 2560"
     ATMEGA328P = 2, "Arduino Uno or Nano"
+    RP2040 = 3, "Raspberry Pi Pico"
 
 
 class CapabilityCode(ProtocolCode):

@@ -1,7 +1,7 @@
 """Layout of a wiring diagram: parts in four columns, and one row for each pin.
 
-A signal is a straight line along its row, from one column to the next. 5 V and GND of the right
-column are connected to the board by two vertical rails.
+A signal is a straight line along its row, from one column to the next. The supply and GND of the
+right column are connected to the board by vertical rails.
 """
 
 from __future__ import annotations
@@ -13,10 +13,9 @@ from diffbotctl.config.harness import (
     BOARD,
     CELLS,
     DRIVER,
-    GROUND,
     RADIO,
+    RAILED,
     STOP,
-    SUPPLY,
     Harness,
     HarnessPart,
     HarnessWire,
@@ -58,8 +57,8 @@ class WireRun(NamedTuple):
 
     @property
     def is_railed(self) -> bool:
-        """True for 5 V and GND between the board and the right column."""
-        return self.column == BRAIN and self.wire.colour in (SUPPLY, GROUND)
+        """True for supply and GND between the board and the right column."""
+        return self.column == BRAIN and self.wire.colour in RAILED
 
 
 class Layout(NamedTuple):
@@ -131,6 +130,6 @@ def _runs(harness: Harness, senses: dict[str, PlacedPart]) -> Iterator[WireRun]:
             continue
         (key,) = ends.keys() - {BOARD}
         row = next(row for row, name in senses[key].left.items() if name == ends[key])
-        railed = wire.colour in (SUPPLY, GROUND)
+        railed = wire.colour in RAILED
         start = heads.setdefault(wire.colour, row) if railed else row
         yield WireRun(wire, BRAIN, start, row)

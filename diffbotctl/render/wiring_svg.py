@@ -5,13 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from textwrap import wrap
 
-from diffbotctl.config.harness import BOARD, CELLS, DRIVER, GROUND, RADIO, SUPPLY, Divider, Harness
+from diffbotctl.config.harness import (
+    BOARD,
+    CELLS,
+    DRIVER,
+    GROUND,
+    LOGIC,
+    RADIO,
+    SUPPLY,
+    Divider,
+    Harness,
+)
 from diffbotctl.render.svg import element, svg_document, text_element
 from diffbotctl.render.wiring_layout import Layout, PlacedPart, WireRun, layout
 
 # In pixels. Left and right edge of each column of parts; the wires are in the gaps.
 BOXES = ((30, 150), (220, 380), (480, 650), (860, 1010))
-RAILS = {SUPPLY: 700, GROUND: 728}
+RAILS = {SUPPLY: 700, LOGIC: 714, GROUND: 728}
 RESISTORS, NODE = 750, 822  # left end of the resistors of the divider, and the node between them
 # The same where the node is the board's pin: the series resistor is right of the node.
 NODE_AT_BOARD, SERIES_AT_BOARD = 803, 808
@@ -31,6 +41,7 @@ PAINTS = {
     "yellow": "#f4c20d",
     "white": "#ffffff",
     "pink": "#d9679b",
+    "cyan": "#1fb5ad",
     "grey": "#8a98a0",
     "brown": "#8a5a3c",
 }

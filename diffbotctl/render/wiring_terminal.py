@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from rich.text import Text
 
-from diffbotctl.config.harness import GROUND, SUPPLY, Harness
+from diffbotctl.config.harness import GROUND, LOGIC, SUPPLY, Harness
 from diffbotctl.render.wiring_layout import BRAIN, SENSES, Layout, PlacedPart, WireRun, layout
 
 # First and last character column of each column of parts; the wires are in the gaps.
 BOXES = ((0, 12), (16, 30), (36, 51), (64, 79))
-RAILS = {SUPPLY: 54, GROUND: 56}
+RAILS = {SUPPLY: 54, LOGIC: 52, GROUND: 56}
 NODE_AT_BOARD = 60  # the node of a divider at the board's pin
 RESISTOR, NODE = 58, 61  # of the divider: its resistors, and the node between them
 KEY_GAP = 2  # rows between the lowest part on the left and the colour key
@@ -21,6 +21,7 @@ STYLES = {
     "blue": "dodger_blue2",
     "purple": "magenta",
     "yellow": "yellow",
+    "cyan": "cyan",
     "white": "bold",
     "grey": "grey74",
     "brown": "orange4",

@@ -32,7 +32,10 @@ UNO = replace(
     uart=0,
     shares_usb=True,
 )
+# A Pico has the pins of the bench Uno too.
+PICO = replace(UNO, board=frames.BoardCode.RP2040)
 UNO_ROBOT = str(Path(__file__).with_name("uno.yaml"))
+PICO_ROBOT = str(Path(__file__).with_name("pico.yaml"))
 ENCODERS = (2, 3)
 BAUDS = (115200, 9600)
 # What the chip's dividers make of them at 16 MHz (data sheet, table 22-12).
@@ -55,6 +58,7 @@ class BenchBoard(NamedTuple):
 
 
 MEGA_BOARD, UNO_BOARD = BenchBoard(BOOK, "book_2wd"), BenchBoard(UNO, UNO_ROBOT)
+PICO_BOARD = BenchBoard(PICO, PICO_ROBOT)
 _board = ContextVar("board of the trials", default=MEGA_BOARD)
 
 

@@ -15,9 +15,11 @@ def problems(folder, line):
 @pytest.mark.parametrize(
     ("line", "cause", "fix"),
     [
-        ("board: {type: ESP32}", "does not run on an ESP32", "Mega 2560, Uno or Nano"),
-        ("board: {type: pico_w}", "RP2040", "Mega 2560, Uno or Nano"),
-        ("board: {type: Raspberry Pi 4}", "the computer that runs", "mega2560, uno or nano"),
+        ("board: {type: ESP32}", "does not run on an ESP32", "Mega 2560, Uno, Nano or Pico"),
+        ("board: {type: pico_w}", "allowed values", "did you mean pico?"),
+        ("board: {type: Pico 2}", "RP2350", "Mega 2560, Uno, Nano or Pico"),
+        ("board: {type: RP2040}", "the chip of a Pico", "type: pico"),
+        ("board: {type: Raspberry Pi 4}", "the computer that runs", "mega2560, uno, nano or pico"),
         ("drive: {type: skid_steer}", "four that are switched in pairs", "wheelbase: the distance"),
         ("drive: {motor: {driver: TB6612FNG}}", "allowed values", "did you mean tb6612?"),
         ("drive: {motor: {driver: TB6621}}", "allowed values", "did you mean tb6612?"),

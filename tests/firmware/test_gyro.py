@@ -1,4 +1,4 @@
-"""A gyro on the I2C bus of both emulated boards: its turn, its faults, what goes on beside them."""
+"""A gyro on the I2C bus of the emulated boards: its turn, its faults, what goes on beside them."""
 
 from dataclasses import replace
 from random import Random
@@ -11,16 +11,20 @@ from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import pack
 from diffbotctl.links.diffbot_settings import GyroInput, RangeInput
 from diffbotctl.testing import firmware_parts
-from diffbotctl.testing.board_bench import BOOK, RADIO, UNO, BoardBench, speed
+from diffbotctl.testing.board_bench import BOOK, PICO, RADIO, UNO, BoardBench, speed
 from diffbotctl.time import MILLISECOND as MS
 
 MPU6050, LSM6 = GyroInput(0x68), GyroInput(0x6A, is_lsm6=True)
-CHIPS = pytest.mark.parametrize("gyro", [MPU6050, LSM6], ids=["mpu6050", "lsm6"])
 SETTINGS = {
     name: replace(settings, telemetry=30, gyro=MPU6050)
-    for name, settings in (("mega2560", BOOK), ("uno", UNO))
+    for name, settings in (
+        ("mega2560", BOOK),
+        ("uno", UNO),
+        ("pico", replace(PICO, left=replace(PICO.left, enable=11))),  # 5 is the bus's clock
+    )
 }
-BOTH = pytest.mark.parametrize("board", SETTINGS)
+ALL = pytest.mark.parametrize("board", SETTINGS)
+CHIPS = pytest.mark.parametrize("gyro", [MPU6050, LSM6], ids=["mpu6050", "lsm6"])
 NOISE_SD = 0.05  # deg/s in readings at 100 Hz, of 0.005 deg/s/sqrt(Hz)
 PERIOD = 10 * MS
 
@@ -60,7 +64,7 @@ def last_flags(bench):
     )
 
 
-@BOTH
+@ALL
 @CHIPS
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_the_turn_is_a_running_sum(board, gyro, axis):
@@ -76,7 +80,7 @@ def test_the_turn_is_a_running_sum(board, gyro, axis):
     assert after.turn_fault == 0
 
 
-@BOTH
+@ALL
 def test_an_lsm6_at_its_second_address_turns_backwards_too(board):
     with GyroBench(replace(SETTINGS[board], gyro=LSM6._replace(address=0x6B))) as bench:
         bench.start()
@@ -86,7 +90,7 @@ def test_an_lsm6_at_its_second_address_turns_backwards_too(board):
         assert degrees(before, bench.inertial(), LSM6) == pytest.approx(-200.0, abs=0.2)
 
 
-@BOTH
+@ALL
 @pytest.mark.parametrize("gyro", [MPU6050._replace(address=0x6A), LSM6._replace(address=0x68)])
 def test_another_chip_at_the_address_counts_as_none(board, gyro):
     """Its registers do not keep the full scale."""
@@ -96,7 +100,7 @@ def test_another_chip_at_the_address_counts_as_none(board, gyro):
         assert all(each.frame.turn_fault for each in bench.turn_at(0.0, 1000))
 
 
-@BOTH
+@ALL
 @CHIPS
 @pytest.mark.parametrize(
     ("fault", "flag"),
@@ -118,7 +122,7 @@ def test_a_failure_under_way_is_reported_within_half_a_second(board, gyro, fault
         assert not bench.turn_at(20.0, 600)[-1].frame.turn_fault
 
 
-@BOTH
+@ALL
 @pytest.mark.parametrize("fault", [Fault.SILENT, Fault.BUS_HELD])
 def test_a_gyro_that_is_dead_at_the_start_is_never_trusted(board, fault):
     with GyroBench(SETTINGS[board]) as bench:
@@ -129,7 +133,7 @@ def test_a_gyro_that_is_dead_at_the_start_is_never_trusted(board, fault):
     assert all(each.frame.turn_fault for each in heard)
 
 
-@BOTH
+@ALL
 @pytest.mark.parametrize(("gyro", "beyond"), [(MPU6050, 520.0), (LSM6, 580.0)])
 def test_a_turn_beyond_the_full_scale_is_reported(board, gyro, beyond):
     """An LSM6 measures up to 573 deg/s before its numbers end."""
@@ -140,7 +144,7 @@ def test_a_turn_beyond_the_full_scale_is_reported(board, gyro, beyond):
         assert last_flags(bench) & frames.FLAG_GYRO_RANGE
 
 
-@BOTH
+@ALL
 @CHIPS
 def test_a_gyro_that_lost_its_settings_gets_them_again(board, gyro):
     """After a dip of its supply an MPU6500 measures at twice the rate, an LSM6 not at all."""
@@ -153,7 +157,7 @@ def test_a_gyro_that_lost_its_settings_gets_them_again(board, gyro):
         assert degrees(before, bench.inertial(), gyro) == pytest.approx(180.0, abs=2.0)
 
 
-@BOTH
+@ALL
 def test_a_gyro_that_waits_in_a_reading_is_clocked_out_of_it(board):
     """A board that restarts in the middle of a reading leaves its gyro holding the data line."""
     with GyroBench(SETTINGS[board]) as bench:
@@ -162,7 +166,7 @@ def test_a_gyro_that_waits_in_a_reading_is_clocked_out_of_it(board):
         assert not bench.turn_at(0.0, 700, Fault.BUS_IN_READING)[-1].frame.turn_fault
 
 
-@BOTH
+@ALL
 def test_a_bus_that_is_held_stops_nothing_else(board):
     """Commands, dead-man timeout and the time of the main loop."""
     with GyroBench(SETTINGS[board]) as bench:
@@ -185,10 +189,11 @@ def test_a_bus_that_is_held_stops_nothing_else(board):
         assert loops and max(loops) < 2000
 
 
-@BOTH
+@ALL
 def test_30_frames_a_second_at_9600_baud_beside_two_distance_sensors(board):
     """A Sharp in the state, and an HC-SR04."""
-    pins = RangeInput("side", 50, 24) if board == "mega2560" else RangeInput("side", 12, 4)
+    echo, trigger = {"mega2560": (50, 24), "uno": (12, 4), "pico": (12, 13)}[board]
+    pins = RangeInput("side", echo, trigger)
     settings = replace(SETTINGS[board], further_ranges=(pins,))
     with GyroBench(settings) as bench:
         bench.run(30 * MS, {FIRST_SONAR: 5_000, 0: 1000})

@@ -7,28 +7,31 @@ from pathlib import Path
 import pytest
 
 from diffbotctl.config.board_pins import BOARDS
-from diffbotctl.flash.intel_hex import read_hex
+from diffbotctl.flash.flasher import load
 from diffbotctl.testing.trials import board
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
-PACKAGES = "sudo apt-get install gcc-avr avr-libc make"
+PACKAGES = "sudo apt-get install gcc-avr avr-libc gcc-arm-none-eabi make"
 IMAGES = sorted({board.image for board in BOARDS.values()})
-COMPILER = "5.4.0"  # Debian's gcc-avr: another version produces other bytes
+# Debian's gcc-avr and gcc-arm-none-eabi: another version produces other bytes.
+COMPILERS = {"avr-gcc": "5.4.0", "arm-none-eabi-gcc": "12.2.1"}
 
 
 @pytest.fixture(scope="module")
 def rebuilt(tmp_path_factory):
     """Folder with the images built by `make` from a copy of the source."""
-    for program in ("make", "avr-gcc", "avr-objcopy"):
+    for program in ("make", "avr-objcopy", *COMPILERS):
         assert shutil.which(program), f"{program} is missing: {PACKAGES}"
-    asked = ["avr-gcc", "-dumpversion"]
-    version = subprocess.run(asked, capture_output=True, text=True, check=True).stdout.strip()
-    assert version == COMPILER, (
-        f"avr-gcc {version} gives other bytes than {COMPILER}, with which the image is built: "
-        f"take Debian's ({PACKAGES})"
-    )
+    for program, expected in COMPILERS.items():
+        asked = [program, "-dumpversion"]
+        version = subprocess.run(asked, capture_output=True, text=True, check=True).stdout.strip()
+        assert version == expected, (
+            f"{program} {version} gives other bytes than {expected}, with which it is built: "
+            f"take Debian's ({PACKAGES})"
+        )
     copy = tmp_path_factory.mktemp("rebuilt") / "firmware"
-    shutil.copytree(FIRMWARE, copy, ignore=shutil.ignore_patterns("build", "*.hex", "emulator"))
+    left_out = shutil.ignore_patterns("build", "*.hex", "*.uf2", "emulator")
+    shutil.copytree(FIRMWARE, copy, ignore=left_out)
     done = subprocess.run(["make", "-C", copy], capture_output=True, text=True, check=False)
     assert done.returncode == 0, f"the firmware does not build; make says:\n{done.stderr}"
     return copy
@@ -37,7 +40,7 @@ def rebuilt(tmp_path_factory):
 @pytest.mark.parametrize("name", IMAGES)
 def test_the_shipped_image_is_the_build_of_the_source(rebuilt, name):
     paths = FIRMWARE / name, rebuilt / name
-    shipped, fresh = (read_hex(path.read_text(), path.name) for path in paths)
+    shipped, fresh = (load(path) for path in paths)
     differing = [
         at for at, (one, two) in enumerate(zip(shipped, fresh, strict=False)) if one != two
     ]

@@ -1,4 +1,4 @@
-"""Distance sensors that the board measures in turn, on both emulated boards."""
+"""Distance sensors that the board measures in turn, on the emulated boards."""
 
 from dataclasses import replace
 
@@ -10,15 +10,16 @@ from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import pack
 from diffbotctl.links.diffbot_settings import RangeInput
 from diffbotctl.testing import firmware_parts
-from diffbotctl.testing.board_bench import BOOK, UNO, BoardBench
+from diffbotctl.testing.board_bench import BOOK, PICO, UNO, BoardBench
 from diffbotctl.time import MILLISECOND as MS
 
 PINS = {
     "mega2560": (BOOK, [(24, 50), (25, 51), (26, 11), (27, 12)]),
     "uno": (UNO, [(4, 12), (13, 11), (17, 15), (16, 18)]),
+    "pico": (PICO, [(11, 12), (13, 14), (15, 16), (17, 18)]),
 }
 NOTHING_US = 60_000
-BOTH = pytest.mark.parametrize("board", ["mega2560", "uno"])
+ALL = pytest.mark.parametrize("board", PINS)
 
 
 def settings_of(board, sonars, **others):
@@ -44,7 +45,7 @@ def measured(settings, inputs, ms=1000):
     )
 
 
-@BOTH
+@ALL
 def test_echoes_are_measured_to_20_us(board):
     """3.4 mm. Telemetry at 30 Hz has room beside it on a line of 9600 baud."""
     for width in (120, 5_000, 23_000):
@@ -55,7 +56,7 @@ def test_echoes_are_measured_to_20_us(board):
             assert each.value * 4 == pytest.approx(width, abs=20)
 
 
-@BOTH
+@ALL
 def test_four_sensors_in_turn_do_not_hear_each_other(board):
     """In the rig a burst ends the echo of every sensor that listens."""
     widths = [23_000, 1_000, 12_000, 400]
@@ -67,14 +68,14 @@ def test_four_sensors_in_turn_do_not_hear_each_other(board):
         assert each.value * 4 == pytest.approx(widths[each.sensor], abs=20)
 
 
-@BOTH
+@ALL
 def test_no_target(board):
     ranges, _ = measured(settings_of(board, 1), {FIRST_SONAR: NOTHING_US})
     assert {each.value for each in ranges} == {frames.RANGE_NOTHING}
     assert len(ranges) >= 18
 
 
-@BOTH
+@ALL
 @pytest.mark.parametrize(
     ("width", "value"),
     [(SONAR_SILENT, frames.RANGE_SILENT), (SONAR_ENDLESS, frames.RANGE_ENDLESS)],
@@ -101,7 +102,7 @@ def test_an_endless_echo_gives_no_distance_from_the_start():
     assert values == {frames.RANGE_ENDLESS}
 
 
-@BOTH
+@ALL
 def test_analog_sensors_beside_the_first(board):
     """Two more Sharp sensors and an HC-SR04."""
     settings = settings_of(board, 1)

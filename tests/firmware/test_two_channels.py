@@ -1,4 +1,4 @@
-"""Two-channel encoders: the firmware on both emulated boards, and the host behind it."""
+"""Two-channel encoders: the firmware on the emulated boards, and the host behind it."""
 
 from math import pi
 from pathlib import Path
@@ -9,12 +9,14 @@ import diffbotctl.testing
 from diffbotctl.config.load import load
 from diffbotctl.emulator.emulated_robot import emulated_robot_driver
 from diffbotctl.messages import Encoders
-from diffbotctl.testing.board_bench import MEGA_BOARD, UNO_BOARD, trials_on
+from diffbotctl.testing.board_bench import MEGA_BOARD, PICO_BOARD, UNO_BOARD, trials_on
 from diffbotctl.testing.trials import two_channels
 from diffbotctl.time import SECOND
 
 ROBOTS = Path(diffbotctl.testing.__file__).parent
-BOARDS = pytest.mark.parametrize("board", [MEGA_BOARD, UNO_BOARD], ids=["mega2560", "uno"])
+BOARDS = pytest.mark.parametrize(
+    "board", [MEGA_BOARD, UNO_BOARD, PICO_BOARD], ids=["mega2560", "uno", "pico"]
+)
 
 
 @BOARDS

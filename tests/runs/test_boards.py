@@ -27,9 +27,10 @@ sensors: {{front: {{pin: {sensor}}}}}
 
 
 def robot(folder, board="uno", left=5, right=6, radio="cable", sensor="A1"):
-    """A robot file with an Uno or a Nano."""
+    """A robot file with an Uno, a Nano or a Pico, which takes no battery at its supply."""
     file = folder / f"{board}.yaml"
-    file.write_text(UNO.format(board=board, left=left, right=right, radio=radio, sensor=sensor))
+    kind = f"{board}, supply: usb" if board == "pico" else board
+    file.write_text(UNO.format(board=kind, left=left, right=right, radio=radio, sensor=sensor))
     return file
 
 

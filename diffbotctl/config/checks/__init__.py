@@ -45,6 +45,7 @@ CHECKS: tuple[Callable[[CheckContext], None], ...] = (
     board.check_led_pin,
     board.check_driver,
     board.check_supply,
+    board.check_voltages,
     board.check_stall_current,
     calibration.check_calibration,
     world.check_ranges,

@@ -9,13 +9,13 @@ from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.motor_drivers import MODE_TEXT, MOTOR_DRIVERS, MotorDriverFacts, driver_facts
 from diffbotctl.config.robot import SIDES, Robot, line_baud
 from diffbotctl.errors import join_words
-from diffbotctl.geometry.distance_sensors import TURN, further_sensors
+from diffbotctl.geometry.distance_sensors import ECHOES, TURN, further_sensors
 from diffbotctl.links import link_protocol
 
 # Input of a linear 5 V regulator (Mega's VIN; 78M05 of an L298N board): its dropout is 2 V, and
 # 12 V at 0.2 A dissipate 1.4 W, the maximum without a heat sink.
 SUPPLY_MIN_V, SUPPLY_MAX_V = 7.0, 12.0
-LED_PIN = "13"  # pin of the LED L on all these boards
+MODULE_V = 3.3  # that the inputs of an HC-05 take
 
 
 def check_budget(context: CheckContext) -> None:
@@ -63,11 +63,12 @@ def check_radio(context: CheckContext) -> None:
     if values is None or context.robot is None or not context.robot.link.has_radio:
         return
     uart, level, board = values
-    if level == "direct":
+    pins = BOARDS.get(board)
+    if level == "direct" and (pins is None or pins.volts > MODULE_V):
         cause = "the board's 5 V signal drives the HC-05's RXD directly, which takes 3.3 V"
         fix = "add 1 kOhm in the wire and 2 kOhm from RXD to GND, and set level: divider"
         context.warn("W-WIRING-LEVEL", context.error_place("link.level"), cause, fix)
-    if uart == 0:
+    if uart == 0 and (pins is None or pins.has_usb_serial):
         others = [port for port in BOARDS[board].links["diffbot"] if port]
         cause = (
             "the HC-05 shares pins 0 and 1 with the USB port: flashing fails while it is connected"
@@ -80,15 +81,19 @@ def check_radio(context: CheckContext) -> None:
 
 def check_led_pin(context: CheckContext) -> None:
     """Warn of a motor or button on the pin of the board's LED."""
+    kinds = context.values("board.type")
+    board = BOARDS.get(kinds[0]) if kinds else None
+    if board is None or board.led is None:
+        return
     for side in SIDES:
-        if context.values(f"drive.{side}.motor.enable") == (LED_PIN,):
+        if context.values(f"drive.{side}.motor.enable") == (board.led,):
             cause = (
                 "pin 13 also drives the board's LED, which the bootloader blinks at each start: "
                 f"the {side} wheel will jerk"
             )
             place = context.robot_place("drive", side, "motor", "enable")
             context.warn("W-WIRING-LIGHT", place, cause, "use another pin with PWM")
-    if context.values("board.stop_button") == (LED_PIN,):
+    if context.values("board.stop_button") == (board.led,):
         cause = "the board's LED pulls pin 13 low, so the button may always read as pressed"
         place = context.robot_place("board", "stop_button")
         context.warn("W-WIRING-LIGHT", place, cause, "use another pin")
@@ -162,6 +167,36 @@ def _check_input(
     inputs = MODE_TEXT[facts.mode] if name != "standby" else "no standby input"
     cause = f"{facts.with_article} has {inputs}, and {name} of the {side} motor is stated"
     context.error("E-DRIVER", context.error_place(path), cause, f"write {name}: none")
+
+
+def check_voltages(context: CheckContext) -> None:
+    """Refuse what puts more than its pins take on a board of 3.3 V, or too much on its supply."""
+    kinds = context.values("board.type")
+    board = BOARDS.get(kinds[0]) if kinds else None
+    if board is None or context.robot is None or board.volts > MODULE_V:
+        return
+    most = f"{board.volts:g} V"
+    if context.values("board.supply") == ("vin",):
+        cause = f"{board.with_article} takes 1.8 to 5.5 V at {board.supply.into}, not a battery"
+        fix = (
+            "supply it from USB (board.supply: usb) or a regulator of 5 V (board.supply: regulator)"
+        )
+        context.error("E-WIRING-VOLTAGE", context.error_place("board.supply"), cause, fix)
+    for name, sensor in (context.robot.sensors or {}).items():
+        if sensor is not None and sensor.type in ECHOES and sensor.level == "direct":
+            cause = f"the echo of '{name}' is 5 V, and the pins of {board.with_article} take {most}"
+            fix = "add 1 kOhm in the wire and 2 kOhm from the pin to GND, and set level: divider"
+            place = context.robot_place("sensors", name, "echo")
+            context.error("E-WIRING-VOLTAGE", place, cause, fix)
+    values = context.values("battery.pin", "battery.full", "battery.divider")
+    if values is not None and None not in values and values[1] / values[2] > board.volts:
+        cause = (
+            f"{values[1]:g} V divided by {values[2]:g} are {values[1] / values[2]:.1f} V at the "
+            f"pin, and those of {board.with_article} take {most}"
+        )
+        fix = f"take resistors that divide by at least {1.1 * values[1] / board.volts:.1f}"
+        place = context.error_place("battery.divider", "battery.full")
+        context.error("E-WIRING-VOLTAGE", place, cause, fix)
 
 
 def check_supply(context: CheckContext) -> None:

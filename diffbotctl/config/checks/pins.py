@@ -42,6 +42,10 @@ def check_pins(context: CheckContext) -> None:
         cause = f"{board.with_article} has no uart {uart}"
         fix = f"it has uart {join_words(board.uarts)}"
         context.error("E-LINK-UART", context.error_place("link.uart", "board.type"), cause, fix)
+    elif not board.links[protocol]:
+        cause = f"the book's firmware does not run on {board.with_article}"
+        place = context.error_place("link.protocol", "board.type")
+        context.error("E-LINK-UART", place, cause, "set link.protocol: diffbot")
     elif uart not in board.links[protocol]:
         ports = join_words(board.links[protocol], "and")
         cause = f"our firmware uses uart {ports} of {board.with_article}, not {uart}"
@@ -99,7 +103,9 @@ def serial_pins(board: BoardPins, uart: int, protocol: str) -> dict[str, str]:
         for port in board.links[protocol]:
             pins |= dict.fromkeys(board.uarts[port], f"uart {port} of our firmware")
     pins |= dict.fromkeys(board.uarts[uart], f"uart {uart}, the link")
-    return pins | dict.fromkeys(board.uarts[0], "the USB port")
+    if board.has_usb_serial:
+        pins |= dict.fromkeys(board.uarts[0], "the USB port")
+    return pins
 
 
 def _pins_in_use(context: CheckContext, board: BoardPins) -> Iterator[PinUse]:
@@ -145,6 +151,7 @@ class _PinCheck(NamedTuple):
 
     def check(self, context: CheckContext) -> None:
         first: dict[str, PinUse] = {}
+        outputs: dict[int, PinUse] = {}
         for use in self.uses:
             problem = self._problem(use)
             if problem is not None:
@@ -155,6 +162,28 @@ class _PinCheck(NamedTuple):
                 cause = f"pin {use.pin} is already used by the {other.label} ({where})"
                 fix = f"use another pin for the {use.label}"
                 context.error("E-PIN-TAKEN", use.place, cause, fix)
+            if self.board.shares_pwm and use.role == "pwm" and use.pin in self.board.pwm:
+                self._check_output(context, use, outputs)
+
+    def _check_output(self, context: CheckContext, use: PinUse, outputs: dict[int, PinUse]) -> None:
+        """Refuse two pins with one PWM output: both would have the same duty."""
+        other = outputs.setdefault(self.board.pwm[use.pin], use)
+        if other.pin == use.pin:
+            return
+        where = _short_place(other.place, use.place)
+        cause = (
+            f"pins {other.pin} and {use.pin} of {self.board.with_article} have one PWM output, "
+            f"which the {other.label} uses ({where})"
+        )
+        taken = {self.board.pwm[each.pin] for each in outputs.values()}
+        used = {each.pin for each in self.uses} | set(self.serial)
+        free = [
+            pin
+            for pin in pins_for(self.board, "pwm", self.protocol)
+            if pin not in used and self.board.pwm[pin] not in taken
+        ]
+        fix = f"use {join_words(free[:PINS_SHOWN_MAX])}"
+        context.error("E-PIN-PWM", use.place, cause, fix)
 
     def _problem(self, use: PinUse) -> tuple[str, str] | None:
         """Code and cause when the pin does not have the function, else None."""

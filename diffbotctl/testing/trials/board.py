@@ -29,7 +29,12 @@ from diffbotctl.time import MILLISECOND as MS
 
 FIRMWARE = Path(__file__).resolve().parents[3] / "firmware"
 # Bytes of stack never used; more than any interrupt on top of any function takes.
-SPARE_STACK = {frames.BoardCode.MEGA2560: 1024, frames.BoardCode.ATMEGA328P: 400}
+# That of the RP2040 is of 2048 that are watched.
+SPARE_STACK = {
+    frames.BoardCode.MEGA2560: 1024,
+    frames.BoardCode.ATMEGA328P: 400,
+    frames.BoardCode.RP2040: 1024,
+}
 # Bytes; those of the ATmega328P leave 900 of its 2048 for the stack.
 STATIC_RAM_MAX = {"mega2560": 1400, "atmega328p": 1100}
 

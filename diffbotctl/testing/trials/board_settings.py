@@ -48,6 +48,7 @@ PINS = {
         {0, 1, 18, 19}, {*range(2, 11), 13, 44, 45, 46}, {2, 3, 20, 21}, 70, 54, 16
     ),
     frames.BoardCode.ATMEGA328P: PinSets({0, 1}, {5, 6, 9, 10}, {2, 3}, 20, 14, 8),
+    frames.BoardCode.RP2040: PinSets({0, 1}, {*range(2, 23)}, {*range(2, 23)}, 29, 26, 3),
 }
 
 

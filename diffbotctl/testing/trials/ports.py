@@ -344,6 +344,14 @@ SITUATIONS = [
         "a Leonardo", known((0x2341, 0x8036)), U, "W-PORT-BOARD", "Leonardo", "book_2wd_stock"
     ),
     Situation(
+        "a Pico with another program",
+        known((0x2E8A, 0x0005)),
+        U,
+        "W-PORT-BOARD",
+        "another program",
+        "hold BOOTSEL",
+    ),
+    Situation(
         "a phone modem",
         known((0x12D1, 0x1506)),
         U,

@@ -14,7 +14,11 @@ from diffbotctl.testing.trials.row import Row
 from diffbotctl.time import MILLISECOND as MS
 from diffbotctl.time import SECOND
 
-PINS_B = {frames.BoardCode.MEGA2560: (22, 23), frames.BoardCode.ATMEGA328P: (4, 12)}
+PINS_B = {
+    frames.BoardCode.MEGA2560: (22, 23),
+    frames.BoardCode.ATMEGA328P: (4, 12),
+    frames.BoardCode.RP2040: (4, 12),
+}
 RAMP_S = 0.15  # from rest to full speed; a gear motor takes as long
 SHIFT = 13_337  # ns between the edges of both wheels
 

@@ -1,0 +1,171 @@
+// The emulated board: rp2040js's chip, and the parts that it lacks.
+
+import { RP2040 } from "rp2040js";
+
+import { Flash } from "./flash.mjs";
+import { Gyro } from "./gyro.mjs";
+import { Line } from "./line.mjs";
+import { Motors } from "./motors.mjs";
+import { Pins } from "./pins.mjs";
+import { Sonars } from "./sonars.mjs";
+
+const RAM = 0x20000000;
+// Where the boot ROM puts the boot code, and a word of RAM that nothing else uses.
+const BOOT = 0x20041f00;
+const HANG = 0x20041000;
+const BRANCH_TO_ITSELF = 0xe7fe;
+const BOOT_SIZE = 256;
+const POLYNOMIAL = 0x04c11db7;
+const REFERENCE = 3300; // mV of the converter
+const CHANNELS = 3;
+// Causes of a reset, as in the request, and what the chip's registers tell of them.
+const POWER = 1;
+const LINE = 2;
+const BROWNOUT = 4;
+const WATCHDOG = 8;
+const HAD_POWER_ON = 1 << 8;
+const HAD_RUN_PIN = 1 << 16;
+const WATCHDOG_TIMER = 1;
+const UNPOWERED = 0x5a; // what RAM may hold after the supply was off
+const ADC_QUEUE = 0x0c;
+
+// The CRC-32 of the boot ROM.
+function checksum(bytes) {
+  let value = 0xffffffff;
+  for (const byte of bytes) {
+    value ^= byte << 24;
+    for (let bit = 0; bit < 8; bit++) value = value & 0x80000000 ? (value << 1) ^ POLYNOMIAL : value << 1;
+  }
+  return value >>> 0;
+}
+
+export class Board {
+  constructor(options) {
+    this.options = options;
+    this.events = []; // of the motors
+    this.sent = []; // bytes
+    this.wasReset = false;
+    this.flash = new Flash(options.image);
+    this.pins = new Pins();
+    this.line = new Line(this);
+    this.motors = new Motors(this);
+    this.sonars = new Sonars(this);
+    this.gyro = options.gyro ? new Gyro(this, options.gyro) : null;
+    this.millivolts = new Array(CHANNELS).fill(0);
+    this.begin(POWER, null);
+  }
+
+  // ns since the start
+  get now() {
+    return Math.floor(this.chip.clock.nanos);
+  }
+
+  // A new chip, since rp2040js has no reset of all its parts. `ram`: what it held before.
+  begin(cause, ram) {
+    const chip = new RP2040();
+    chip.clock.nanosCounter = this.chip ? this.chip.clock.nanos : 0;
+    chip.logger = { debug() {}, info() {}, warn() {}, error() {} };
+    this.chip = chip;
+    this.resets = 0;
+    if (ram) chip.sram.set(ram);
+    else chip.sram.fill(UNPOWERED);
+    this.completeParts(cause);
+    this.flash.connect(chip);
+    this.pins.connect(chip);
+    this.line.connect(chip);
+    this.sonars.connect(chip);
+    if (cause & POWER) this.gyro?.powerUp();
+    this.gyro?.connect(chip);
+    this.showAnalogs();
+    this.wasReset = true;
+    this.boot();
+    this.motors.poll();
+  }
+
+  // What rp2040js leaves out, or does otherwise than the data sheet.
+  completeParts(cause) {
+    const { chip } = this;
+    const watchdog = chip.peripherals[0x40058];
+    watchdog.reason = cause & WATCHDOG ? WATCHDOG_TIMER : 0;
+    watchdog.onWatchdogTrigger = () => {
+      watchdog.alarm.enable = false; // else it would go off again and again at this time
+      this.resets = WATCHDOG;
+    };
+    const told = cause & LINE ? HAD_RUN_PIN : cause & (POWER | BROWNOUT) ? HAD_POWER_ON : 0;
+    chip.peripherals[0x40064].readUint32 = (offset) => (offset === 8 ? told : 0);
+    const { adc } = chip;
+    const readUint32 = adc.readUint32.bind(adc);
+    adc.readUint32 = (offset) => {
+      const value = readUint32(offset);
+      if (offset === ADC_QUEUE) adc.checkInterrupts();
+      return value;
+    };
+    // Duty is read from the registers; the outputs need not change at each period.
+    for (const channel of chip.pwm.channels) channel.updateEnable = () => {};
+  }
+
+  // What the boot ROM does with a valid image; without one the chip waits for a new program.
+  boot() {
+    const { core, sram } = this.chip;
+    const code = this.flash.bytes.subarray(0, BOOT_SIZE);
+    const given = Buffer.from(code).readUInt32LE(BOOT_SIZE - 4);
+    this.runs = given === checksum(code.subarray(0, BOOT_SIZE - 4));
+    if (!this.runs) return;
+    sram.set(code, BOOT - RAM);
+    core.SP = BOOT;
+    core.PC = BOOT;
+  }
+
+  reset(cause) {
+    this.begin(cause, cause & POWER ? null : this.chip.sram);
+  }
+
+  // The main program stops making progress; interrupts still run.
+  hang() {
+    const { core } = this.chip;
+    while (core.IPSR !== 0) this.advance(Infinity);
+    this.chip.writeUint16(HANG, BRANCH_TO_ITSELF);
+    core.PC = HANG;
+    core.waiting = false;
+  }
+
+  transition(time, pin, level) {
+    this.pins.at(time, pin, level);
+  }
+
+  pulses(pin, high, low, jitter) {
+    this.pins.pulses(pin, high, low, jitter);
+  }
+
+  analog(channel, millivolts) {
+    if (channel < CHANNELS) this.millivolts[channel] = millivolts;
+    this.showAnalogs();
+  }
+
+  showAnalogs() {
+    this.millivolts.forEach((millivolts, channel) => {
+      this.chip.adc.channelValues[channel] = Math.min(4095, Math.round((millivolts * 4096) / REFERENCE));
+    });
+  }
+
+  // One instruction, or the time until something happens, at most until `end`.
+  advance(end) {
+    const { chip } = this;
+    const { core, clock } = chip;
+    if (!core.waiting && this.runs) {
+      clock.tick((core.executeInstruction() * 1e9) / chip.clkSys);
+      if (core.waiting) this.motors.poll();
+    } else {
+      const next = clock.nextAlarm ? clock.nextAlarm.nanos : Infinity;
+      clock.tick(Math.min(next, end) - clock.nanos);
+    }
+  }
+
+  run(until) {
+    while (this.chip.clock.nanos < until) {
+      this.advance(until);
+      if (this.resets) this.reset(this.resets);
+    }
+    this.motors.poll();
+  }
+}

@@ -1,0 +1,50 @@
+/* The interrupts of the RP2040. Each calls the module that it belongs to. */
+#include "analog.h"
+#include "board.h"
+#include "clock.h"
+#include "link.h"
+#include "ranges.h"
+#include "reset.h"
+#include "rp2040_registers.h"
+#include "wheel.h"
+
+void timer_millisecond(void)
+{
+    REGISTER(TIMER_RAISED) = 1u << ALARM_MILLISECOND;
+    clock_millisecond();
+    if (reset_hung())
+        wheels_release();
+    rp2040_repeat(ALARM_MILLISECOND);
+}
+
+void timer_sample(void)
+{
+    REGISTER(TIMER_RAISED) = 1u << ALARM_SAMPLE;
+    if (clock_sample())
+        analog_convert();
+    rp2040_repeat(ALARM_SAMPLE);
+}
+
+void pins_changed(void)
+{
+    for (wheel_t *wheel = LEFT; wheel <= RIGHT; wheel++)
+        if (wheel->encoder.in.at && rp2040_changed(wheel->encoder.interrupt))
+            encoders_edge(&wheel->encoder);
+    if (rp2040_watched_changed())
+        ranges_changed();
+}
+
+void uart_ready(void)
+{
+    uint32_t raised = REGISTER(UART0 + UART_RAISED);
+    REGISTER(UART0 + UART_CLEAR) = raised;
+    if (raised & UART_RECEIVES)
+        link_received(0);
+    if (REGISTER(UART0 + UART_MASK) & UART_SENDS && !(REGISTER(UART0 + UART_FLAGS) & UART_FULL))
+        link_empty(0);
+}
+
+void analog_ready(void)
+{
+    analog_converted();
+}
