@@ -165,7 +165,7 @@ class OdometryBlock(Block):
             share_response(left, right)
         left.report()
         right.report()
-        self.pose.move(time, left, right)
+        self.pose.move(left, right)
 
     def _bridge_silence(
         self, encoders: Encoders, wheels: tuple[Wheel, Wheel], is_continued: bool = False

@@ -6,6 +6,7 @@ the motor itself decide it. It is carried as a share of the travel, like that of
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import exp, pi
 
 from diffbotctl.estimation.wheel_side import LinkTiming, SideConfig, settled_speed
@@ -20,8 +21,9 @@ class CommandedWheelOdometer:
     """A wheel that follows its duty with the stated lag. `speed` in m/s."""
 
     end_variance = disagreement = variance = 0.0
-    start_correction = late_correction = added_variance = 0.0
-    late_since = disagreement_since = 0
+    start_correction = added_variance = 0.0
+    late_corrections: Sequence[float] = ()
+    disagreement_frames = 0
     fault_share = SPEED_SD
     fault = FAULT
 

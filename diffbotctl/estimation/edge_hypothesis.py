@@ -9,7 +9,7 @@ pitches.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import ceil, exp, floor, log, sqrt
 from typing import NamedTuple
 
@@ -18,7 +18,9 @@ from diffbotctl.estimation.likelihood import normal_cdf, robust_log_likelihood
 from diffbotctl.estimation.wheel_kalman import MotorKind, WheelKalman
 
 OPEN_SHARE = 0.5  # of the pitch; mean of all discs
-SPLITS_MAX = 16  # of the way to a hypothesis that are kept
+FRAMES_MAX = 800  # 20 s at 40 Hz; an explanation that differs for longer is corrected from there
+HALF = 0.5
+SAME = 1e-9  # pitches; a smaller difference is one of rounding
 LOG_RATIO_MAX = 8.0  # natural log; branches less likely than the best by more are not followed
 DIRECTION_PROBABILITY_MIN = 1e-6  # lower limit of the prior of a direction
 # Standard deviations of speed and lag up to which a wheel may roll on against its drive.
@@ -100,8 +102,8 @@ class EdgeHypothesis:
     # Largest speed (pitches/s) at which the wheel may still roll on against a reversed drive, which
     # only brakes it.
     coasting_speed: float = 0.0
-    # Time (ns) and branch of the last splits on the way to this hypothesis, oldest first.
-    splits: tuple[tuple[int, int], ...] = ()
+    # Travel (pitches) since the start, but for its phase, after each of the last frames.
+    travels: list[float] = field(default_factory=list)
 
     @property
     def last_edge(self) -> tuple[int, int, bool]:
@@ -115,7 +117,33 @@ class EdgeHypothesis:
 
     def copy(self) -> EdgeHypothesis:
         """An independent copy, for a split."""
-        return replace(self, motion=self.motion.copy())
+        return replace(self, motion=self.motion.copy(), travels=self.travels.copy())
+
+    def remember(self) -> None:
+        """Note the travel at the end of a frame."""
+        travels, motion = self.travels, self.motion
+        travels.append(motion.z - motion.z_shift)
+        if len(travels) >= 2 * FRAMES_MAX:
+            del travels[:FRAMES_MAX]
+
+    def frames_since(self, other: EdgeHypothesis) -> int:
+        """Frames since the travel of `other` had less than half of its present difference."""
+        difference = abs(other.travels[-1] - self.travels[-1])
+        frames = 0
+        for own, its in zip(reversed(self.travels), reversed(other.travels), strict=False):
+            if abs(its - own) < HALF * difference or frames == FRAMES_MAX:
+                break
+            frames += 1
+        return frames
+
+    def corrections(self, other: EdgeHypothesis) -> list[float]:
+        """What the travel of `other` exceeds the own one by (pitches) in each of the last frames,
+        from the first one in which they differ."""
+        own, its = self.travels[-FRAMES_MAX:], other.travels[-FRAMES_MAX:]
+        differences = [b - a for a, b in zip(own, its, strict=False)]
+        added = [b - a for a, b in zip([0.0, *differences], differences, strict=False)]
+        first = next((n for n, each in enumerate(added) if abs(each) > SAME), len(added))
+        return added[first:]
 
     @property
     def edge_place(self) -> float:
@@ -404,27 +432,14 @@ def bounds(place: float, direction: int, is_reversed: bool) -> tuple[float, floa
 
 def update_all(hypotheses: list[EdgeHypothesis], frame: WheelFrame) -> list[EdgeHypothesis]:
     """Update all hypotheses with one frame, including splits."""
-    branches: list[EdgeHypothesis] = []
-    for hypothesis in hypotheses:
-        splits = hypothesis.splits
-        twins = (
-            hypothesis.split_by_friction(frame.drive)
-            if hypothesis.motion.is_dry is None
-            else [hypothesis]
-        )
-        own = [branch for twin in twins for branch in twin.update(frame)]
-        if len(own) > 1:
-            for number, branch in enumerate(own):
-                branch.splits = (*splits[1 - SPLITS_MAX :], (frame.time, number))
-        branches += own
+    if hypotheses[0].motion.is_dry is None:
+        hypotheses = [
+            twin for hypothesis in hypotheses for twin in hypothesis.split_by_friction(frame.drive)
+        ]
+    branches = [branch for hypothesis in hypotheses for branch in hypothesis.update(frame)]
+    for branch in branches:
+        branch.remember()
     return branches
-
-
-def split_time(one: EdgeHypothesis, other: EdgeHypothesis) -> int:
-    """Time (ns) since which two hypotheses differ; 0 when they always did."""
-    common = set(one.splits) & set(other.splits)
-    own = [time for time, number in (*one.splits, *other.splits) if (time, number) not in common]
-    return min(own, default=0)
 
 
 def prune(

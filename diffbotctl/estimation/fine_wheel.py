@@ -8,6 +8,7 @@ turned. Lengths are pitches, times seconds.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import exp, pi, radians
 
 from diffbotctl.estimation.count_faults import CountFaults
@@ -58,9 +59,10 @@ class FineWheelOdometer:
         self.added_since = self.added_variance = 0.0
         self.reversals = 0
         self.faults = CountFaults(timing.has_edge_times)
-        self.travel = self.start_correction = self.late_correction = 0.0
+        self.travel = self.start_correction = 0.0
         self.disagreement = 0.0
-        self.late_since = self.disagreement_since = 0
+        self.late_corrections: Sequence[float] = ()
+        self.disagreement_frames = 0
 
     @property
     def speed(self) -> float:

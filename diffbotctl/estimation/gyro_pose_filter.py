@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple
 from diffbotctl.estimation.geometry_deviation import GeometryDeviation, PoseDeviation
 from diffbotctl.estimation.gyro_turn import TurnStep
 from diffbotctl.estimation.pose_filter import PoseFilter, WheelTravel, arc
-from diffbotctl.estimation.pose_history import Pose
+from diffbotctl.estimation.pose_history import Correction
 from diffbotctl.messages import Odometry
 
 # A failure is noticed within this time, in which the turn was wrong. The wheels' turn replaces it;
@@ -160,13 +160,9 @@ class GyroPoseFilter(PoseFilter):
     def _heading_variance(self, variance: float) -> float:
         return super()._heading_variance(variance) if self.step is None else 0.0
 
-    def _correct(self, origin: Pose, left: float, right: float) -> None:
-        if self.step is None:
-            super()._correct(origin, left, right)
-            return
-        ahead = 0.5 * (left + right)
-        self.x += ahead * cos(origin[2])
-        self.y += ahead * sin(origin[2])
+    def _correction(self, left: float, right: float) -> Correction:
+        ahead, turn = super()._correction(left, right)
+        return ahead, turn if self.step is None else 0.0
 
     def _roll(self, left: float, right: float, left_variance: float, right_variance: float) -> None:
         step, track = self.step, self.track

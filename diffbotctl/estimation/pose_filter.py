@@ -5,6 +5,7 @@ Metres and radians, frame odom.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import cos, sin, sqrt
 from typing import Protocol
 
@@ -15,7 +16,7 @@ from diffbotctl.estimation.geometry_deviation import (
     combined,
     fault_effects,
 )
-from diffbotctl.estimation.pose_history import Pose, PoseHistory, turned
+from diffbotctl.estimation.pose_history import Correction, Pose, PoseHistory, turned
 from diffbotctl.messages import Odometry
 
 PoseCovariance = tuple[float, float, float, float, float, float]
@@ -37,9 +38,11 @@ class WheelTravel(Protocol):
     travel: float  # m, since the previous frame
     added_variance: float  # m2, of that travel
     start_correction: float  # m, added by a better estimate of the initial phase
-    late_correction: float  # m, added by another hypothesis about edges since `late_since` (ns)
-    late_since: int
-    disagreement_since: int  # ns; since then the hypotheses disagree
+    disagreement_frames: int  # since when the hypotheses disagree
+
+    @property
+    def late_corrections(self) -> Sequence[float]:
+        """m, added by another hypothesis in each of the last frames, the newest last"""
 
     @property
     def speed(self) -> float:
@@ -89,19 +92,15 @@ class PoseFilter:
         moved = (x - self.x, y - self.y, heading - self.heading)
         start = (self.start_x, self.start_y, self.start_heading)
         self.start_x, self.start_y, self.start_heading = turned(start, moved, here)
-        self.history.move(moved, 0, here)
+        self.history.move(moved, here)
         self.x, self.y, self.heading = x, y, heading
         self.slip_covariance = NO_COVARIANCE
         self.unit_effects = NO_EFFECTS
 
-    def move(self, time: int, left: WheelTravel, right: WheelTravel) -> None:
-        """Advance to `time` (ns) by the travel of both wheels since the previous frame."""
+    def move(self, left: WheelTravel, right: WheelTravel) -> None:
+        """Advance by the travel of both wheels since the previous frame."""
         if left.start_correction or right.start_correction:
-            self._correct(self._start, left.start_correction, right.start_correction)
-        if left.late_correction:
-            self._correct_since(left.late_since, left.late_correction, 0.0)
-        if right.late_correction:
-            self._correct_since(right.late_since, 0.0, right.late_correction)
+            self._correct_start(left.start_correction, right.start_correction)
         # The standard deviation of slip grows with the square root of the travel.
         slip_variance = self.slip * self.slip
         self._roll(
@@ -110,7 +109,13 @@ class PoseFilter:
             slip_variance * abs(left.travel) + left.added_variance,
             slip_variance * abs(right.travel) + right.added_variance,
         )
-        self.history.add(time, (self.x, self.y, self.heading))
+        self.history.add((self.x, self.y, self.heading))
+        if left.late_corrections or right.late_corrections:
+            wheels = left.late_corrections, right.late_corrections
+            frames = max(map(len, wheels))
+            padded = ((*(0.0,) * (frames - len(each)), *each) for each in wheels)
+            corrections = [self._correction(*both) for both in zip(*padded, strict=True)]
+            self.x, self.y, self.heading = self.history.correct(corrections, self._start)
 
     @property
     def _start(self) -> Pose:
@@ -121,21 +126,16 @@ class PoseFilter:
         variance = sd * sd if left or right else 0.0
         self._roll(left, right, variance, variance)
 
-    def _correct_since(self, since: int, left: float, right: float) -> None:
-        """Correct the travel of the wheels (m) in the frame of the time `since` (ns)."""
-        origin = self.history.before(since, self._start)
-        before = (self.x, self.y, self.heading)
-        self._correct(origin, left, right)
-        ahead = 0.5 * (left + right)
-        moved = (ahead * cos(origin[2]), ahead * sin(origin[2]), self.heading - before[2])
-        self.history.move(moved, since, origin)
+    def _correct_start(self, left: float, right: float) -> None:
+        """Correct the travel of each wheel (m) at the start: the path turns about it."""
+        ahead, turn = self._correction(left, right)
+        direction = self.start_heading
+        moved = (ahead * cos(direction), ahead * sin(direction), turn)
+        self.x, self.y, self.heading = turned((self.x, self.y, self.heading), moved, self._start)
 
-    def _correct(self, origin: Pose, left: float, right: float) -> None:
-        """Correct the travel of each wheel (m) at `origin`: the path since then turns about it."""
-        angle = (right - left) / self.track
-        ahead = 0.5 * (left + right)
-        moved = (ahead * cos(origin[2]), ahead * sin(origin[2]), angle)
-        self.x, self.y, self.heading = turned((self.x, self.y, self.heading), moved, origin)
+    def _correction(self, left: float, right: float) -> Correction:
+        """Way and turn of a travel of each wheel (m)."""
+        return 0.5 * (left + right), (right - left) / self.track
 
     def _roll(self, left: float, right: float, left_variance: float, right_variance: float) -> None:
         """Advance along one arc by the travel of each wheel (m) with its variance (m2)."""
@@ -206,7 +206,7 @@ class PoseFilter:
         origins = [(self._start, left.variance + right.variance)]
         for wheel in (left, right):
             if wheel.disagreement:
-                origin = self.history.before(wheel.disagreement_since, self._start)
+                origin = self.history.before(wheel.disagreement_frames, self._start)
                 origins.append((origin, wheel.disagreement))
         end = left.end_variance + right.end_variance
         if end:

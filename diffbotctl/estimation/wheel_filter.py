@@ -9,7 +9,6 @@ from diffbotctl.estimation.edge_hypothesis import (
     EdgeHypothesis,
     WheelFrame,
     prune,
-    split_time,
     update_all,
 )
 from diffbotctl.estimation.priors import Priors
@@ -86,8 +85,8 @@ class WheelFilter:
         return spread / total
 
     @property
-    def disagreement_since(self) -> int:
-        """Time (ns) since which the best hypothesis differs from the one that matters most else."""
+    def disagreement_frames(self) -> int:
+        """Frames since the best hypothesis differs from the one that matters most else."""
         best = self.hypotheses[0]
         if len(self.hypotheses) == 1:
             return 0
@@ -100,7 +99,7 @@ class WheelFilter:
                 * (hypothesis.motion.travel - travel) ** 2
             ),
         )
-        return split_time(best, other)
+        return best.frames_since(other)
 
     @property
     def is_unusual(self) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import copysign, pi, sqrt
 
 from diffbotctl.control.speed_loop import SpeedLoopMirror, speed_gains
-from diffbotctl.estimation.edge_hypothesis import WheelFrame, split_time
+from diffbotctl.estimation.edge_hypothesis import WheelFrame
 from diffbotctl.estimation.fine_wheel import FineWheelOdometer
 from diffbotctl.estimation.priors import Priors
 from diffbotctl.estimation.slot_errors import EdgeErrors, SlotEstimate
@@ -51,9 +51,9 @@ class WheelOdometer:
         self.fault_share = 0.0
         """share of the edges that were missed or counted twice, and are no hypotheses"""
         self.start_correction = 0.0  # m, added by a better estimate of the initial phase
-        self.late_correction = 0.0  # m, added by another hypothesis about edges
-        self.late_since = 0  # ns, of the first of these edges
-        self.disagreement_since = 0  # ns
+        # m, added by another hypothesis in each of the last frames
+        self.late_corrections: list[float] = []
+        self.disagreement_frames = 0
         self.reported_travel = 0.0  # pitches
         self.reported_start = self.filter.motion.start
         self.reported_hypothesis = self.filter.hypotheses[0]
@@ -131,17 +131,18 @@ class WheelOdometer:
         self.fault_share = self.counting.faults.shown_share if is_unusual else 0.0
         self.variance = self._variance(is_unusual) * square
         self.disagreement = self.filter.disagreement * square
-        self.disagreement_since = self.filter.disagreement_since
+        self.disagreement_frames = self.filter.disagreement_frames
         hypothesis, before = self.filter.hypotheses[0], self.reported_hypothesis
         motion = hypothesis.motion
         start_shift = self.reported_start - motion.start
         travel = motion.travel
+        self.late_corrections = []
         late = 0.0
         if motion is not before.motion:
-            late = (motion.z - motion.z_shift) - (before.motion.z - before.motion.z_shift)
-            self.late_since = split_time(hypothesis, before)
+            corrections = before.corrections(hypothesis)
+            late = sum(corrections)
+            self.late_corrections = [each * self.pitch for each in corrections]
             self.reported_hypothesis = hypothesis
-        self.late_correction = late * self.pitch
         self.start_correction = start_shift * self.pitch
         self.travel = (travel - self.reported_travel - start_shift - late) * self.pitch
         self.reported_travel, self.reported_start = travel, motion.start

@@ -182,7 +182,6 @@ ADDED: dict[str, dict[str, Any]] = {
         "duty": 0.0,
         "is_timed": False,
         "coasting_speed": inf,
-        "splits": (),
     },
     "WheelKalman": {
         "kind": MotorKind.LINEAR,
@@ -193,14 +192,13 @@ ADDED: dict[str, dict[str, Any]] = {
     },
     "PoseFilter": {"geometry": (), "unit_effects": NO_EFFECTS},
     "WheelOdometer": {
-        "late_correction": 0.0,
         "variance": 0.0,
         "added_variance": 0.0,
         "end_variance": 0.0,
         "disagreement": 0.0,
         "fault_share": 0.0,
-        "late_since": 0,
-        "disagreement_since": 0,
+        "late_corrections": (),
+        "disagreement_frames": 0,
     },
 }
 
@@ -228,6 +226,8 @@ def present_attributes(kind: type, attributes: dict[str, Any]) -> dict[str, Any]
     present.update(ADDED.get(kind.__name__, {}))
     if kind is PoseFilter:
         present["history"] = PoseHistory()
+    if kind.__name__ == "EdgeHypothesis":
+        present["travels"] = []
     if issubclass(kind, WheelOdometer):
         present["reported_hypothesis"] = present["filter"].hypotheses[0]
         present["counting"] = _counting(present)

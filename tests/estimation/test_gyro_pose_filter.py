@@ -22,11 +22,10 @@ class Wheel:
     variance: float = 9e-6
     added_variance: float = 0.0
     start_correction: float = 0.0
-    late_correction: float = 0.0
+    late_corrections: tuple[float, ...] = ()
     end_variance: float = 0.0
     disagreement: float = 0.0
-    late_since: int = 0
-    disagreement_since: int = 0
+    disagreement_frames: int = 0
     fault_share: float = 0.0
     speed: float = 0.4
 
@@ -35,7 +34,7 @@ def drive(pose, steps, left=0.01, right=0.01, angle=0.0, start=0, is_driven=True
     wheels = Wheel(left), Wheel(right)
     for number in range(steps):
         pose.step = TurnStep(angle, 1e-10, 0.025)
-        pose.move(0, *wheels)
+        pose.move(*wheels)
         pose.remember((start + number) * FRAME)
         pose.compare_turns(is_driven)
     return wheels
@@ -47,10 +46,10 @@ def sd(message, index):
 
 def test_without_a_step_it_is_the_filter_of_the_wheels():
     one, two = PoseFilter(TRACK, SLIP), GyroPoseFilter(TRACK, SLIP, (), 0.003)
-    wheels = Wheel(0.008, start_correction=0.001), Wheel(0.011, late_correction=-0.002)
+    wheels = Wheel(0.008, start_correction=0.001), Wheel(0.011, late_corrections=(-0.002,))
     for _ in range(50):
-        one.move(0, *wheels)
-        two.move(0, *wheels)
+        one.move(*wheels)
+        two.move(*wheels)
     assert one.message(0, *wheels) == two.message(0, *wheels)
 
 
