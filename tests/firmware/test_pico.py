@@ -13,7 +13,14 @@ from diffbotctl.flash.uf2 import is_rp2040
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_settings import RangeInput
 from diffbotctl.testing.board_bench import MS, PICO, PICO_BOARD, RADIO, BoardBench, speed, trials_on
-from diffbotctl.testing.trials import board, board_faults, board_restarts, board_runs, frame_damage
+from diffbotctl.testing.trials import (
+    board,
+    board_faults,
+    board_restarts,
+    board_runs,
+    board_settings,
+    frame_damage,
+)
 
 SLOT = 128  # bytes of one in the store
 
@@ -25,7 +32,7 @@ SLOT = 128  # bytes of one in the store
         lambda: board.telemetry(5),
         lambda: board.edges(20_000, 0.2),
         lambda: board.bounce(3, 1),
-        lambda: board.refused_settings(3, 25),
+        lambda: board_settings.refused_settings(3, 25),
         lambda: board.restarts(3, 3),
         lambda: board.deadman(3, 12),
         lambda: list(board_faults.storms(3, 3))[:2],  # few end by a stop frame, the third row

@@ -215,7 +215,7 @@ def test_a_recording_of_a_running_engine_needs_the_robot_file_for_frames(tmp_pat
     recording = LiveRecording(file, about, topics)
     message = Odometry(SECOND, 1.0, 2.0, 0.5, 0.1, 0.2, (1.0,) * 6)
     recording.write("odometry.odometry", json.loads(json.dumps(message._asdict())))
-    recording.finish("test")
+    recording.end("test")
     recording.close()
     plain = export_bag(file, tmp_path / "plain", None, False)
     assert plain.counts == {"/odom": 1, "/tf": 1} and "--robot" in plain.complaint

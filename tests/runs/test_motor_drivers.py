@@ -29,10 +29,12 @@ def robot(folder, driver, board="uno", standby="none", idle=""):
     facts = MOTOR_DRIVERS[driver]
     left, right = PINS[facts.mode]
     idle = idle or ("brake" if facts.always_brakes else "coast")
-    uart = "{uart: 0}" if board == "uno" else "{uart: 1}"
+    supply = ", supply: usb" if board == "pico" else ""  # it takes no battery
+    uart = "{uart: 1}" if board == "mega2560" else "{uart: 0}"
     file = folder / f"{driver}.yaml"
     file.write_text(
-        f"format: 1\nkind: robot\ninclude: book_2wd\nboard: {{type: {board}}}\nlink: {uart}\n"
+        "format: 1\nkind: robot\ninclude: book_2wd\n"
+        f"board: {{type: {board}{supply}}}\nlink: {uart}\n"
         f"drive:\n  motor: {{driver: {driver}, idle: {idle}, standby: {standby}}}\n"
         f"  left: {{motor: {left}}}\n  right: {{motor: {right}}}\n"
     )
