@@ -133,10 +133,12 @@ def fault_effects(
     """Deviations of the pose (m, rad) by the shares of edges that were missed or counted twice.
 
     What makes one encoder miss edges is likely to make the other one miss them, too, where its
-    counts have not shown it yet.
+    counts have not shown it yet; and to do so in the same sense, which lengthens or shortens the
+    whole path.
     """
     if not left and not right:
         return []
     left, right = max(left, UNSEEN_RATIO * right), max(right, UNSEEN_RATIO * left)
-    errors = GeometryDeviation(left=left), GeometryDeviation(right=right)
+    common = GeometryDeviation(left=left, right=right)
+    errors = common, GeometryDeviation(left=left), GeometryDeviation(right=right)
     return [combined(unit_effects, error) for error in errors]

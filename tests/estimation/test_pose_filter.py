@@ -240,3 +240,15 @@ def test_the_error_of_a_ruler_is_common_to_both_diameters():
     xx, *_, hh = pose.message(0, Wheel(0.0), Wheel(0.0)).covariance
     assert xx == pytest.approx((1 / 65) ** 2 + 2 * 0.0025**2)
     assert hh == pytest.approx(2 * (0.005 / TRACK) ** 2)
+
+
+def test_encoders_that_miss_edges_shorten_the_way_together_and_turn_it_apart():
+    """A metre with 1 % of the edges of both wheels: in common, and of each by itself."""
+    pose = PoseFilter(TRACK, slip=0.0)
+    pose.move(Wheel(1.0), Wheel(1.0))
+    faulty = Wheel(0.0, fault_share=0.01)
+    xx, _, _, _, _, hh = pose.message(0, faulty, faulty).covariance
+    assert hh == pytest.approx(2 * (0.01 / TRACK) ** 2)
+    lateral = hh / 4  # the heading error grows evenly along the metre
+    along = 0.01**2 + 2 * 0.005**2
+    assert xx == pytest.approx(along + 0.04 * max(lateral, along))
