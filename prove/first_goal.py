@@ -18,7 +18,7 @@ from tempfile import TemporaryDirectory
 
 from diffbotctl.start.steps import QUESTIONS
 from diffbotctl.testing.trials.row import Row, printed
-from diffbotctl.testing.virtual_board import START_ANSWERS
+from diffbotctl.testing.virtual_board import START_ANSWERS, outcome
 
 ROOT = Path(__file__).parent.parent
 TIME_MAX_S = 120.0  # on two cores
@@ -39,7 +39,7 @@ class Newcomer:
 
     def run(self, *words: str | Path, at: Path | None = None) -> str:
         """The output of a command, whether it fails or not; a failure shows in the figures."""
-        completed = subprocess.run(
+        process = subprocess.Popen(
             [str(word) for word in words],
             cwd=at or self.folder,
             env=self.environment,
@@ -47,9 +47,9 @@ class Newcomer:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            timeout=COMMAND_TIMEOUT_S,
         )
-        return completed.stdout
+        _, said = outcome(process, cwd=self.folder, env=self.environment)
+        return said
 
     @property
     def program(self) -> Path:
