@@ -15,11 +15,10 @@ from typing import NamedTuple
 
 from diffbotctl.estimation.edge_faults import NO_FAULTS, EdgeFaults
 from diffbotctl.estimation.likelihood import normal_cdf, robust_log_likelihood
+from diffbotctl.estimation.pose_history import FRAMES_MAX
 from diffbotctl.estimation.wheel_kalman import MotorKind, WheelKalman
 
 OPEN_SHARE = 0.5  # of the pitch; mean of all discs
-FRAMES_MAX = 800  # 20 s at 40 Hz; an explanation that differs for longer is corrected from there
-HALF = 0.5
 SAME = 1e-9  # pitches; a smaller difference is one of rounding
 LOG_RATIO_MAX = 8.0  # natural log; branches less likely than the best by more are not followed
 DIRECTION_PROBABILITY_MIN = 1e-6  # lower limit of the prior of a direction
@@ -131,7 +130,7 @@ class EdgeHypothesis:
         difference = abs(other.travels[-1] - self.travels[-1])
         frames = 0
         for own, its in zip(reversed(self.travels), reversed(other.travels), strict=False):
-            if abs(its - own) < HALF * difference or frames == FRAMES_MAX:
+            if abs(its - own) < 0.5 * difference or frames == FRAMES_MAX:
                 break
             frames += 1
         return frames

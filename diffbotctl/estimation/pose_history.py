@@ -10,14 +10,14 @@ Pose = tuple[float, float, float]
 """x, y (m) and heading (rad) in odom."""
 Correction = tuple[float, float]
 """Way ahead (m) and turn (rad) in addition to those of one frame."""
-POSES_MAX = 800  # 20 s at 40 Hz; what was explained otherwise for longer is corrected from there
+FRAMES_MAX = 800  # 20 s at 40 Hz; what was explained otherwise for longer is corrected from there
 
 
 class PoseHistory:
     """The last poses, one a frame, oldest first."""
 
     def __init__(self) -> None:
-        self._poses: deque[Pose] = deque(maxlen=POSES_MAX)
+        self._poses: deque[Pose] = deque(maxlen=FRAMES_MAX)
 
     def add(self, pose: Pose) -> None:
         """Note the pose at the end of a frame."""
@@ -29,7 +29,7 @@ class PoseHistory:
         poses = self._poses
         if frames < len(poses):
             return poses[-frames - 1]
-        return poses[0] if len(poses) == POSES_MAX else start
+        return poses[0] if len(poses) == FRAMES_MAX else start
 
     def move(self, moved: Pose, origin: Pose) -> None:
         """Move all poses as a rigid path whose pose `origin` changes by `moved` (m, m, rad)."""

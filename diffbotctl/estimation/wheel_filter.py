@@ -66,40 +66,27 @@ class WheelFilter:
         best = self.hypotheses[0]
         return best.motion.variance + best.faults.variance
 
-    @property
-    def disagreement(self) -> float:
+    def disagreement(self) -> tuple[float, int]:
         """Variance of the travel (pitches2) between the hypotheses: their differences from the best
-        one, weighted by their probabilities."""
-        best = self.hypotheses[0]
+        one, weighted by their probabilities. And the frames since the best one differs from the one
+        that matters most else."""
+        best = other = self.hypotheses[0]
         if len(self.hypotheses) == 1:
-            return 0.0
+            return 0.0, 0
         top = max(hypothesis.motion.log_likelihood for hypothesis in self.hypotheses)
         travel, variance = best.motion.travel, best.motion.variance
         total = spread = 0.0
+        most = -1.0
         for hypothesis in self.hypotheses:
             motion = hypothesis.motion
             weight = exp(motion.log_likelihood - top)
             difference = motion.travel - travel
+            square = difference * difference
             total += weight
-            spread += weight * (difference * difference + max(motion.variance - variance, 0.0))
-        return spread / total
-
-    @property
-    def disagreement_frames(self) -> int:
-        """Frames since the best hypothesis differs from the one that matters most else."""
-        best = self.hypotheses[0]
-        if len(self.hypotheses) == 1:
-            return 0
-        top = max(hypothesis.motion.log_likelihood for hypothesis in self.hypotheses)
-        travel = best.motion.travel
-        other = max(
-            self.hypotheses[1:],
-            key=lambda hypothesis: (
-                exp(hypothesis.motion.log_likelihood - top)
-                * (hypothesis.motion.travel - travel) ** 2
-            ),
-        )
-        return best.frames_since(other)
+            spread += weight * (square + max(motion.variance - variance, 0.0))
+            if hypothesis is not best and weight * square > most:
+                most, other = weight * square, hypothesis
+        return spread / total, best.frames_since(other)
 
     @property
     def is_unusual(self) -> bool:

@@ -130,8 +130,8 @@ class WheelOdometer:
         # Of a few slots the filter's hypotheses include what the counts do not show.
         self.fault_share = self.counting.faults.shown_share if is_unusual else 0.0
         self.variance = self._variance(is_unusual) * square
-        self.disagreement = self.filter.disagreement * square
-        self.disagreement_frames = self.filter.disagreement_frames
+        disagreement, self.disagreement_frames = self.filter.disagreement()
+        self.disagreement = disagreement * square
         hypothesis, before = self.filter.hypotheses[0], self.reported_hypothesis
         motion = hypothesis.motion
         start_shift = self.reported_start - motion.start

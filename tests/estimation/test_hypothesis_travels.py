@@ -2,7 +2,8 @@
 
 import pytest
 
-from diffbotctl.estimation.edge_hypothesis import FRAMES_MAX, EdgeHypothesis
+from diffbotctl.estimation.edge_hypothesis import EdgeHypothesis
+from diffbotctl.estimation.pose_history import FRAMES_MAX
 from diffbotctl.estimation.priors import Priors
 from diffbotctl.estimation.wheel_kalman import WheelKalman
 
