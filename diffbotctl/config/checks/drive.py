@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import floor, hypot, pi, sqrt
+from math import degrees, floor, hypot, pi, sqrt
 
 from diffbotctl.block import outputs, robot_fields
 from diffbotctl.blocks.obstacle_stop import (
@@ -28,6 +28,8 @@ EDGES_PER_FRAME_MAX = 1.25
 # Glitch time relative to the shortest level. Slots of 0.4 pitches instead of 0.5 (the widest spread
 # of real discs) and a wheel 10 % above its rated speed shorten a level to 0.73 of it.
 GLITCH_WARNED_RATIO, GLITCH_REFUSED_RATIO = 0.5, 0.7
+# Beyond what the wheels reach; a smaller excess has no effect, a larger one is a wrong unit.
+TURN_RATE_RATIO_MAX = 3.0
 RATED_SPEED_MAX_RAD_S = 60.0  # 573 rpm; a value in rpm without its unit is usually larger
 TYRE_WIDTH_TOLERANCE_M = 0.002  # reading error of a ruler across two soft tyres
 # Uncertainty that remains when the board reports edge times, relative to a slot's: uneven slots and
@@ -180,6 +182,27 @@ def check_speed(context: CheckContext) -> None:
     fix = f"set limits.speed to at most {slower:g} m/s, or correct drive.motor.rated"
     place = context.error_place("limits.speed", *_rated_and_diameters())
     context.error("E-LIMIT-SPEED", place, cause, fix)
+
+
+def check_turn_rate(context: CheckContext) -> None:
+    """Warn of a turning speed far beyond that of both wheels at their rated speed."""
+    rims = [
+        values for paths in zip(RATED, DIAMETERS, strict=True) if (values := context.values(*paths))
+    ]
+    values = context.values("limits.turn_rate", "drive.track")
+    if len(rims) < len(SIDES) or values is None:
+        return
+    rate, track = values
+    top_rate = 2.0 * min(rated * diameter / 2 for rated, diameter in rims) / track
+    if rate <= TURN_RATE_RATIO_MAX * top_rate:
+        return
+    cause = (
+        f"the wheels turn the robot by at most {top_rate:.2f} rad/s ({degrees(top_rate):.0f} "
+        f"deg/s), not {rate:g} rad/s ({degrees(rate):.0f} deg/s)"
+    )
+    fix = f"set limits.turn_rate to at most {floor(top_rate * 10) / 10:g} rad/s, or write its unit"
+    place = context.error_place("limits.turn_rate", "drive.track", *_rated_and_diameters())
+    context.warn("W-LIMIT-TURN", place, cause, fix)
 
 
 def _warn_of_rated_speed(context: CheckContext, rated: float) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import ceil
+from math import ceil, degrees, pi, remainder
 
 from diffbotctl.blocks.obstacle_stop import ObstacleStop
 from diffbotctl.config.board_pins import SIMULATED
@@ -20,6 +20,10 @@ from diffbotctl.geometry.distance_sensors import (
     sensor_timing,
 )
 
+# rad from straight ahead; a sensor that looks farther aside does not see what is in the way
+GUARD_ASIDE_MAX = pi / 4
+# m that a sensor may stand beyond the stated outline: a ruler, and a sensor's own thickness
+BEYOND_OUTLINE_MAX = 0.05
 # s; radio, line and the frame before, besides the way of the sound
 TRANSPORT_TIME = 0.06
 
@@ -35,6 +39,7 @@ def check_sensors(context: CheckContext) -> None:
     }
     for name, sensor in sensors.items():
         _check_keys(context, name, sensor)
+    _check_views(context)
     if context.values("board.type") in (None, (SIMULATED,)):
         return
     if context.values("link.protocol") == ("rosserial",):
@@ -121,6 +126,38 @@ def _wires_from(context: CheckContext, sensor: str) -> dict[str, Value]:
         for source in inputs.entries.values()
         if source.data == f"robot.{sensor}"
     }
+
+
+def _check_views(context: CheckContext) -> None:
+    """Refuse a guard whose sensor looks aside, or stands so far in front that it sees too late."""
+    names = list((context.robot.sensors or {}) if context.robot else {})
+    for node, block in context.block_classes.items():
+        parameters = context.parameters.get(node)
+        if parameters is None or not issubclass(block, ObstacleStop):
+            continue
+        name = parameters["sensor"] or next(iter(names), "")
+        mounted = context.values(f"sensors.{name}.at.x", f"sensors.{name}.at.heading", "body.front")
+        if mounted is None:
+            continue
+        x, heading, front = mounted
+        aside = remainder(heading, 2 * pi)
+        if abs(aside) > GUARD_ASIDE_MAX:
+            cause = (
+                f"'{node}' keeps the way ahead free, but '{name}' looks {abs(degrees(aside)):.0f} "
+                f"deg to the {'left' if aside > 0.0 else 'right'}"
+            )
+            ahead = "correct at.heading, or name the sensor that looks ahead: with: {sensor: ...}"
+            place = context.error_place(
+                f"sensors.{name}.at.heading", also=[context.parameter_value(node, "sensor")]
+            )
+            context.error("E-SENSOR-PLACE", place, cause, ahead)
+        elif x > front + BEYOND_OUTLINE_MAX:
+            cause = (
+                f"'{name}' stands {x * 1000:.0f} mm in front of the axle, but the robot ends at "
+                f"{front * 1000:.0f} mm: '{node}' would take an obstacle for farther away"
+            )
+            place = context.error_place(f"sensors.{name}.at.x", "body.front")
+            context.error("E-SENSOR-PLACE", place, cause, "correct at.x of it, or body.front")
 
 
 def _check_guards(context: CheckContext) -> None:
