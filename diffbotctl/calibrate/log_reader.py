@@ -37,12 +37,12 @@ from diffbotctl.calibrate.log_table import (
     read_table,
     unusable_log,
 )
+from diffbotctl.calibrate.recorded_frames import read_frames
 from diffbotctl.calibrate.recorded_turns import TICK_RATIO, estimated_turns
 from diffbotctl.config.robot import Robot
 from diffbotctl.config.yaml_reader import open_regular
-from diffbotctl.errors import Problem, RunError, UsageError
+from diffbotctl.errors import Problem, UsageError
 from diffbotctl.messages import Encoders
-from diffbotctl.recording.reader import RecordingReader
 
 COUNT_COLUMNS = ("time", "right", "left")
 POSE_COLUMNS = ("x", "y", "heading")
@@ -84,7 +84,7 @@ def read_counts(path: Path, ticks: tuple[float, float], robot: Robot | None = No
     frames: list[Encoders] = []
     poses = None
     if path.suffix == ".mcap":
-        frames = _read_recording(path)
+        frames = read_frames(path, robot)
         table = np.array([(frame.time / 1e9, frame.right, frame.left) for frame in frames])
     else:
         table = read_columns(path, COUNT_COLUMNS)
@@ -199,17 +199,6 @@ def read_ends(path: Path) -> dict[str, tuple[float, float, float]]:
 def fingerprint(paths: Sequence[Path]) -> str:
     """Hash (hexadecimal) of the contents of all files."""
     return sha256(b"".join(path.read_bytes() for path in paths)).hexdigest()[:FINGERPRINT_DIGITS]
-
-
-def _read_recording(path: Path) -> list[Encoders]:
-    try:
-        messages = [item.message for item in RecordingReader(path).messages() if item.from_driver]
-    except RunError as error:
-        raise unusable_log(path, f"cannot be read: {error.problems[0].cause}") from error
-    frames = [message for message in messages if isinstance(message, Encoders)]
-    if len({frame.boot for frame in frames}) > 1:
-        raise unusable_log(path, "the board and its counts restarted during this drive")
-    return frames
 
 
 class OptiodomSession(NamedTuple):
