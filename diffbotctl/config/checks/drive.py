@@ -236,10 +236,19 @@ def _check_guard(context: CheckContext, name: str, block: type[ObstacleStop], sp
         return
     robot = dict(zip(paths, values, strict=True))
     sensor = parameters["sensor"] or next(iter(robot["sensors"]), "")
-    reaction = parameters["reaction"]
-    if reaction is None:
-        reaction = guard_reaction(robot["sensors"], sensor, robot["telemetry"], debounce)
-        reaction += robot["command_delay"] + robot["lag"]
+    shortest = guard_reaction(robot["sensors"], sensor, robot["telemetry"], debounce)
+    shortest += robot["command_delay"] + robot["lag"]
+    reaction = shortest if parameters["reaction"] is None else parameters["reaction"]
+    if reaction < shortest:
+        cause = (
+            f"a reaction of {reaction * 1000:.0f} ms is stated, but {debounce} readings of "
+            f"'{sensor}', the delay of a command and the lag of the motors take "
+            f"{shortest * 1000:.0f} ms: the robot would brake too late"
+        )
+        value = context.parameter_value(name, "reaction")
+        place = value.place if value is not None else name
+        context.error("E-STOP-REACH", place, cause, "remove `reaction`: it is then computed")
+        return
     needed = stopping_distance(speed, robot["braking"], reaction)
     mounted = context.values(f"sensors.{sensor}.at.x")
     seen = sensor_reach(robot["sensors"], sensor)

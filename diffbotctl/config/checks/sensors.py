@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import ceil, degrees, pi, remainder
 
 from diffbotctl.blocks.obstacle_stop import ObstacleStop
+from diffbotctl.blocks.range_sensor import RangeSensor
 from diffbotctl.config.board_pins import SIMULATED
 from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.checks.graph import nodes_with_inputs
@@ -136,6 +137,16 @@ def _check_views(context: CheckContext) -> None:
         if parameters is None or not issubclass(block, ObstacleStop):
             continue
         name = parameters["sensor"] or next(iter(names), "")
+        measuring = _measuring_sensor(context, node)
+        if measuring != name and {measuring, name} <= set(names):
+            cause = (
+                f"'{node}' takes its distances for those of '{name}', but they are measured by "
+                f"'{measuring}', which stands elsewhere on the robot"
+            )
+            value = context.parameter_value(node, "sensor")
+            fix = f"write with: {{sensor: {measuring}}}"
+            context.error("E-SENSOR-PLACE", value.place if value else node, cause, fix)
+            continue
         mounted = context.values(f"sensors.{name}.at.x", f"sensors.{name}.at.heading", "body.front")
         if mounted is None:
             continue
@@ -158,6 +169,15 @@ def _check_views(context: CheckContext) -> None:
             )
             place = context.error_place(f"sensors.{name}.at.x", "body.front")
             context.error("E-SENSOR-PLACE", place, cause, "correct at.x of it, or body.front")
+
+
+def _measuring_sensor(context: CheckContext, guard: str) -> str | None:
+    """The sensor whose distances a guard gets from a block `range_sensor`; None: not known."""
+    source = context.pipeline_value("blocks", guard, "in", "range")
+    block = str(source.data).partition(".")[0] if source is not None else ""
+    if not issubclass(context.block_classes.get(block, ObstacleStop), RangeSensor):
+        return None
+    return context.parameters.get(block, {}).get("sensor")
 
 
 def _check_guards(context: CheckContext) -> None:
