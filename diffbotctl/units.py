@@ -65,6 +65,9 @@ KINDS = {
 # Largest coordinate and heading of a goal: a larger one is a typing error.
 POSE_MAX = {"m": 1000.0, "rad": 20 * pi}
 
+# The longest way that is typed without a unit; the odometry of such robots is useless before.
+BARE_LENGTH_MAX_M = 100.0
+
 # Largest magnitude that a setting of a kind may have where its declaration gives no tighter bound.
 # A larger one is a typing error, and would overflow in calculations.
 MAGNITUDE_MAX = {
@@ -92,6 +95,7 @@ def magnitude_max(unit: str) -> float:
 NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _QUANTITY = re.compile(rf"\s*({NUMBER})\s*([A-Za-z%][A-Za-z0-9/%²]*)?\s*\Z")
 _COMMA = re.compile(r"\s*[-+]?\d+,\d+\s*[A-Za-z%]?")  # decimal comma
+_DECIMAL_COMMA = re.compile(r"(?<![\d.,])[-+]?\d+,\d+(?![\d.,])")
 _FRACTION = re.compile(r"\s*([-+]?\d+)\s*/\s*(\d+)\s*(\S*)\s*\Z")
 # Characters that look right and are not accepted -> their name, and what to write.
 _LOOKALIKES = {
@@ -142,6 +146,19 @@ def plain_number(number: float, unit: str) -> float:
     return number
 
 
+def typed_quantity(text: str, unit: str) -> float:
+    """As `quantity`, for what a person types to make a robot move.
+
+    A large number of metres needs its unit: most people who write 500 mean millimetres. Raises
+    UnitError.
+    """
+    number = quantity(text, unit)
+    if unit == "m" and abs(number) > BARE_LENGTH_MAX_M and text.strip()[-1:].isdecimal():
+        word = text.strip()
+        raise UnitError(f"{word} without a unit is in metres: write {word}mm, or {word}m")
+    return number
+
+
 def _not_a_quantity(text: str, unit: str) -> str:
     """Why `text` is not a number with a unit, and how to write it."""
     if _COMMA.match(text):
@@ -162,12 +179,18 @@ def _not_a_quantity(text: str, unit: str) -> str:
 def parse_pose(text: str) -> tuple[float, float, float | None]:
     """x and y (m) and the heading (rad), None without one, of `X Y [HEADING]`.
 
-    Spaces or commas separate them. Raises UnitError.
+    Spaces or commas separate them. Raises UnitError, also for a comma that may be a decimal one.
     """
+    if len(text.split()) > 1 and (number := _DECIMAL_COMMA.search(text)):
+        comma = number[0]
+        point, space = comma.replace(",", "."), comma.replace(",", " ")
+        raise UnitError(f"the comma of {comma} may be a decimal one: write {point}, or {space}")
     words = text.replace(",", " ").split()
     if not 2 <= len(words) <= 3:
         raise UnitError("give X Y [HEADING], such as '1.0 0.5 90deg'")
-    values = [quantity(word, unit) for word, unit in zip(words, ("m", "m", "rad"), strict=False)]
+    values = [
+        typed_quantity(word, unit) for word, unit in zip(words, ("m", "m", "rad"), strict=False)
+    ]
     for word, value, unit in zip(words, values, ("m", "m", "rad"), strict=False):
         if not abs(value) <= POSE_MAX[unit]:
             limit = "1000 m" if unit == "m" else "10 turns"

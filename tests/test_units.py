@@ -50,6 +50,9 @@ def test_messages(text, unit, message):
 def test_a_pose():
     assert parse_pose("1 0.5 90deg") == (1.0, 0.5, pytest.approx(pi / 2))
     assert parse_pose("1, 0.5") == (1.0, 0.5, None)
+    assert parse_pose("1,2") == (1.0, 2.0, None)
+    assert parse_pose("0.5,1 0") == (0.5, 1.0, 0.0)
+    assert parse_pose("500m -300mm") == (500.0, pytest.approx(-0.3), None)
 
 
 @pytest.mark.parametrize(
@@ -57,9 +60,13 @@ def test_a_pose():
     [
         ("1 0.5 90", "the angle 90 has no unit"),
         ("1 0.5 1e308deg", "1e308deg is too far: at most 10 turns is possible"),
-        ("1e9 0", "1e9 is too far: at most 1000 m is possible"),
-        ("1e999 0", "1e999 is too far"),
+        ("1e9m 0", "1e9m is too far: at most 1000 m is possible"),
+        ("1e999m 0", "1e999m is too far"),
         ("1", "give X Y [HEADING]"),
+        ("1,5 0", "the comma of 1,5 may be a decimal one: write 1.5, or 1 5"),
+        ("0 -1,5 90deg", "the comma of -1,5 may be a decimal one: write -1.5, or -1 5"),
+        ("0 -300", "-300 without a unit is in metres: write -300mm, or -300m"),
+        ("500 300", "500 without a unit is in metres: write 500mm, or 500m"),
     ],
 )
 def test_poses_that_are_refused(text, message):

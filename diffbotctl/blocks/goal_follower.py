@@ -86,7 +86,15 @@ class GoalFollower(Block):
     tolerance, it tries again.
     """
 
-    tolerance = Param(float, default=0.01, unit="m", above=0.0, help="Tolerance of the position.")
+    tolerance = Param(
+        float,
+        default=0.01,
+        unit="m",
+        above=0.0,
+        maximum=0.5,
+        help="Tolerance of the position.",
+        reason="with a larger one a goal counts as reached where the robot has hardly moved",
+    )
     heading_tolerance = Param(
         float, default=2 * pi / 180, unit="rad", above=0.0, help="Tolerance of the heading."
     )

@@ -31,6 +31,9 @@ SILENCE_TRAVEL_SD_PITCHES = 0.5  # pitches; position in the slot before and afte
 # ns without an edge after which a wheel that rolls out has stopped: four lags of a usual motor.
 # The model of a motor begins at rest: of one that rolls it would take the edges for faults.
 ROLL_OUT_NS = 350_000_000
+# Of the way that a wheel rolls while the board restarts: friction shortens it by up to a half, and
+# the time of the restart within a frame is unknown.
+RESTART_TRAVEL_SD = 0.4
 
 Wheel = WheelOdometer | FineWheelOdometer | CommandedWheelOdometer
 
@@ -102,6 +105,8 @@ class OdometryBlock(Block):
         last, self.last = self.last, encoders
         time = encoders.time
         if last is None or self.wheels is None or encoders.boot != last.boot:
+            if self.wheels is not None:
+                self._bridge_restart(self.wheels)
             self.wheels = self._start(encoders)
             self.pose.start()
             self.roll_out_end = 0 if last is None else time + ROLL_OUT_NS
@@ -184,6 +189,18 @@ class OdometryBlock(Block):
         sd = 0.0 if is_continued else SILENCE_TRAVEL_SD_PITCHES * wheels[0].pitch
         self.pose.jump(left, right, sd)
         self.pose.start()
+
+    def _bridge_restart(self, wheels: tuple[Wheel, Wheel]) -> None:
+        """Add what the wheels have rolled, uncounted, since the last frame of the former board.
+
+        They were driven until it restarted, which was up to a frame on the board and one on the
+        line later, and then coasted.
+        """
+        left, right = (
+            wheel.speed * (1.0 / self.telemetry + side.motor.lag)
+            for wheel, side in zip(wheels, (self.left_side, self.right_side), strict=True)
+        )
+        self.pose.jump(left, right, RESTART_TRAVEL_SD * max(abs(left), abs(right)))
 
     def _start(self, encoders: Encoders) -> tuple[Wheel, Wheel]:
         time = encoders.time

@@ -56,7 +56,10 @@ DIAMETER_SD_MIN = 0.001  # relative: another floor, another load
 HALF_WIDTH_MAX = 0.05  # relative, of the 95 % confidence interval of each value
 SEEN_SD_RATIO = 0.5  # of the prior's; above, the drives do not determine the mean diameter
 RIVAL_LOG_RATIO_MIN = 4.0  # 55 to 1
-RATIO_LOG_MAX, TRACK_LOG_MAX = log(1.095), log(1.35)  # the search goes a little further
+# Of the values that a ruler states. Moulded tyres differ by 0.5 %; that they differ by 5 % is an
+# encoder that misses edges. A tyre is at most some per cent smaller under its load; 6 % is a wrong
+# unit of length, or a wrong number of slots. Tracks are measured at the edges of wide tyres too.
+MEAN_LOG_MAX, RATIO_LOG_MAX, TRACK_LOG_MAX = log(1.06), log(1.05), log(1.35)
 
 
 USUAL_SDS = (0.02, 0.08)  # of ratio and track, as users state them: decides between hypotheses
@@ -232,12 +235,18 @@ def _refuse_unproven(fit: GeometryFit, prior: GeometryPrior) -> None:
                 f"(limit {100 * HALF_WIDTH_MAX:.0f} %): add longer drives, to the left and to the "
                 "right, with the heading of each end"
             )
-    offset = prior.offset(fit.geometry)
-    if abs(offset[1]) > RATIO_LOG_MAX or abs(offset[2]) > TRACK_LOG_MAX:
+    mean, ratio, track = prior.offset(fit.geometry)
+    if abs(ratio) > RATIO_LOG_MAX or abs(track) > TRACK_LOG_MAX:
         raise ValueError(
-            f"the fit has a track of {exp(offset[2]):.2f} times and a wheel ratio of "
-            f"{exp(offset[1]):.3f} times the stated one, which is not plausible: measure wheels "
-            "and track, and correct the robot file first"
+            f"the fit has a track of {exp(track):.2f} times and a wheel ratio of "
+            f"{exp(ratio):.3f} times the stated one, which is not plausible: does one encoder miss "
+            "edges? Measure wheels and track, and correct the robot file first"
+        )
+    if abs(mean) > MEAN_LOG_MAX:
+        raise ValueError(
+            f"the fit has wheels of {exp(mean):.3f} times the stated size, which is not plausible: "
+            "are x and y in metres, and is `slots` the number of counts per turn? Measure the "
+            "wheels, and correct the robot file first"
         )
 
 

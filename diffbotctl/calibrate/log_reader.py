@@ -12,7 +12,7 @@ import csv
 from collections.abc import Sequence
 from contextlib import suppress
 from hashlib import sha256
-from math import hypot, isnan, pi, radians
+from math import hypot, inf, isfinite, isnan, pi, radians
 from pathlib import Path
 from typing import NamedTuple
 
@@ -34,19 +34,22 @@ from diffbotctl.calibrate.log_table import (
     parse_number,
     read_columns,
     read_rows,
+    read_table,
     unusable_log,
 )
+from diffbotctl.calibrate.recorded_frames import read_frames
 from diffbotctl.calibrate.recorded_turns import TICK_RATIO, estimated_turns
 from diffbotctl.config.robot import Robot
-from diffbotctl.errors import Problem, RunError, UsageError
+from diffbotctl.config.yaml_reader import open_regular
+from diffbotctl.errors import Problem, UsageError
 from diffbotctl.messages import Encoders
-from diffbotctl.recording.reader import RecordingReader
 
 COUNT_COLUMNS = ("time", "right", "left")
 POSE_COLUMNS = ("x", "y", "heading")
 RUN_COLUMNS = 6
 END_DISTANCE_RATIO_MAX = 1.5  # of the distance to what the wheels rolled
 FINGERPRINT_DIGITS = 16
+DESCRIPTION_MAX_BYTES = 1 << 20
 WRAPPED_HEADING_MAX_RAD = 6.4  # a little more than one turn
 
 
@@ -81,7 +84,7 @@ def read_counts(path: Path, ticks: tuple[float, float], robot: Robot | None = No
     frames: list[Encoders] = []
     poses = None
     if path.suffix == ".mcap":
-        frames = _read_recording(path)
+        frames = read_frames(path, robot)
         table = np.array([(frame.time / 1e9, frame.right, frame.left) for frame in frames])
     else:
         table = read_columns(path, COUNT_COLUMNS)
@@ -150,6 +153,23 @@ def refuse_too_far(counts: CountLog, end: Sequence[float], diameter: float, path
         raise unusable_log(path, f"{cause}rolled only {rolled:.3g} m; x and y are in metres")
 
 
+def refuse_repeated(drives: Sequence[CountLog | RecordedDrive]) -> None:
+    """Raises UsageError for a drive that is given twice, also as a copy of its file.
+
+    It would count as a second measurement, and one name stands for one end.
+    """
+    seen: dict[bytes, str] = {}
+    names: set[str] = set()
+    for drive in drives:
+        if drive.name in names:
+            raise unusable_log(Path(drive.name), "two of the files have this name: rename one")
+        names.add(drive.name)
+        counted = np.concatenate([drive.times, drive.turns.ravel()]).tobytes()
+        other = seen.setdefault(counted, drive.name)
+        if other != drive.name:
+            raise unusable_log(Path(drive.name), f"contains the same drive as {other}: give one")
+
+
 def refuse_dead_encoder(drives: Sequence[CountLog]) -> None:
     """Raises UsageError if one encoder did not count in any of the drives."""
     turned = [np.abs(np.diff(drive.turns, axis=0)).sum(axis=0) / drive.tick for drive in drives]
@@ -181,17 +201,6 @@ def fingerprint(paths: Sequence[Path]) -> str:
     return sha256(b"".join(path.read_bytes() for path in paths)).hexdigest()[:FINGERPRINT_DIGITS]
 
 
-def _read_recording(path: Path) -> list[Encoders]:
-    try:
-        messages = [item.message for item in RecordingReader(path).messages() if item.from_driver]
-    except RunError as error:
-        raise unusable_log(path, f"cannot be read: {error.problems[0].cause}") from error
-    frames = [message for message in messages if isinstance(message, Encoders)]
-    if len({frame.boot for frame in frames}) > 1:
-        raise unusable_log(path, "the board and its counts restarted during this drive")
-    return frames
-
-
 class OptiodomSession(NamedTuple):
     """One folder."""
 
@@ -217,6 +226,8 @@ def read_session(folder: Path) -> OptiodomSession:
         )
     values = _read_description(next(iter(folder.glob("*_metadata.csv")), folder / "metadata.csv"))
     ticks = values["ngear"][0] * values["encRes"][0]
+    if not isfinite(ticks):
+        raise _unusable_description(folder, "a turn has infinitely many ticks")
     nominal = Geometry(values["Di"][0], values["Di"][-1], values["Li"][0])
     side = values["L"][0] if "L" in values else None
     return OptiodomSession(folder.name, nominal, side, [read_run(path, ticks) for path in paths])
@@ -224,12 +235,11 @@ def read_session(folder: Path) -> OptiodomSession:
 
 def read_run(path: Path, ticks_per_turn: float) -> RecordedDrive:
     """One run file. Raises UsageError for an unusable one."""
-    try:
-        table = np.loadtxt(path, delimiter=",", encoding=CSV_ENCODING, ndmin=2)
-    except (OSError, ValueError) as error:
-        raise _unreadable_run(path, str(error)) from error
+    table = read_table(path)
     if table.shape[1] != RUN_COLUMNS or len(table) < 2:
         raise _unreadable_run(path, f"{len(table)} rows of {table.shape[1]} columns")
+    if not np.isfinite(table).all():
+        raise _unreadable_run(path, "a cell is empty, or no finite number")
     fault = ticks_gap(table[:, 0])
     if fault is not None:
         raise unusable_log(path, fault)
@@ -244,18 +254,29 @@ def read_run(path: Path, ticks_per_turn: float) -> RecordedDrive:
 def _read_description(path: Path) -> dict[str, list[float]]:
     """The numbers of the description by name; other cells are left out."""
     try:
-        rows = list(csv.reader(path.read_text(CSV_ENCODING).splitlines()))
-    except OSError as error:
-        raise _unreadable_run(path, str(error)) from error
+        with open_regular(path) as file:
+            text = file.read(DESCRIPTION_MAX_BYTES).decode(CSV_ENCODING)
+        rows = list(csv.reader(text.splitlines()))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise _unusable_description(path, f"cannot be read: {error}") from error
     values: dict[str, list[float]] = {}
     for name, *cells in filter(None, rows):
         for cell in cells:
             with suppress(ValueError):
                 values.setdefault(name.strip(), []).append(float(cell))
-    missing = [name for name in ("ngear", "encRes", "Li", "Di") if name not in values]
+    needed = ("ngear", "encRes", "Li", "Di")
+    missing = [name for name in needed if name not in values]
     if missing:
-        raise _unreadable_run(path, f"{', '.join(missing)} missing")
+        raise _unusable_description(path, f"{', '.join(missing)} missing")
+    for name in needed:
+        if not all(0.0 < value < inf for value in values[name]):
+            raise _unusable_description(path, f"{name} is not above 0, or no finite number")
     return values
+
+
+def _unusable_description(path: Path, cause: str) -> UsageError:
+    fix = "a description states gear ratio (ngear), ticks a turn (encRes), track (Li), wheels (Di)"
+    return UsageError(Problem("E-CALIBRATE-LOG", str(path), cause, fix))
 
 
 def _unreadable_run(path: Path, cause: str) -> UsageError:

@@ -73,7 +73,22 @@ def read_rows(path: Path, names: Sequence[str]) -> list[dict[str, str]]:
     except (OSError, UnicodeDecodeError) as error:
         raise unusable_log(path, f"cannot be read: {error}") from error
     reader.fieldnames = [name.strip() for name in reader.fieldnames or ()]
-    return list(reader)
+    rows = list(reader)
+    for number, row in enumerate(rows, 2):
+        if any(row.pop(None, ())):  # cells beyond the header
+            cause = f"line {number} has more cells than the first line names: a decimal comma?"
+            raise unusable_log(path, cause)
+    return rows
+
+
+def read_table(path: Path) -> Floats:
+    """(rows, columns): the numbers of a file without a first line of names. Raises UsageError."""
+    try:
+        _refuse_long_lines(path)
+        table = np.loadtxt(path, delimiter=",", encoding=CSV_ENCODING, ndmin=2)
+    except (OSError, ValueError) as error:
+        raise unusable_log(path, f"cannot be read: {error}") from error
+    return np.asarray(table)
 
 
 def parse_number(path: Path, text: str | None) -> float:

@@ -123,7 +123,7 @@ def _save(
 def _sessions(
     files: tuple[Path, ...], folders: list[Path], has_options: bool
 ) -> tuple[list[RecordedDrive], Geometry]:
-    from diffbotctl.calibrate.log_reader import read_session
+    from diffbotctl.calibrate.log_reader import read_session, refuse_repeated
     from diffbotctl.calibrate.log_table import unusable_log
 
     if has_options or len(folders) < len(files):
@@ -136,14 +136,16 @@ def _sessions(
     for folder, session in zip(folders, sessions, strict=True):
         if session.nominal != stated:
             raise unusable_log(folder, "states another geometry than the first folder")
-    return [drive for session in sessions for drive in session.drives], stated
+    drives = [drive for session in sessions for drive in session.drives]
+    refuse_repeated(drives)
+    return drives, stated
 
 
 def _logs(
     files: tuple[Path, ...], robot: str | None, ends: Path | None, truth: tuple[Path, ...]
 ) -> tuple[list[RecordedDrive], Geometry]:
     from diffbotctl.calibrate.dead_reckoning import Geometry
-    from diffbotctl.calibrate.log_reader import read_counts, refuse_dead_encoder
+    from diffbotctl.calibrate.log_reader import read_counts, refuse_dead_encoder, refuse_repeated
     from diffbotctl.config.load import load_robot
 
     if truth and (ends or len(truth) != len(files)):
@@ -154,6 +156,7 @@ def _logs(
     stated = Geometry(right.wheel.diameter, left.wheel.diameter, drive.track)
     ticks = (right.encoder.slots, left.encoder.slots)
     counts = [read_counts(file, ticks, machine) for file in files]
+    refuse_repeated(counts)
     refuse_dead_encoder(counts)
     return _placed(counts, ends, truth, max(stated.right, stated.left)), stated
 

@@ -36,10 +36,10 @@ class Quantity(FloatType):
         """The value in SI; fails as click's types do."""
         from math import isfinite
 
-        from diffbotctl.units import UnitError, magnitude_max, quantity
+        from diffbotctl.units import UnitError, magnitude_max, typed_quantity
 
         try:
-            number = quantity(value, self.unit) if isinstance(value, str) else float(value)
+            number = typed_quantity(value, self.unit) if isinstance(value, str) else float(value)
         except UnitError as error:
             self.fail(str(error), param, ctx)
         if not isfinite(number) or (self.positive and number <= 0.0):

@@ -202,5 +202,5 @@ def _view(run: RecordedRun, dash: bool) -> Show:
     from diffbotctl.cli.run import screen
     from diffbotctl.replay import recorded_run
 
-    with recorded_run.recorded_configuration(run) as configuration:
+    with recorded_run.recorded_configuration(run.about) as configuration:
         return screen(configuration, run.about["port"])

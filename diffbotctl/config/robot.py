@@ -21,6 +21,10 @@ SIDES = ("left", "right")
 # Default glitch time: light barriers bounce for less than 2 ms; a quarter of a level leaves room
 # for uneven slots, and for a wheel that turns faster than rated.
 GLITCH_MAX_S, GLITCH_LEVEL_RATIO = 0.002, 0.25
+# The coefficient of friction of rubber on a floor is at most about 1. A guard that relied on more
+# braking would begin too late.
+GRIP_MAX_M_S2 = 10.0
+GRIP_REASON = "no tyre has grip for more; state mm/s2 if that was meant"
 
 BoardType = Literal["mega2560", "uno", "nano", "pico", "simulated"]
 BoardSupply = Literal["vin", "regulator", "usb"]
@@ -347,9 +351,16 @@ class DriveSection(Section):
 class MountSection(Section):
     """Pose of a sensor in the frame base_link."""
 
-    x = Param(float, unit="m", default=0.0, help="Forward of the axle.")
-    y = Param(float, unit="m", default=0.0, help="Left of the middle.")
-    z = Param(float, unit="m", default=0.0, help="Above the axle; for drawings and the model.")
+    x = Param(float, unit="m", default=0.0, above=-2.0, below=2.0, help="Forward of the axle.")
+    y = Param(float, unit="m", default=0.0, above=-2.0, below=2.0, help="Left of the middle.")
+    z = Param(
+        float,
+        unit="m",
+        default=0.0,
+        above=-2.0,
+        below=2.0,
+        help="Above the axle; for drawings and the model.",
+    )
     heading = Param(float, unit="rad", default=0.0, help="Direction; counter-clockwise from x.")
 
 
@@ -451,11 +462,19 @@ class CasterSection(Section):
 class BodySection(Section):
     """The robot's outline, measured from the middle of the axle."""
 
-    front = Param(float, unit="m", minimum=0.0, default=0.08, help="Reach forward of the axle.")
-    back = Param(float, unit="m", minimum=0.0, default=0.15, help="Reach backward of the axle.")
-    width = Param(float, unit="m", above=0.0, default=0.151, help="Total width with tyres.")
-    height = Param(float, unit="m", above=0.0, default=0.1, help="Height of the chassis.")
-    clearance = Param(float, unit="m", above=0.0, default=0.02, help="Ground clearance.")
+    front = Param(
+        float, unit="m", minimum=0.0, below=2.0, default=0.08, help="Reach forward of the axle."
+    )
+    back = Param(
+        float, unit="m", minimum=0.0, below=2.0, default=0.15, help="Reach backward of the axle."
+    )
+    width = Param(
+        float, unit="m", above=0.0, below=3.0, default=0.151, help="Total width with tyres."
+    )
+    height = Param(
+        float, unit="m", above=0.0, below=3.0, default=0.1, help="Height of the chassis."
+    )
+    clearance = Param(float, unit="m", above=0.0, below=1.0, default=0.02, help="Ground clearance.")
     mass = Param(
         float,
         unit="kg",
@@ -471,8 +490,24 @@ class LimitsSection(Section):
 
     speed = Param(float, unit="m/s", above=0.0, default=0.3, help="Speed, forward and backward.")
     turn_rate = Param(float, unit="rad/s", above=0.0, default=4.0, help="Turning speed.")
-    acceleration = Param(float, unit="m/s2", above=0.0, default=1.0, help="Wheel acceleration.")
-    braking = Param(float, unit="m/s2", above=0.0, default=1.5, help="Wheel deceleration.")
+    acceleration = Param(
+        float,
+        unit="m/s2",
+        above=0.0,
+        maximum=GRIP_MAX_M_S2,
+        default=1.0,
+        help="Wheel acceleration.",
+        reason=GRIP_REASON,
+    )
+    braking = Param(
+        float,
+        unit="m/s2",
+        above=0.0,
+        maximum=GRIP_MAX_M_S2,
+        default=1.5,
+        help="Wheel deceleration.",
+        reason=GRIP_REASON,
+    )
 
 
 class BatterySection(Section):

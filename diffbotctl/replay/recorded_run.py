@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from itertools import groupby
 from pathlib import Path
@@ -154,19 +154,22 @@ def _deliveries(recorded: Iterable[RecordedMessage]) -> Iterator[tuple[int, list
 
 
 @contextmanager
-def recorded_configuration(run: RecordedRun, sets: tuple[str, ...] = ()) -> Iterator[Configuration]:
-    """The configuration that the recording carries, with `sets` on top of its own.
+def recorded_configuration(
+    about: Mapping[str, str], sets: tuple[str, ...] = ()
+) -> Iterator[Configuration]:
+    """The configuration that a recording carries, with `sets` on top of its own.
 
-    Its files are in a temporary folder. Raises ConfigurationError.
+    `about`: metadata of its run, which `check_replayable` accepts. Its files are in a temporary
+    folder. Raises ConfigurationError.
     """
     with tempfile.TemporaryDirectory() as folder:
-        places = _write_files(json.loads(run.about["files"]), Path(folder))
-        robot = places.get(run.about["robot"])
-        robots: dict[str, str] = json.loads(run.about.get("robots", "{}"))
+        places = _write_files(json.loads(about["files"]), Path(folder))
+        robot = places.get(about["robot"])
+        robots: dict[str, str] = json.loads(about.get("robots", "{}"))
         yield load(
-            str(places[run.about["pipeline"]]),
+            str(places[about["pipeline"]]),
             None if robot is None else str(robot),
-            [*json.loads(run.about["sets"]), *sets],
+            [*json.loads(about["sets"]), *sets],
             real=False,
             robot_files={name: str(places[file]) for name, file in robots.items()},
         )

@@ -44,7 +44,7 @@ def load_certificate(folder: Path, addresses: list[str], now: datetime) -> Serve
     path = folder / FILE
     try:
         certificate = _read(path)
-        if certificate is None or certificate.not_valid_after_utc - RENEWAL < now:
+        if certificate is None or not _is_valid(certificate, now):
             certificate = _make(path, addresses, now)
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
         context.minimum_version = ssl.TLSVersion.TLSv1_2
@@ -55,6 +55,16 @@ def load_certificate(folder: Path, addresses: list[str], now: datetime) -> Serve
         raise RunError(Problem("E-WEB-CERTIFICATE", str(path), cause, fix)) from error
     digest = certificate.fingerprint(hashes.SHA256()).hex().upper()
     return ServerCertificate(context, ":".join(_pairs(digest)))
+
+
+def _is_valid(certificate: x509.Certificate, now: datetime) -> bool:
+    """Whether it is valid, and still will be for a while.
+
+    One that is not valid yet was made while the clock was wrong: some computers have none that
+    runs on without power.
+    """
+    begins, ends = certificate.not_valid_before_utc, certificate.not_valid_after_utc
+    return begins <= now <= ends - RENEWAL
 
 
 def _pairs(text: str) -> list[str]:

@@ -10,6 +10,7 @@ from diffbotctl.calibrate.log_reader import (
     read_counts,
     read_ends,
     read_session,
+    refuse_repeated,
     refuse_too_far,
     with_end,
     with_own_poses,
@@ -132,6 +133,69 @@ def test_session_without_its_description(tmp_path):
         read_session(folder)
 
 
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("ngear,0", "ngear is not above 0"),
+        ("ngear,nan", "ngear is not above 0, or no finite number"),
+        ("Li,-0.2", "Li is not above 0"),
+        ("Di,0.084,inf", "Di is not above 0"),
+    ],
+)
+def test_session_with_an_impossible_description(tmp_path, line, said):
+    folder = session(tmp_path / "7")
+    good = dict(each.split(",", 1) for each in ("ngear,43.7", "encRes,64", "Li,0.2", "Di,0.084"))
+    name, value = line.split(",", 1)
+    rows = "".join(f"{key},{cell}\n" for key, cell in (good | {name: value}).items())
+    written(folder, "7_metadata.csv", rows)
+    with pytest.raises(UsageError, match="E-CALIBRATE-LOG") as raised:
+        read_session(folder)
+    assert said in " ".join(str(raised.value).split())
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        ("0.15,0.2,0,0.3,nan,0", "no finite number"),
+        ("0.15,0.2,0,0.3,,0", "cannot be read"),
+        ("0.15,0.2,0,0.3,inf,0", "no finite number"),
+    ],
+)
+def test_session_with_a_wrong_cell(tmp_path, row, said):
+    folder = session(tmp_path / "7")
+    run = folder / "7_run-01.csv"
+    run.write_text(run.read_text("utf-8") + row + "\n", "utf-8")
+    with pytest.raises(UsageError, match="E-CALIBRATE-LOG") as raised:
+        read_session(folder)
+    assert said in " ".join(str(raised.value).split())
+
+
+@pytest.mark.parametrize("name", ["7_metadata.csv", "7_run-01.csv"])
+def test_session_that_links_to_a_device(tmp_path, name):
+    folder = session(tmp_path / "7")
+    (folder / name).unlink()
+    (folder / name).symlink_to("/dev/zero")
+    with pytest.raises(UsageError, match="a device or a pipe"):
+        read_session(folder)
+
+
+def test_one_drive_is_not_two(tmp_path):
+    first = read_counts(written(tmp_path, "a.csv", COUNTED), (20, 10))
+    with pytest.raises(UsageError, match="two of the files have this name"):
+        refuse_repeated([first, first])
+    with pytest.raises(UsageError, match="the same drive as a"):
+        refuse_repeated([first, read_counts(written(tmp_path, "b.csv", COUNTED), (20, 10))])
+    other = read_counts(written(tmp_path, "c.csv", COUNTED.replace("110", "111")), (20, 10))
+    refuse_repeated([first, other])
+
+
+def test_a_decimal_comma_among_the_ends(tmp_path):
+    ends = written(tmp_path, "ends.csv", "recording,x,y,heading_deg\none,0,5,0,1,4\n")
+    with pytest.raises(UsageError, match="line 2 has more cells") as raised:
+        read_ends(ends)
+    assert "a decimal comma?" in str(raised.value)
+
+
 ROBOT = "book_2wd"  # 65 mm wheels, 20 slots
 
 
@@ -144,9 +208,10 @@ def test_command_names_track_and_stray(tmp_path):
     )
     true = stated.reshaped(1.004, stated.track * 1.02)
     files, ends = [], ["recording,x,y,heading"]
-    for each in squares(true, stated, each_way=3, slip=0.0003):
+    for number, each in enumerate(squares(true, stated, each_way=3, slip=0.0003)):
         counts = each.turns * drive.right.encoder.slots  # finer than whole slots: exact
-        rows = zip(each.times, *counts.T, strict=True)
+        times = each.times * (1.0 + 1e-4 * number)  # no two drives take the same time
+        rows = zip(times, *counts.T, strict=True)
         text = "time,right,left\n" + "".join(f"{a:.9f},{b:.9f},{c:.9f}\n" for a, b, c in rows)
         files.append(str(written(tmp_path, f"{each.name}.csv", text)))
         x, y, heading = each.poses[-1]

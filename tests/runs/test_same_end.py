@@ -15,6 +15,9 @@ SAMPLE = (
     "silent host",
     "polarity unproven",
     "discs of 20 and 30 slots",
+    "turn in place",
+    "motors swapped",
+    "encoders swapped",
 )
 
 

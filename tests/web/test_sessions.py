@@ -124,6 +124,14 @@ def test_the_certificate_is_made_once_and_private(tmp_path):
     assert stat.S_IMODE((folder / "certificate.pem").stat().st_mode) == 0o600
 
 
+def test_a_certificate_of_a_wrong_clock_is_made_again(tmp_path):
+    """A phone would refuse one that begins in the future."""
+    ahead = load_certificate(tmp_path, [], NOW + timedelta(days=3000))
+    corrected = load_certificate(tmp_path, [], NOW)
+    assert corrected.fingerprint != ahead.fingerprint
+    assert load_certificate(tmp_path, [], NOW).fingerprint == corrected.fingerprint
+
+
 def test_a_certificate_near_its_end_is_replaced(tmp_path):
     first = load_certificate(tmp_path, [], NOW)
     assert load_certificate(tmp_path, [], NOW + timedelta(days=790)).fingerprint != (

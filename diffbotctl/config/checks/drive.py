@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import floor, hypot, pi, sqrt
+from math import degrees, floor, hypot, pi, sqrt
 
 from diffbotctl.block import outputs, robot_fields
 from diffbotctl.blocks.obstacle_stop import (
@@ -28,6 +28,8 @@ EDGES_PER_FRAME_MAX = 1.25
 # Glitch time relative to the shortest level. Slots of 0.4 pitches instead of 0.5 (the widest spread
 # of real discs) and a wheel 10 % above its rated speed shorten a level to 0.73 of it.
 GLITCH_WARNED_RATIO, GLITCH_REFUSED_RATIO = 0.5, 0.7
+# Beyond what the wheels reach; a smaller excess has no effect, a larger one is a wrong unit.
+TURN_RATE_RATIO_MAX = 3.0
 RATED_SPEED_MAX_RAD_S = 60.0  # 573 rpm; a value in rpm without its unit is usually larger
 TYRE_WIDTH_TOLERANCE_M = 0.002  # reading error of a ruler across two soft tyres
 # Uncertainty that remains when the board reports edge times, relative to a slot's: uneven slots and
@@ -182,6 +184,27 @@ def check_speed(context: CheckContext) -> None:
     context.error("E-LIMIT-SPEED", place, cause, fix)
 
 
+def check_turn_rate(context: CheckContext) -> None:
+    """Warn of a turning speed far beyond that of both wheels at their rated speed."""
+    rims = [
+        values for paths in zip(RATED, DIAMETERS, strict=True) if (values := context.values(*paths))
+    ]
+    values = context.values("limits.turn_rate", "drive.track")
+    if len(rims) < len(SIDES) or values is None:
+        return
+    rate, track = values
+    top_rate = 2.0 * min(rated * diameter / 2 for rated, diameter in rims) / track
+    if rate <= TURN_RATE_RATIO_MAX * top_rate:
+        return
+    cause = (
+        f"the wheels turn the robot by at most {top_rate:.2f} rad/s ({degrees(top_rate):.0f} "
+        f"deg/s), not {rate:g} rad/s ({degrees(rate):.0f} deg/s)"
+    )
+    fix = f"set limits.turn_rate to at most {floor(top_rate * 10) / 10:g} rad/s, or write its unit"
+    place = context.error_place("limits.turn_rate", "drive.track", *_rated_and_diameters())
+    context.warn("W-LIMIT-TURN", place, cause, fix)
+
+
 def _warn_of_rated_speed(context: CheckContext, rated: float) -> None:
     """A number without unit is in rad/s, but motor labels are in rpm."""
     cause = (
@@ -213,10 +236,19 @@ def _check_guard(context: CheckContext, name: str, block: type[ObstacleStop], sp
         return
     robot = dict(zip(paths, values, strict=True))
     sensor = parameters["sensor"] or next(iter(robot["sensors"]), "")
-    reaction = parameters["reaction"]
-    if reaction is None:
-        reaction = guard_reaction(robot["sensors"], sensor, robot["telemetry"], debounce)
-        reaction += robot["command_delay"] + robot["lag"]
+    shortest = guard_reaction(robot["sensors"], sensor, robot["telemetry"], debounce)
+    shortest += robot["command_delay"] + robot["lag"]
+    reaction = shortest if parameters["reaction"] is None else parameters["reaction"]
+    if reaction < shortest:
+        cause = (
+            f"a reaction of {reaction * 1000:.0f} ms is stated, but {debounce} readings of "
+            f"'{sensor}', the delay of a command and the lag of the motors take "
+            f"{shortest * 1000:.0f} ms: the robot would brake too late"
+        )
+        value = context.parameter_value(name, "reaction")
+        place = value.place if value is not None else name
+        context.error("E-STOP-REACH", place, cause, "remove `reaction`: it is then computed")
+        return
     needed = stopping_distance(speed, robot["braking"], reaction)
     mounted = context.values(f"sensors.{sensor}.at.x")
     seen = sensor_reach(robot["sensors"], sensor)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from math import ceil
+from math import ceil, degrees, pi, remainder
 
 from diffbotctl.blocks.obstacle_stop import ObstacleStop
+from diffbotctl.blocks.range_sensor import RangeSensor
 from diffbotctl.config.board_pins import SIMULATED
 from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.checks.graph import nodes_with_inputs
@@ -20,6 +21,10 @@ from diffbotctl.geometry.distance_sensors import (
     sensor_timing,
 )
 
+# rad from straight ahead; a sensor that looks farther aside does not see what is in the way
+GUARD_ASIDE_MAX = pi / 4
+# m that a sensor may stand beyond the stated outline: a ruler, and a sensor's own thickness
+BEYOND_OUTLINE_MAX = 0.05
 # s; radio, line and the frame before, besides the way of the sound
 TRANSPORT_TIME = 0.06
 
@@ -35,6 +40,7 @@ def check_sensors(context: CheckContext) -> None:
     }
     for name, sensor in sensors.items():
         _check_keys(context, name, sensor)
+    _check_views(context)
     if context.values("board.type") in (None, (SIMULATED,)):
         return
     if context.values("link.protocol") == ("rosserial",):
@@ -121,6 +127,57 @@ def _wires_from(context: CheckContext, sensor: str) -> dict[str, Value]:
         for source in inputs.entries.values()
         if source.data == f"robot.{sensor}"
     }
+
+
+def _check_views(context: CheckContext) -> None:
+    """Refuse a guard whose sensor looks aside, or stands so far in front that it sees too late."""
+    names = list((context.robot.sensors or {}) if context.robot else {})
+    for node, block in context.block_classes.items():
+        parameters = context.parameters.get(node)
+        if parameters is None or not issubclass(block, ObstacleStop):
+            continue
+        name = parameters["sensor"] or next(iter(names), "")
+        measuring = _measuring_sensor(context, node)
+        if measuring != name and {measuring, name} <= set(names):
+            cause = (
+                f"'{node}' takes its distances for those of '{name}', but they are measured by "
+                f"'{measuring}', which stands elsewhere on the robot"
+            )
+            value = context.parameter_value(node, "sensor")
+            fix = f"write with: {{sensor: {measuring}}}"
+            context.error("E-SENSOR-PLACE", value.place if value else node, cause, fix)
+            continue
+        mounted = context.values(f"sensors.{name}.at.x", f"sensors.{name}.at.heading", "body.front")
+        if mounted is None:
+            continue
+        x, heading, front = mounted
+        aside = remainder(heading, 2 * pi)
+        if abs(aside) > GUARD_ASIDE_MAX:
+            cause = (
+                f"'{node}' keeps the way ahead free, but '{name}' looks {abs(degrees(aside)):.0f} "
+                f"deg to the {'left' if aside > 0.0 else 'right'}"
+            )
+            ahead = "correct at.heading, or name the sensor that looks ahead: with: {sensor: ...}"
+            place = context.error_place(
+                f"sensors.{name}.at.heading", also=[context.parameter_value(node, "sensor")]
+            )
+            context.error("E-SENSOR-PLACE", place, cause, ahead)
+        elif x > front + BEYOND_OUTLINE_MAX:
+            cause = (
+                f"'{name}' stands {x * 1000:.0f} mm in front of the axle, but the robot ends at "
+                f"{front * 1000:.0f} mm: '{node}' would take an obstacle for farther away"
+            )
+            place = context.error_place(f"sensors.{name}.at.x", "body.front")
+            context.error("E-SENSOR-PLACE", place, cause, "correct at.x of it, or body.front")
+
+
+def _measuring_sensor(context: CheckContext, guard: str) -> str | None:
+    """The sensor whose distances a guard gets from a block `range_sensor`; None: not known."""
+    source = context.pipeline_value("blocks", guard, "in", "range")
+    block = str(source.data).partition(".")[0] if source is not None else ""
+    if not issubclass(context.block_classes.get(block, ObstacleStop), RangeSensor):
+        return None
+    return context.parameters.get(block, {}).get("sensor")
 
 
 def _check_guards(context: CheckContext) -> None:

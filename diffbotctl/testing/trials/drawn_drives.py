@@ -253,6 +253,11 @@ def _swapped(drawn: DriveSet, rng: Random) -> DriveSet:
     return replace(drawn, drives=drives)
 
 
+def _other_slots(drawn: DriveSet, rng: Random) -> DriveSet:
+    """The robot file states a tenth more or fewer slots than the discs have."""
+    return replace(drawn, slots=round(drawn.slots * rng.choice((0.9, 1.1))))
+
+
 def _degrees(drawn: DriveSet, rng: Random) -> DriveSet:
     return _ends(lambda x, y, heading: (x, y, heading * 180 / pi))(drawn, rng)
 
@@ -279,11 +284,14 @@ CORRUPTIONS: dict[str, Corruption] = {
     "ends of the next drive": _shifted,
     "random ends": _random_ends,
     "millimetres": _ends(lambda x, y, heading: (1000 * x, 1000 * y, heading)),
+    "yards": _ends(lambda x, y, heading: (x / 0.9144, y / 0.9144, heading)),
     "centimetres": _ends(lambda x, y, heading: (100 * x, 100 * y, heading)),
     "columns swapped": _swapped,
     "encoder reversed": _counts(lambda column, rng: -column),
     "encoder dead": _counts(lambda column, rng: np.zeros_like(column)),
     "encoder misses half": _counts(lambda column, rng: np.floor(column / 2)),
+    "encoder misses one in fourteen": _counts(lambda column, rng: np.floor(column * 13 / 14)),
+    "other slots": _other_slots,
     "counter of 8 bits": _counts(lambda column, rng: (column + 128) % 256),
     "ticks of each row": _counts(lambda column, rng: np.diff(column, prepend=0.0)),
     "gap": _gap,
