@@ -43,6 +43,7 @@ class RunInfo(NamedTuple):
     speed: float | None  # m/s
     turn_rate: float | None  # rad/s
     is_replay: bool  # then commands are refused
+    is_paced: bool  # False: logical time does not follow the clock of the machine
     scene: dict[str, Any]  # what a map draws that does not change, the reply to `scene`
 
 
