@@ -16,8 +16,9 @@ CUTS ?= 5
 # Hostile files of each kind, and simulated hours over which the memory is measured.
 HOSTILE ?= 200
 HOURS ?= 24
-# Programs that fail, of each kind.
-FAILURES ?= 50
+# Failures of each kind: of programs, and of nodes and bridge beside ROS 2. In full: 50 of each.
+FAILURES ?= 5
+BRIDGE ?= 3
 # Goals of each row of both plants, and runs of the matrix; in full: 3264 and more.
 GOALS ?= 50
 MATRIX ?= 272
@@ -78,7 +79,7 @@ $(ROS2)/installed: tests/ros2/build_tf2_msgs.py
 prove: packages pico $(VENV)/tested
 	$(BIN)/python -m prove --seed $(SEED) --robots $(ROBOTS) --trials $(TRIALS) --starts $(STARTS) \
 	  --board $(BOARD) --wander $(WANDER) --faulty $(FAULTY) --emulated $(EMULATED) --goals $(GOALS) --matrix $(MATRIX) \
-	  --hostile $(HOSTILE) --hours $(HOURS) --failures $(FAILURES) --cuts $(CUTS) --drives $(DRIVES) --calibrated $(CALIBRATED) \
+	  --hostile $(HOSTILE) --hours $(HOURS) --failures $(FAILURES) --bridge $(BRIDGE) --cuts $(CUTS) --drives $(DRIVES) --calibrated $(CALIBRATED) \
 	  --optiodom $(OPTIODOM)
 
 bench: $(VENV)/tested

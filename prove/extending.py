@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from diffbotctl.replay.replay import replay
 from diffbotctl.testing import own_package
 from diffbotctl.testing.running import PlainClient, cli, running
 from diffbotctl.testing.trials import hostile_sockets, programs, round_trips
@@ -117,15 +118,18 @@ def _count(what: str, outputs: list[tuple[int, str, str]]) -> Row:
 def round_trip_rows(seconds: float) -> Iterator[Row]:
     """Round trips at 200 Hz, beside those of the same program through bare pipes."""
     with _folder() as folder:
-        trips = {}
+        trips, equal = {}, []
         for language, (run, echo) in round_trips.senders(folder).items():
             floor = round_trips.bare(folder, run, echo, seconds)
             bound = round_trips.bare(folder, run, round_trips.json_echo(folder), seconds)
             trip = round_trips.through_program(folder, run, seconds)
             trips[f"program in {language}"] = floor, bound, trip
+            equal.append(_is_equal(trip))
         # The client of the measurement is written in Python.
         floor, bound, _ = trips["program in Python"]
-        trips["client in Python"] = floor, bound, round_trips.through_client(folder, seconds)
+        trip = round_trips.through_client(folder, seconds)
+        trips["client in Python"] = floor, bound, trip
+        equal.append(_is_equal(trip))
         for what, (floor, bound, trip) in trips.items():
             ratio = trip.median / floor.median
             yield Row(
@@ -135,6 +139,18 @@ def round_trip_rows(seconds: float) -> Iterator[Row]:
                 f"<= {RATIO_MAX:g}x, <= {100 * ENGINE_MAX:g} % of a core",
                 ratio <= RATIO_MAX and trip.engine <= ENGINE_MAX,
             )
+        yield Row(
+            "their replays without programs and client",
+            f"{sum(equal)} of {len(equal)} equal",
+            "all",
+            all(equal),
+        )
+
+
+def _is_equal(trips: round_trips.RoundTrips) -> bool:
+    """Whether a replay of the recording gives the same messages."""
+    assert trips.recording is not None
+    return replay(trips.recording, check=True).difference is None
 
 
 def failure_rows(count: int) -> Iterator[Row]:

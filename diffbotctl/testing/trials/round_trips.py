@@ -126,10 +126,14 @@ WITH_INPUT = "inputs: {back: {type: Text}}"
 
 
 class RoundTrips(NamedTuple):
-    """Sorted round trips (s), and the share of a core that the engine used."""
+    """Sorted round trips (s), and the share of a core that the engine used.
+
+    `recording`: of the run, without which there is none.
+    """
 
     times: list[float]
     engine: float = 0.0
+    recording: Path | None = None
 
     @property
     def median(self) -> float:
@@ -194,7 +198,7 @@ def through_program(folder: Path, run: str, seconds: float) -> RoundTrips:
         time.sleep(1.0)  # it has started
         engine = _share(process.pid, seconds - 1.5)
         _wait_for(result)
-    return RoundTrips(_times(result), engine)
+    return RoundTrips(_times(result), engine, pipeline.with_suffix(".mcap"))
 
 
 def through_client(folder: Path, seconds: float) -> RoundTrips:
@@ -218,7 +222,7 @@ def through_client(folder: Path, seconds: float) -> RoundTrips:
             times.append(time.monotonic() - sent)
         engine = (_used(process.pid) - used) / (time.monotonic() - begin)
         client.close()
-    return RoundTrips(sorted(times), engine)
+    return RoundTrips(sorted(times), engine, pipeline.with_suffix(".mcap"))
 
 
 def _connect(folder: Path) -> PlainClient:

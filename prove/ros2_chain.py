@@ -1,0 +1,224 @@
+"""The chain from encoders to wheels beside nodes of ROS 2, in one run: times, load, memory, start.
+
+Ticks of both encoders go in on a pseudo-terminal, commands for the wheels come out. The nodes are
+written as tutorials write them, once as a process each and once in one process with one executor.
+They have no serial protocol to negotiate, no limits but one, no recording and no safety gate;
+diffbotctl has all of them.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import tempfile
+import time
+import tty
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+from diffbotctl.testing.command_process import children_of
+from diffbotctl.testing.ros2_nodes import environment, ros_python
+from diffbotctl.testing.trials.row import NoData, Row, print_rows
+from prove import wire
+from prove.wire import Ticks, Timing
+
+NODES = ("driver", "odometry", "follower", "limiter", "kinematics")
+SCRIPT = Path(wire.__file__).parents[1] / "diffbotctl" / "testing" / "ros2_chain_nodes.py"
+START_TIMEOUT_S = 60.0
+SETTLE_S = 3.0  # of ticks before the measurement: imports and discovery are over
+TICKS_PER_SECOND = os.sysconf("SC_CLK_TCK")
+
+
+Processes = list[subprocess.Popen[bytes]]
+Start = Callable[[Path, str, int], AbstractContextManager[Processes]]
+
+
+class ChainFigures(NamedTuple):
+    """What one variant of the chain came to.
+
+    `load`: share of a core of all its processes; `memory`: their PSS in bytes; `start`: seconds
+    from its start to the first command for the wheels.
+    """
+
+    timing: Timing
+    load: float
+    memory: int
+    start: float
+
+    def text(self) -> str:
+        """All figures in one line."""
+        timing = self.timing
+        return (
+            f"p50 {timing.median * 1e3:.2f}, p99 {timing.p99 * 1e3:.2f} ms; {self.load:.1%} of a "
+            f"core; {self.memory / 1e6:.0f} MB; first command {self.start:.2f} s; {timing.counts()}"
+        )
+
+
+class Ratios(NamedTuple):
+    """How many times better one variant is than another, or has to be."""
+
+    p50: float
+    p99: float
+    load: float
+    memory: float
+    start: float
+
+    def text(self) -> str:
+        """The ratios that count; 0 counts for nothing."""
+        named = zip(("p50", "p99", "load", "PSS", "start"), self, strict=True)
+        return ", ".join(f"{name} {value:.1f}x" for name, value in named if value)
+
+
+AGAINST_FIVE = Ratios(8.0, 4.0, 5.0, 4.0, 7.0)
+AGAINST_ONE = Ratios(5.0, 0.0, 0.0, 0.9, 0.0)
+
+
+def rows(rate: float, repeats: int) -> Iterator[Row]:
+    """The figures of all variants at `rate` Hz, and what diffbotctl is better by.
+
+    Of `repeats` rounds, in which the variants alternate, each has the one with the least median.
+    """
+    if ros_python() is None:
+        yield NoData("the chain beside ROS 2", "no rclpy", "`make ros2` installs it", True)
+        return
+    variants: dict[str, Callable[[], ChainFigures]] = {
+        "diffbotctl": lambda: _measured(_diffbotctl, rate),
+        "five processes of rclpy": lambda: _measured(_five_processes, rate),
+        "one process of rclpy": lambda: _measured(_one_process, rate),
+    }
+    found: dict[str, list[ChainFigures]] = {name: [] for name in variants}
+    for _ in range(repeats):
+        for name, measured in variants.items():
+            found[name].append(measured())
+    best = {
+        name: min(figures, key=lambda each: each.timing.median) for name, figures in found.items()
+    }
+    for name, figures in best.items():
+        yield Row(f"chain at {rate:g} Hz: {name}", figures.text(), "(none)", True)
+    ours, five, one = best.values()
+    yield _comparison("five processes", _ratios(ours, five), AGAINST_FIVE)
+    yield _comparison("one process", _ratios(ours, one), AGAINST_ONE)
+
+
+def _ratios(ours: ChainFigures, theirs: ChainFigures) -> Ratios:
+    return Ratios(
+        theirs.timing.median / ours.timing.median,
+        theirs.timing.p99 / ours.timing.p99,
+        theirs.load / ours.load,
+        theirs.memory / ours.memory,
+        theirs.start / ours.start,
+    )
+
+
+def _comparison(against: str, ratios: Ratios, target: Ratios) -> Row:
+    met = all(ratio >= least for ratio, least in zip(ratios, target, strict=True))
+    counted = Ratios(
+        *(ratio if least else 0.0 for ratio, least in zip(ratios, target, strict=True))
+    )
+    return Row(f"diffbotctl better than {against}", counted.text(), target.text(), met)
+
+
+def _measured(start: Start, rate: float) -> ChainFigures:
+    """Figures of the variant whose processes `start` begins on a port."""
+    with tempfile.TemporaryDirectory() as name, _terminal() as (master, port):
+        began = time.perf_counter()
+        with start(Path(name), port, master) as processes:
+            ticks = Ticks(master, rate)
+            first = _first_command(ticks) - began
+            ticks.send(SETTLE_S)
+            everyone = [pid for each in processes for pid in (each.pid, *children_of(each.pid))]
+            used, since, sent = _processor_s(everyone), time.perf_counter(), ticks.count
+            times = ticks.send(wire.SECONDS)
+            load = (_processor_s(everyone) - used) / (time.perf_counter() - since)
+            memory = sum(_pss(pid) for pid in everyone)
+    return ChainFigures(Timing(sorted(times), ticks.count - sent), load, memory, first)
+
+
+def _first_command(ticks: Ticks) -> float:
+    """Send ticks until a command comes that turns a wheel; the time of it."""
+    deadline = time.perf_counter() + START_TIMEOUT_S
+    while time.perf_counter() < deadline:
+        ticks.send(1.5 / ticks.rate)
+        if any(ticks.board.pwm.values()):
+            return time.perf_counter()
+    raise TimeoutError("no command came for the wheels")
+
+
+@contextmanager
+def _terminal() -> Iterator[tuple[int, str]]:
+    """A pseudo-terminal: our end, and the name of the other one."""
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    try:
+        yield master, os.ttyname(slave)
+    finally:
+        os.close(master)
+        os.close(slave)
+
+
+@contextmanager
+def _ended(processes: Processes) -> Iterator[Processes]:
+    """End the processes afterwards."""
+    try:
+        yield processes
+    finally:
+        for process in processes:
+            process.send_signal(signal.SIGTERM)
+        for process in processes:
+            try:
+                process.wait(10.0)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+
+@contextmanager
+def _diffbotctl(folder: Path, port: str, master: int) -> Iterator[Processes]:
+    words = [*wire.command(port, folder / "chain.mcap"), "--quiet"]
+    process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    with _ended([process]) as processes:
+        wire.negotiate(master)
+        yield processes
+
+
+@contextmanager
+def _five_processes(folder: Path, port: str, master: int) -> Iterator[Processes]:
+    with _ended([_nodes(folder, port, name) for name in NODES]) as processes:
+        yield processes
+
+
+@contextmanager
+def _one_process(folder: Path, port: str, master: int) -> Iterator[Processes]:
+    with _ended([_nodes(folder, port, *NODES)]) as processes:
+        yield processes
+
+
+def _nodes(folder: Path, port: str, *names: str) -> subprocess.Popen[bytes]:
+    return subprocess.Popen(
+        [str(ros_python()), str(SCRIPT), port, *names],
+        env=environment(folder),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+
+
+def _processor_s(pids: list[int]) -> float:
+    """Processor time of the processes, without their children (s)."""
+    total = 0
+    for pid in pids:
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+        total += int(fields[11]) + int(fields[12])
+    return total / TICKS_PER_SECOND
+
+
+def _pss(pid: int) -> int:
+    """Proportional set size of a process (bytes)."""
+    lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith("Pss:")) << 10
+
+
+if __name__ == "__main__":
+    raise SystemExit(print_rows(rows, __doc__, rate=50.0, repeats=2))
