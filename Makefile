@@ -62,16 +62,18 @@ test: packages pico $(VENV)/tested
 	$(BIN)/mypy diffbotctl
 	$(BIN)/python -m pytest -n 3 --dist loadgroup -rs  # more processes than cores: many tests wait for a board in real time
 
-# A separate environment with ROS 2 Jazzy from third-party wheels (x86-64; Python 3.10 to 3.13; 250 MB),
-# for the tests of `diffbotctl ros2` against real nodes. Without it `make test` says that they did not
-# run. tf2_msgs is not among the wheels; it is generated and compiled.
-ROS2 := .venv-ros2
+# A separate environment with ROS 2 from third-party wheels (x86-64; Python 3.10 to 3.13; 250 MB), for the
+# tests of `diffbotctl ros2` against real nodes. Without it `make test` says that they did not run. tf2_msgs
+# is not among the wheels; it is generated and compiled. `make ros2 ROS_DISTRIBUTION=kilted` makes another
+# one, which the tests use when DIFFBOTCTL_ROS2_PYTHON names its Python.
+ROS_DISTRIBUTION ?= jazzy
+ROS2 := .venv-ros2$(if $(filter-out jazzy,$(ROS_DISTRIBUTION)),-$(ROS_DISTRIBUTION))
+ROS2_PACKAGES := rclpy[fastrtps] nav-msgs sensor-msgs std-srvs diagnostic-msgs
 ros2: $(ROS2)/installed
 
 $(ROS2)/installed: tests/ros2/build_tf2_msgs.py
 	$(PYTHON) -m venv $(ROS2)
-	$(ROS2)/bin/python -m pip install -q 'ros-jazzy-rclpy[fastrtps]' ros-jazzy-nav-msgs ros-jazzy-sensor-msgs \
-	  ros-jazzy-std-srvs ros-jazzy-diagnostic-msgs catkin_pkg
+	$(ROS2)/bin/python -m pip install -q $(ROS2_PACKAGES:%='ros-$(ROS_DISTRIBUTION)-%') catkin_pkg
 	command -v g++ >/dev/null || $(SUDO) apt-get install -y -qq --no-install-recommends g++ python3-dev
 	$(ROS2)/bin/python tests/ros2/build_tf2_msgs.py
 	touch $@

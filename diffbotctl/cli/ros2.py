@@ -136,7 +136,8 @@ def _start(
     status = client.request("status")
     model, complaint = model_of_run(status, robot)
     client.close()
-    if not status["paced"]:
+    is_paced = status.get("paced", True)  # an older engine has no such field
+    if not is_paced:
         _explain_time(address.name, drive)
     if complaint:
         click.echo(f"{complaint}; name its file with --robot", err=True)

@@ -40,7 +40,8 @@ class Bridge:
     def __init__(self, node: Any, engine: EngineConnection, options: BridgeOptions) -> None:
         self.node, self.engine = node, engine
         status = engine.request("status")
-        self.publishers = RunPublishers(node, options, status["paced"])
+        is_paced = status.get("paced", True)  # an older engine has no such field
+        self.publishers = RunPublishers(node, options, is_paced)
         topics = {row["topic"]: row["type"] for row in engine.request("list_topics")["topics"]}
         self.wires = self.publishers.choose_wires(topics)
         self.commands = RobotCommands(node, engine, options.allows_drive, options.frame_prefix)
