@@ -26,7 +26,7 @@ from prove import wire
 from prove.wire import Ticks, Timing
 
 NODES = ("driver", "odometry", "follower", "limiter", "kinematics")
-SCRIPT = Path(wire.__file__).parents[1] / "diffbotctl" / "testing" / "ros2_chain_nodes.py"
+SCRIPT = Path(wire.__file__).with_name("ros2_chain_nodes.py")
 START_TIMEOUT_S = 60.0
 SETTLE_S = 3.0  # of ticks before the measurement: imports and discovery are over
 TICKS_PER_SECOND = os.sysconf("SC_CLK_TCK")
