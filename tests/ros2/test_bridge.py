@@ -91,17 +91,18 @@ def node_reply(node, topic):
     return json.loads(printed[0])[topic] if printed else node.reply(topic)
 
 
-IMU_ROBOT = """format: 1
+ROBOT_WITH_IMU = """format: 1
 kind: robot
 include: book_2wd
 board: {telemetry: 30 Hz}
 imu: {type: mpu6050, axes: z}
+battery: {pin: A1, divider: 3, full: 8.4 V}
 """
 
 
-def test_an_imu_is_seen_with_its_turn_rate(tmp_path):
+def test_an_imu_and_a_battery_are_seen(tmp_path):
     robot = tmp_path / "robot.yaml"
-    robot.write_text(IMU_ROBOT)
+    robot.write_text(ROBOT_WITH_IMU)
     with (
         running(tmp_path, "standby", "--stay", "--robot", str(robot)),
         bridge(tmp_path, "--drive"),
@@ -114,6 +115,21 @@ def test_an_imu_is_seen_with_its_turn_rate(tmp_path):
         publish(node, 0.0, 0.5, rate=20)
         node.reply("/imu", lambda imu: imu["angular_velocity"]["z"] > 0.3)
         publish(node, 0.0)
+        node.command(watch="/battery_state", type="sensor_msgs/msg/BatteryState")
+        assert 5.0 < node.reply("/battery_state")["voltage"] < 9.0
+
+
+def test_a_scan_and_the_log_are_seen(tmp_path):
+    with (
+        running(tmp_path, "wander"),
+        bridge(tmp_path),
+        ros_node(tmp_path, COMMANDED_NODE, "watcher") as node,
+    ):
+        node.command(watch="/scan", type="sensor_msgs/msg/LaserScan", qos="sensor")
+        scan = node.reply("/scan")
+        assert len(scan["ranges"]) == 360 and scan["header"]["frame_id"] == "scan_sensor_link"
+        node.command(watch="/rosout", type="rcl_interfaces/msg/Log", qos="latched")
+        node.reply("/rosout", lambda line: line.get("name", "").startswith("diffbotctl."))
 
 
 def test_a_node_with_simulated_time_follows_the_clock_of_an_unpaced_run(tmp_path):
