@@ -8,6 +8,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from statistics import median
 
 from diffbotctl.replay.replay import replay
 from diffbotctl.testing import own_package
@@ -20,6 +21,8 @@ SECONDS = 10.0  # of round trips in each run
 RATIO_MAX, ENGINE_MAX = 3.0, 0.03
 REQUESTS, STOPS = 100_000, 20
 STOP_MAX_S = 0.3
+SILENT_KIND = "hang"  # leaves the engine the least to do
+LOAD_RATIO_MAX = 2.0
 PEAK_MAX_BYTES = 100 << 20
 
 
@@ -156,6 +159,7 @@ def _is_equal(trips: round_trips.RoundTrips) -> bool:
 def failure_rows(count: int) -> Iterator[Row]:
     """Programs that drive and fail: stopped in time, named, latched; and their replays."""
     equal = runs = 0
+    loads: dict[str, float] = {}
     for kind in programs.CAUSES:
         outcomes = []
         for place in range(count):
@@ -163,6 +167,7 @@ def failure_rows(count: int) -> Iterator[Row]:
                 outcomes.append(programs.fail(folder, kind, programs.DRIVEN_LINES + place % 7))
         right = sum(outcome.is_right and outcome.is_in_time for outcome in outcomes)
         worst = max(outcome.silence for outcome in outcomes)
+        loads[kind] = median(outcome.load for outcome in outcomes)
         equal += sum(outcome.is_equal for outcome in outcomes)
         runs += len(outcomes)
         yield Row(
@@ -171,6 +176,13 @@ def failure_rows(count: int) -> Iterator[Row]:
             f"all, <= {1e3 * (programs.TIMEOUT_S + programs.MARGIN_S):.0f} ms",
             right == count,
         )
+    ratio = max(loads.values()) / loads[SILENT_KIND]
+    yield Row(
+        "engine's load, the worst kind over a program that hangs",
+        f"{ratio:.1f} times, {max(loads.values()):.1%} of a core",
+        f"<= {LOAD_RATIO_MAX:g} times",
+        ratio <= LOAD_RATIO_MAX,
+    )
     yield Row(
         "their replays without the programs", f"{equal} of {runs} equal", "all", equal == runs
     )

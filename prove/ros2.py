@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import tempfile
 import time
@@ -13,6 +12,7 @@ from statistics import median
 from subprocess import Popen
 from typing import NamedTuple
 
+from diffbotctl.testing.command_process import processor_s
 from diffbotctl.testing.ros2_nodes import (
     COMMANDED_NODE,
     TWIST,
@@ -26,7 +26,6 @@ from diffbotctl.testing.trials.row import NoData, Row, print_rows
 
 STOP_MAX_S, CPU_MAX = 0.5, 0.05
 SECONDS = 10.0
-TICKS_PER_SECOND = os.sysconf("SC_CLK_TCK")
 
 
 def rows(repeats: int) -> Iterator[Row]:
@@ -63,12 +62,6 @@ def load_row() -> Row:
     return Row(
         "bridge: processor load at 40 Hz", f"{load:.1%}", "<= 5 % of a core", load <= CPU_MAX
     )
-
-
-def processor_s(pid: int) -> float:
-    """Processor time that a process has used, in s."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / TICKS_PER_SECOND
 
 
 class Trial(NamedTuple):

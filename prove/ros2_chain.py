@@ -19,7 +19,7 @@ from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from diffbotctl.testing.command_process import children_of
+from diffbotctl.testing.command_process import children_of, processor_s
 from diffbotctl.testing.ros2_nodes import environment, ros_python
 from diffbotctl.testing.trials.row import NoData, Row, print_rows
 from prove import wire
@@ -29,7 +29,6 @@ NODES = ("driver", "odometry", "follower", "limiter", "kinematics")
 SCRIPT = Path(wire.__file__).with_name("ros2_chain_nodes.py")
 START_TIMEOUT_S = 60.0
 SETTLE_S = 3.0  # of ticks before the measurement: imports and discovery are over
-TICKS_PER_SECOND = os.sysconf("SC_CLK_TCK")
 
 
 Processes = list[subprocess.Popen[bytes]]
@@ -130,9 +129,10 @@ def _measured(start: Start, rate: float) -> ChainFigures:
             first = _first_command(ticks) - began
             ticks.send(SETTLE_S)
             everyone = [pid for each in processes for pid in (each.pid, *children_of(each.pid))]
-            used, since, sent = _processor_s(everyone), time.perf_counter(), ticks.count
+            used, since = sum(map(processor_s, everyone)), time.perf_counter()
+            sent = ticks.count
             times = ticks.send(wire.SECONDS)
-            load = (_processor_s(everyone) - used) / (time.perf_counter() - since)
+            load = (sum(map(processor_s, everyone)) - used) / (time.perf_counter() - since)
             memory = sum(_pss(pid) for pid in everyone)
     return ChainFigures(Timing(sorted(times), ticks.count - sent), load, memory, first)
 
@@ -203,15 +203,6 @@ def _nodes(folder: Path, port: str, *names: str) -> subprocess.Popen[bytes]:
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )
-
-
-def _processor_s(pids: list[int]) -> float:
-    """Processor time of the processes, without their children (s)."""
-    total = 0
-    for pid in pids:
-        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-        total += int(fields[11]) + int(fields[12])
-    return total / TICKS_PER_SECOND
 
 
 def _pss(pid: int) -> int:

@@ -19,7 +19,7 @@ from pathlib import Path
 from statistics import median
 from typing import NamedTuple
 
-from diffbotctl.testing.command_process import command_line
+from diffbotctl.testing.command_process import command_line, processor_s
 from diffbotctl.testing.running import PlainClient
 
 RATE = 200.0
@@ -209,7 +209,7 @@ def through_client(folder: Path, seconds: float) -> RoundTrips:
     with _engine(folder, pipeline, "--name", "test") as process:
         client = _connect(folder)
         client.request("subscribe", topic="listener.heard")
-        used, begin = _used(process.pid), time.monotonic()
+        used, begin = processor_s(process.pid), time.monotonic()
         due = begin
         for number in range(round(seconds * RATE)):
             due += 1.0 / RATE
@@ -220,7 +220,7 @@ def through_client(folder: Path, seconds: float) -> RoundTrips:
             while "message" not in client.read():
                 pass  # the reply to the request
             times.append(time.monotonic() - sent)
-        engine = (_used(process.pid) - used) / (time.monotonic() - begin)
+        engine = (processor_s(process.pid) - used) / (time.monotonic() - begin)
         client.close()
     return RoundTrips(sorted(times), engine, pipeline.with_suffix(".mcap"))
 
@@ -256,15 +256,9 @@ def _engine(folder: Path, pipeline: Path, *words: str) -> Iterator[subprocess.Po
 
 def _share(pid: int, seconds: float) -> float:
     """Share of a core that a process uses over that time."""
-    used = _used(pid)
+    used = processor_s(pid)
     time.sleep(seconds)
-    return (_used(pid) - used) / seconds
-
-
-def _used(pid: int) -> float:
-    """Processor time of a process without its children (s)."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    return (processor_s(pid) - used) / seconds
 
 
 def _wait_for(result: Path) -> None:
