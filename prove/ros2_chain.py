@@ -4,12 +4,17 @@ Ticks of both encoders go in on a pseudo-terminal, commands for the wheels come 
 written as tutorials write them, once as a process each and once in one process with one executor.
 They have no serial protocol to negotiate, no limits but one, no recording and no safety gate;
 diffbotctl has all of them.
+
+An answer of the nodes carries the number of its tick, so each is counted, however late it is. A
+command of diffbotctl may equal the one before; then it is no answer that could be told from a
+repetition, and one that takes longer than a period counts for the next tick.
 """
 
 from __future__ import annotations
 
 import os
 import signal
+import struct
 import subprocess
 import tempfile
 import time
@@ -23,15 +28,19 @@ from diffbotctl.testing.command_process import children_of, processor_s
 from diffbotctl.testing.ros2_nodes import environment, ros_python
 from diffbotctl.testing.trials.row import NoData, Row, print_rows
 from prove import wire
-from prove.wire import Ticks, Timing
+from prove.wire import PAIR, Ticks, Timing
 
 NODES = ("driver", "odometry", "follower", "limiter", "kinematics")
 SCRIPT = Path(wire.__file__).with_name("ros2_chain_nodes.py")
 START_TIMEOUT_S = 60.0
 SETTLE_S = 3.0  # of ticks before the measurement: imports and discovery are over
+CODES = 8  # as in the nodes
+NUMBERS = CODES * CODES
+LAST_ANSWER_S = 1.0  # in which those of the last ticks come
 
 
 Processes = list[subprocess.Popen[bytes]]
+Send = Callable[[Ticks, float], list[float]]
 Start = Callable[[Path, str, int], AbstractContextManager[Processes]]
 
 
@@ -84,9 +93,9 @@ def rows(rate: float, repeats: int) -> Iterator[Row]:
         yield NoData("the chain beside ROS 2", "no rclpy", "`make ros2` installs it", True)
         return
     variants: dict[str, Callable[[], ChainFigures]] = {
-        "diffbotctl": lambda: _measured(_diffbotctl, rate),
-        "five processes of rclpy": lambda: _measured(_five_processes, rate),
-        "one process of rclpy": lambda: _measured(_one_process, rate),
+        "diffbotctl": lambda: _measured(_diffbotctl, rate, Ticks.send),
+        "five processes of rclpy": lambda: _measured(_five_processes, rate, every_answer),
+        "one process of rclpy": lambda: _measured(_one_process, rate, every_answer),
     }
     found: dict[str, list[ChainFigures]] = {name: [] for name in variants}
     for _ in range(repeats):
@@ -120,7 +129,7 @@ def _comparison(against: str, ratios: Ratios, target: Ratios) -> Row:
     return Row(f"diffbotctl better than {against}", counted.text(), target.text(), met)
 
 
-def _measured(start: Start, rate: float) -> ChainFigures:
+def _measured(start: Start, rate: float, send: Send) -> ChainFigures:
     """Figures of the variant whose processes `start` begins on a port."""
     with tempfile.TemporaryDirectory() as name, _terminal() as (master, port):
         began = time.perf_counter()
@@ -128,13 +137,47 @@ def _measured(start: Start, rate: float) -> ChainFigures:
             ticks = Ticks(master, rate)
             first = _first_command(ticks) - began
             ticks.send(SETTLE_S)
+            while ticks.answers.wait(LAST_ANSWER_S / 10):
+                pass
             everyone = [pid for each in processes for pid in (each.pid, *children_of(each.pid))]
             used, since = sum(map(processor_s, everyone)), time.perf_counter()
             sent = ticks.count
-            times = ticks.send(wire.SECONDS)
+            times = send(ticks, wire.SECONDS)
             load = (sum(map(processor_s, everyone)) - used) / (time.perf_counter() - since)
             memory = sum(_pss(pid) for pid in everyone)
     return ChainFigures(Timing(sorted(times), ticks.count - sent), load, memory, first)
+
+
+def every_answer(ticks: Ticks, seconds: float) -> list[float]:
+    """Seconds from each tick to its answer, for nodes whose answers carry the tick's number.
+
+    The answer to the last tick before has come.
+    """
+    number = _code(ticks.answers.last)
+    sent: dict[int, float] = {}
+    times: list[float] = []
+    due = time.perf_counter()
+    end = due + seconds
+    while (due := due + 1.0 / ticks.rate) < end:
+        _take_answers(ticks, sent, times, due)
+        number = (number + 1) % NUMBERS
+        ticks.write()
+        sent[number] = time.perf_counter()
+    _take_answers(ticks, sent, times, end + LAST_ANSWER_S)
+    return times
+
+
+def _take_answers(ticks: Ticks, sent: dict[int, float], times: list[float], until: float) -> None:
+    while ticks.answers.wait(until - time.perf_counter()):
+        since = sent.pop(_code(ticks.answers.last), None)
+        if since is not None:
+            times.append(time.perf_counter() - since)
+
+
+def _code(pair: bytes) -> int:
+    """The number of the tick in the commands for both wheels, modulo NUMBERS."""
+    left, right = (struct.unpack_from("<i", pair, place)[0] for place in (7, PAIR // 2 + 7))
+    return int(left % CODES + CODES * (right % CODES))
 
 
 def _first_command(ticks: Ticks) -> float:

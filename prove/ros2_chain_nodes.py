@@ -1,7 +1,8 @@
 """The chain from encoders to wheels as nodes of ROS 2, written as tutorials write them.
 
 Arguments: the serial port, and the names of the nodes of this process. They know nothing of
-diffbotctl. Odometry, goal and limits are as simple as they can be.
+diffbotctl. Odometry, goal and limits are as simple as they can be. The number of the tick goes
+along in fields that are not used otherwise, so that every answer is known to belong to its tick.
 """
 
 import os
@@ -25,6 +26,7 @@ GOAL = (9.0, 0.0)
 SPEED, TURN_RATE = 0.2, 1.0
 FULL_SPEED = 33.3 / SLOTS * 2 * pi  # rad/s at full PWM
 QUEUE_DEPTH = 10
+CODES = 8  # each PWM carries a digit of the number of the tick that it answers
 LEFT_TICKS, RIGHT_TICKS, LEFT_PWM, RIGHT_PWM = 125, 126, 100, 101
 
 
@@ -40,7 +42,7 @@ class Driver(Node):
         self.port = os.open(port, os.O_RDWR | os.O_NOCTTY)
         tty.setraw(self.port)
         self.counts = {LEFT_TICKS: 0, RIGHT_TICKS: 0}
-        self.answers = 0
+        self.number = 0  # of the tick
         self.publisher = self.create_publisher(JointState, "joint_states", QUEUE_DEPTH)
         self.create_subscription(Float64MultiArray, "wheels", self.command, QUEUE_DEPTH)
         threading.Thread(target=self.read, daemon=True).start()
@@ -60,15 +62,18 @@ class Driver(Node):
     def tick(self):
         message = JointState(name=["left", "right"])
         message.header.stamp = self.get_clock().now().to_msg()
+        self.number += 1
+        message.effort = [float(self.number)]
         message.position = [2 * pi * count / SLOTS for count in self.counts.values()]
         self.publisher.publish(message)
 
     def command(self, message):
-        # One step of PWM more at every other answer: each differs from the one before.
-        self.answers += 1
-        data = b""
-        for topic, speed in zip((LEFT_PWM, RIGHT_PWM), message.data, strict=True):
-            pwm = round(limited(speed / FULL_SPEED, 0.99) * 255) + self.answers % 2
+        *speeds, number = message.data
+        data, rest = b"", int(number)
+        for topic, speed in zip((LEFT_PWM, RIGHT_PWM), speeds, strict=True):
+            steps = round(limited(speed / FULL_SPEED, 0.95) * 255 / CODES)
+            rest, code = divmod(rest, CODES)
+            pwm = CODES * steps + code  # tells to which tick it belongs
             body = struct.pack("<Hi", topic, pwm)
             data += b"\xff\xfe\x04\x00\xfb" + body + bytes([255 - sum(body) % 256])
         os.write(self.port, data)
@@ -96,6 +101,7 @@ class Reckoning(Node):
         odometry.header.frame_id = "odom"
         odometry.header.stamp = message.header.stamp
         pose = odometry.pose.pose
+        pose.position.z = message.effort[0]
         pose.position.x, pose.position.y = self.x, self.y
         pose.orientation.z, pose.orientation.w = sin(self.heading / 2), cos(self.heading / 2)
         self.publisher.publish(odometry)
@@ -117,6 +123,7 @@ class Follower(Node):
         twist = Twist()
         twist.linear.x = min(hypot(ahead, left), SPEED) * max(cos(turn), 0.0)
         twist.angular.z = limited(2.0 * turn, TURN_RATE)
+        twist.linear.z = pose.position.z
         self.publisher.publish(twist)
 
 
@@ -148,7 +155,7 @@ class Kinematics(Node):
     def commanded(self, message):
         turn = 0.5 * TRACK * message.angular.z
         speeds = [(message.linear.x + sign * turn) / RADIUS for sign in (-1.0, 1.0)]
-        self.publisher.publish(Float64MultiArray(data=speeds))
+        self.publisher.publish(Float64MultiArray(data=[*speeds, message.linear.z]))
 
 
 NODES = {
