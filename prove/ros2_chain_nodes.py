@@ -26,6 +26,8 @@ GOAL = (9.0, 0.0)
 SPEED, TURN_RATE = 0.2, 1.0
 FULL_SPEED = 33.3 / SLOTS * 2 * pi  # rad/s at full PWM
 QUEUE_DEPTH = 10
+HEADER = b"\xff\xfe\x04\x00\xfb"  # of a frame with a payload of four bytes
+FRAME_BYTES = 12
 CODES = 8  # each PWM carries a digit of the number of the tick that it answers
 LEFT_TICKS, RIGHT_TICKS, LEFT_PWM, RIGHT_PWM = 125, 126, 100, 101
 
@@ -51,9 +53,9 @@ class Driver(Node):
         data = b""
         while True:
             data += os.read(self.port, 4096)
-            while len(data) >= 12:  # each frame has eight bytes and a payload of four
-                topic, payload = struct.unpack_from("<H4s", data, 5)
-                data = data[12:]
+            while (start := data.find(HEADER)) >= 0 and len(data) - start >= FRAME_BYTES:
+                topic, payload = struct.unpack_from("<H4s", data, start + len(HEADER))
+                data = data[start + FRAME_BYTES :]
                 if topic in self.counts:
                     self.counts[topic] = struct.unpack("<i", payload)[0]
                 if topic == RIGHT_TICKS:
@@ -75,7 +77,7 @@ class Driver(Node):
             rest, code = divmod(rest, CODES)
             pwm = CODES * steps + code  # tells to which tick it belongs
             body = struct.pack("<Hi", topic, pwm)
-            data += b"\xff\xfe\x04\x00\xfb" + body + bytes([255 - sum(body) % 256])
+            data += HEADER + body + bytes([255 - sum(body) % 256])
         os.write(self.port, data)
 
 
