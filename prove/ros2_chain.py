@@ -101,7 +101,11 @@ def rows(rate: float, repeats: int) -> Iterator[Row]:
     found: dict[str, list[ChainFigures]] = {name: [] for name in variants}
     for _ in range(repeats):
         for name, measured in variants.items():
-            found[name].append(measured())
+            try:
+                found[name].append(measured())
+            except TimeoutError as error:
+                yield Row(f"chain at {rate:g} Hz: {name}", str(error), "commands", False)
+                return
     best = {name: _best(figures) for name, figures in found.items()}
     for name, figures in best.items():
         yield Row(f"chain at {rate:g} Hz: {name}", figures.text(), "(none)", True)
