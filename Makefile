@@ -16,8 +16,9 @@ CUTS ?= 5
 # Hostile files of each kind, and simulated hours over which the memory is measured.
 HOSTILE ?= 200
 HOURS ?= 24
-# Programs that fail, of each kind.
-FAILURES ?= 50
+# Failures of each kind: of programs, and of nodes and bridge beside ROS 2. In full: 50 of each.
+FAILURES ?= 5
+BRIDGE ?= 3
 # Goals of each row of both plants, and runs of the matrix; in full: 3264 and more.
 GOALS ?= 50
 MATRIX ?= 272
@@ -61,16 +62,18 @@ test: packages pico $(VENV)/tested
 	$(BIN)/mypy diffbotctl
 	$(BIN)/python -m pytest -n 3 --dist loadgroup -rs  # more processes than cores: many tests wait for a board in real time
 
-# A separate environment with ROS 2 Jazzy from third-party wheels (x86-64; Python 3.10 to 3.13; 250 MB),
-# for the tests of `diffbotctl ros2` against real nodes. Without it `make test` says that they did not
-# run. tf2_msgs is not among the wheels; it is generated and compiled.
-ROS2 := .venv-ros2
+# A separate environment with ROS 2 from third-party wheels (x86-64; Python 3.10 to 3.13; 250 MB), for the
+# tests of `diffbotctl ros2` against real nodes. Without it `make test` says that they did not run. tf2_msgs
+# is not among the wheels; it is generated and compiled. `make ros2 ROS_DISTRIBUTION=kilted` makes another
+# one, which the tests use when DIFFBOTCTL_ROS2_PYTHON names its Python.
+ROS_DISTRIBUTION ?= jazzy
+ROS2 := .venv-ros2$(if $(filter-out jazzy,$(ROS_DISTRIBUTION)),-$(ROS_DISTRIBUTION))
+ROS2_PACKAGES := rclpy[fastrtps] nav-msgs sensor-msgs std-srvs diagnostic-msgs
 ros2: $(ROS2)/installed
 
 $(ROS2)/installed: tests/ros2/build_tf2_msgs.py
 	$(PYTHON) -m venv $(ROS2)
-	$(ROS2)/bin/python -m pip install -q 'ros-jazzy-rclpy[fastrtps]' ros-jazzy-nav-msgs ros-jazzy-sensor-msgs \
-	  ros-jazzy-std-srvs ros-jazzy-diagnostic-msgs catkin_pkg
+	$(ROS2)/bin/python -m pip install -q $(ROS2_PACKAGES:%='ros-$(ROS_DISTRIBUTION)-%') catkin_pkg
 	command -v g++ >/dev/null || $(SUDO) apt-get install -y -qq --no-install-recommends g++ python3-dev
 	$(ROS2)/bin/python tests/ros2/build_tf2_msgs.py
 	touch $@
@@ -78,7 +81,7 @@ $(ROS2)/installed: tests/ros2/build_tf2_msgs.py
 prove: packages pico $(VENV)/tested
 	$(BIN)/python -m prove --seed $(SEED) --robots $(ROBOTS) --trials $(TRIALS) --starts $(STARTS) \
 	  --board $(BOARD) --wander $(WANDER) --faulty $(FAULTY) --emulated $(EMULATED) --goals $(GOALS) --matrix $(MATRIX) \
-	  --hostile $(HOSTILE) --hours $(HOURS) --failures $(FAILURES) --cuts $(CUTS) --drives $(DRIVES) --calibrated $(CALIBRATED) \
+	  --hostile $(HOSTILE) --hours $(HOURS) --failures $(FAILURES) --bridge $(BRIDGE) --cuts $(CUTS) --drives $(DRIVES) --calibrated $(CALIBRATED) \
 	  --optiodom $(OPTIODOM)
 
 bench: $(VENV)/tested

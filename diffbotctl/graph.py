@@ -50,7 +50,7 @@ from typing import Any, NamedTuple
 
 from diffbotctl.block import Block, Every, In, inputs, outputs
 from diffbotctl.log import Logbook, NamedLogbook
-from diffbotctl.messages import Imu, LogLine
+from diffbotctl.messages import Imu, LogLine, TurtlePlacement
 from diffbotctl.time import NEVER, SECOND
 
 LOG = "log"  # the wire of all log lines, the last one of a graph
@@ -323,8 +323,9 @@ class _Writer:
         )
         self.initial: dict[str, str] = {}  # of each variable that outlives an instant
         self.former_names: dict[str, str] = {}
-        # Version 0.1 numbered its wires, and had none for an IMU.
-        self.former_wires = [wire for wire in graph.wires if graph.kinds[wire] is not Imu]
+        # Version 0.1 numbered its wires, and had none of these classes.
+        later = (Imu, TurtlePlacement)
+        self.former_wires = [wire for wire in graph.wires if graph.kinds[wire] not in later]
         self.deadlines: list[str] = []
         self.timers: list[str] = []
         self.timer_owners: list[tuple[str, int]] = []

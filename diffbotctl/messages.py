@@ -304,6 +304,37 @@ class Canvas(NamedTuple):
     ] = ()
 
 
+class TurtlePlacement(NamedTuple):
+    """A further turtle was put on the canvas, moved, or removed."""
+
+    time: Time
+    number: Annotated[int, Field("", "Number of the turtle; 1 is the robot itself.")]
+    x: Annotated[float, Field("m", "Position in the frame of the canvas.")] = 0.0
+    y: Annotated[float, Field("m", "Position in the frame of the canvas.")] = 0.0
+    heading: Annotated[float, Field("rad", "Heading, counter-clockwise from x.")] = 0.0
+    is_present: Annotated[bool, Field("", "False when it was removed.")] = True
+
+
+class TurtleGoal(NamedTuple):
+    """Where a further turtle has to go."""
+
+    time: Time
+    x: Annotated[float, Field("m", "Position in the frame of the canvas.")]
+    y: Annotated[float, Field("m", "Position in the frame of the canvas.")]
+
+
+class TurtlePose(NamedTuple):
+    """Pose and velocity of a further turtle."""
+
+    time: Time
+    number: Annotated[int, Field("", "Number of the turtle; 1 is the robot itself.")]
+    x: Annotated[float, Field("m", "Position in the frame of the canvas.")]
+    y: Annotated[float, Field("m", "Position in the frame of the canvas.")]
+    heading: Annotated[float, Field("rad", "Heading, counter-clockwise from x, -pi to pi.")]
+    linear: Annotated[float, Field("m/s", "Forward speed.")]
+    angular: Annotated[float, Field("rad/s", "Turn rate.")]
+
+
 class LogLine(NamedTuple):
     """One event in the log."""
 
@@ -356,6 +387,9 @@ Message = (
     | Battery
     | Text
     | Canvas
+    | TurtlePlacement
+    | TurtleGoal
+    | TurtlePose
     | LogLine
     | Resume
     | Setting
@@ -363,7 +397,18 @@ Message = (
 )
 
 # Messages whose numbers are finite; others use `nan` or `inf` for a fault or a clear view.
-FINITE = (Twist, Wheels, Duty, Odometry, Imu, Goal, Battery)
+FINITE = (
+    Twist,
+    Wheels,
+    Duty,
+    Odometry,
+    Imu,
+    Goal,
+    Battery,
+    TurtlePlacement,
+    TurtleGoal,
+    TurtlePose,
+)
 BUILT_IN: dict[str, type] = {kind.__name__: kind for kind in get_args(Message)}
 
 

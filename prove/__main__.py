@@ -34,6 +34,7 @@ from prove import (
     plants,
     recordings,
     ros2,
+    ros2_chain,
     several_robots,
 )
 
@@ -54,8 +55,8 @@ def main() -> int:
     parser.add_argument("--board", type=float, default=1.0, help="fraction of the board trials")
     parser.add_argument("--wander", type=int, default=50, help="seeds, 30 minutes each")
     parser.add_argument("--hostile", type=int, default=200, help="hostile files of each kind")
-    parser.add_argument("--failures", type=int, default=50, help="of programs, of each kind")
-    parser.add_argument("--bridge", type=int, default=2, help="failures beside ROS 2, of each kind")
+    parser.add_argument("--failures", type=int, default=5, help="of programs, of each kind")
+    parser.add_argument("--bridge", type=int, default=3, help="failures beside ROS 2, of each kind")
     parser.add_argument("--cuts", type=int, default=5, help="of the link to two robots")
     parser.add_argument("--hours", type=float, default=24.0, help="simulated, memory measured")
     parser.add_argument(
@@ -89,6 +90,7 @@ def main() -> int:
         hostile.rows(options.seed, options.hostile, options.hours),
         extending.rows(options.failures),
         ros2.rows(options.bridge),
+        ros2_chain.rows(50.0, 2),
         several_robots.rows(options.cuts),
         imu.rows(options.seed, max(5, options.robots // 10)),
     )

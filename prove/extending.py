@@ -8,7 +8,9 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from statistics import median
 
+from diffbotctl.replay.replay import replay
 from diffbotctl.testing import own_package
 from diffbotctl.testing.running import PlainClient, cli, running
 from diffbotctl.testing.trials import hostile_sockets, programs, round_trips
@@ -19,6 +21,8 @@ SECONDS = 10.0  # of round trips in each run
 RATIO_MAX, ENGINE_MAX = 3.0, 0.03
 REQUESTS, STOPS = 100_000, 20
 STOP_MAX_S = 0.3
+SILENT_KIND = "hang"  # leaves the engine the least to do
+LOAD_RATIO_MAX = 2.0
 PEAK_MAX_BYTES = 100 << 20
 
 
@@ -117,15 +121,18 @@ def _count(what: str, outputs: list[tuple[int, str, str]]) -> Row:
 def round_trip_rows(seconds: float) -> Iterator[Row]:
     """Round trips at 200 Hz, beside those of the same program through bare pipes."""
     with _folder() as folder:
-        trips = {}
+        trips, equal = {}, []
         for language, (run, echo) in round_trips.senders(folder).items():
             floor = round_trips.bare(folder, run, echo, seconds)
             bound = round_trips.bare(folder, run, round_trips.json_echo(folder), seconds)
             trip = round_trips.through_program(folder, run, seconds)
             trips[f"program in {language}"] = floor, bound, trip
+            equal.append(_is_equal(trip))
         # The client of the measurement is written in Python.
         floor, bound, _ = trips["program in Python"]
-        trips["client in Python"] = floor, bound, round_trips.through_client(folder, seconds)
+        trip = round_trips.through_client(folder, seconds)
+        trips["client in Python"] = floor, bound, trip
+        equal.append(_is_equal(trip))
         for what, (floor, bound, trip) in trips.items():
             ratio = trip.median / floor.median
             yield Row(
@@ -135,11 +142,24 @@ def round_trip_rows(seconds: float) -> Iterator[Row]:
                 f"<= {RATIO_MAX:g}x, <= {100 * ENGINE_MAX:g} % of a core",
                 ratio <= RATIO_MAX and trip.engine <= ENGINE_MAX,
             )
+        yield Row(
+            "their replays without programs and client",
+            f"{sum(equal)} of {len(equal)} equal",
+            "all",
+            all(equal),
+        )
+
+
+def _is_equal(trips: round_trips.RoundTrips) -> bool:
+    """Whether a replay of the recording gives the same messages."""
+    assert trips.recording is not None
+    return replay(trips.recording, check=True).difference is None
 
 
 def failure_rows(count: int) -> Iterator[Row]:
     """Programs that drive and fail: stopped in time, named, latched; and their replays."""
     equal = runs = 0
+    loads: dict[str, float] = {}
     for kind in programs.CAUSES:
         outcomes = []
         for place in range(count):
@@ -147,6 +167,7 @@ def failure_rows(count: int) -> Iterator[Row]:
                 outcomes.append(programs.fail(folder, kind, programs.DRIVEN_LINES + place % 7))
         right = sum(outcome.is_right and outcome.is_in_time for outcome in outcomes)
         worst = max(outcome.silence for outcome in outcomes)
+        loads[kind] = median(outcome.load for outcome in outcomes)
         equal += sum(outcome.is_equal for outcome in outcomes)
         runs += len(outcomes)
         yield Row(
@@ -155,6 +176,13 @@ def failure_rows(count: int) -> Iterator[Row]:
             f"all, <= {1e3 * (programs.TIMEOUT_S + programs.MARGIN_S):.0f} ms",
             right == count,
         )
+    ratio = max(loads.values()) / loads[SILENT_KIND]
+    yield Row(
+        "engine's load, the worst kind over a program that hangs",
+        f"{ratio:.1f} times, {max(loads.values()):.1%} of a core",
+        f"<= {LOAD_RATIO_MAX:g} times",
+        ratio <= LOAD_RATIO_MAX,
+    )
     yield Row(
         "their replays without the programs", f"{equal} of {runs} equal", "all", equal == runs
     )

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from statistics import median
-from typing import Any
+from subprocess import Popen
+from typing import NamedTuple
 
+from diffbotctl.testing.command_process import processor_s
 from diffbotctl.testing.ros2_nodes import (
     COMMANDED_NODE,
     TWIST,
@@ -25,7 +26,6 @@ from diffbotctl.testing.trials.row import NoData, Row, print_rows
 
 STOP_MAX_S, CPU_MAX = 0.5, 0.05
 SECONDS = 10.0
-TICKS_PER_SECOND = os.sysconf("SC_CLK_TCK")
 
 
 def rows(repeats: int) -> Iterator[Row]:
@@ -38,7 +38,7 @@ def rows(repeats: int) -> Iterator[Row]:
         yield failure_row(name, fail, repeats)
 
 
-def publish(node: RosNode, linear: float, **options: Any) -> None:
+def publish(node: RosNode, linear: float, **options: float) -> None:
     """Publish a velocity, with `rate` again and again."""
     fields = {"linear": {"x": linear}}
     node.command(publish="/cmd_vel", type=TWIST, fields=fields, **options)
@@ -64,18 +64,20 @@ def load_row() -> Row:
     )
 
 
-def processor_s(pid: int) -> float:
-    """Processor time that a process has used, in s."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / TICKS_PER_SECOND
+class Trial(NamedTuple):
+    """The processes of a trial: the bridge, the node that drives, and one that does not yet."""
+
+    bridge: Popen[str]
+    teleop: RosNode
+    other: RosNode
 
 
-Fail = Callable[[Path, Any, RosNode], None]
+Fail = Callable[[Trial], float]  # the monotonic time at which it failed
 
 
 def failure_row(name: str, fail: Fail, repeats: int) -> Row:
     """How long the wheels were commanded to move after the failure, and whether it is latched."""
-    delays = [_failure(fail) for _ in range(repeats)]
+    delays = [_failure(name, fail) for _ in range(repeats)]
     met = sum(delay is not None and delay <= STOP_MAX_S for delay in delays)
     known = [delay for delay in delays if delay is not None]
     slowest = f", slowest {max(known):.2f} s, median {median(known):.2f} s" if known else ""
@@ -83,24 +85,38 @@ def failure_row(name: str, fail: Fail, repeats: int) -> Row:
     return Row(name, figure, "wheels 0 in 0.5 s, latched, named: all", met == repeats)
 
 
-def _failure(fail: Fail) -> float | None:
-    """Seconds from the failure to wheels commanded to zero; None where it was not latched."""
+def _failure(what: str, fail: Fail) -> float | None:
+    """Seconds from the failure to wheels commanded to zero.
+
+    None where that was not latched with the name of who failed, or where the trial broke off.
+    """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        with running(folder, "standby", "--stay"), bridge(folder, "--drive") as process:
-            client, stream = PlainClient(folder), PlainClient(folder)
-            with ros_node(folder, COMMANDED_NODE, "teleop") as node:
-                publish(node, 0.2, rate=20)
-                client.until(moves)
-                stream.request("subscribe", topic="gate.wheels")
-                began = time.monotonic()
-                fail(folder, process.process, node)
-                delay = wait_for_zero(stream) - began
-                status = client.until(lambda status: status["held"] and stands(status))
-                held = status["held"]
-                named = any(word in held["cause"] for word in ("teleop", "ros2 bridge"))
-                for each in (process.process, node.process):
-                    each.send_signal(signal.SIGCONT)
+        try:
+            with (
+                running(folder, "standby", "--stay"),
+                bridge(folder, "--drive") as process,
+                ros_node(folder, COMMANDED_NODE, "teleop") as teleop,
+                ros_node(folder, COMMANDED_NODE, "other") as other,
+            ):
+                return _delay(folder, Trial(process.process, teleop, other), fail)
+        except (AssertionError, OSError, ValueError) as error:
+            print(f"a trial of '{what}' broke off: {error}", flush=True)
+            return None
+
+
+def _delay(folder: Path, trial: Trial, fail: Fail) -> float | None:
+    client, stream = PlainClient(folder), PlainClient(folder)
+    publish(trial.teleop, 0.2, rate=20)
+    client.until(moves)
+    stream.request("subscribe", topic="gate.wheels")
+    began = fail(trial)
+    delay = wait_for_zero(stream) - began
+    status = client.until(lambda status: status["held"] and stands(status))
+    held = status["held"]
+    named = any(word in held["cause"] for word in ("teleop", "ros2 bridge"))
+    for each in (trial.bridge, trial.teleop.process):
+        each.send_signal(signal.SIGCONT)
     return delay if held["latched"] and named else None
 
 
@@ -113,31 +129,50 @@ def wait_for_zero(stream: PlainClient) -> float:
     raise AssertionError("the run has ended")
 
 
-def kill_teleop(folder: Path, process: Any, node: RosNode) -> None:
+def kill_teleop(trial: Trial) -> float:
     """The node is killed."""
-    node.process.kill()
+    began = time.monotonic()
+    trial.teleop.process.kill()
+    return began
 
 
-def freeze_teleop(folder: Path, process: Any, node: RosNode) -> None:
+def freeze_teleop(trial: Trial) -> float:
     """The node is suspended."""
-    node.process.send_signal(signal.SIGSTOP)
+    began = time.monotonic()
+    trial.teleop.process.send_signal(signal.SIGSTOP)
+    return began
 
 
-def kill_bridge(folder: Path, process: Any, node: RosNode) -> None:
+def kill_bridge(trial: Trial) -> float:
     """The bridge is killed."""
-    process.kill()
+    began = time.monotonic()
+    trial.bridge.kill()
+    return began
 
 
-def freeze_bridge(folder: Path, process: Any, node: RosNode) -> None:
+def freeze_bridge(trial: Trial) -> float:
     """The bridge is suspended."""
-    process.send_signal(signal.SIGSTOP)
+    began = time.monotonic()
+    trial.bridge.send_signal(signal.SIGSTOP)
+    return began
 
 
-def flood(folder: Path, process: Any, node: RosNode) -> None:
+def flood(trial: Trial) -> float:
     """The node publishes as fast as it can."""
     fields = {"linear": {"x": 0.2}}
     command = {"publish": "/cmd_vel", "type": TWIST, "fields": fields, "rate": 10_000}
-    node.send(json.dumps(command))
+    began = time.monotonic()
+    trial.teleop.send(json.dumps(command))
+    return began
+
+
+def second_publisher(trial: Trial) -> float:
+    """Another node publishes, too, from its first message on."""
+    fields = {"linear": {"x": 0.1}}
+    command = {"publish": "/cmd_vel", "type": TWIST, "fields": fields, "rate": 20}
+    trial.other.send(json.dumps(command))
+    trial.other.reply("published")
+    return time.monotonic()
 
 
 FAILURES: dict[str, Fail] = {
@@ -146,6 +181,7 @@ FAILURES: dict[str, Fail] = {
     "bridge killed": kill_bridge,
     "bridge frozen": freeze_bridge,
     "teleop node floods": flood,
+    "two nodes publish": second_publisher,
 }
 
 

@@ -1,21 +1,28 @@
-"""Several robots: the cost of ten in one pipeline; two with a network each, found and lost for 5 s.
+"""Several robots: four turtles driven at once; the cost of ten robots in one pipeline; two with a
+network each, found and lost for 5 s.
 
 The operator reaches them through ssh (`--at`), and as a node of ROS 2 through a bridge each.
 """
 
 from __future__ import annotations
 
+import json
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from functools import partial
 from math import inf
 from pathlib import Path
+from typing import Any
 
 from diffbotctl.config.load import load
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
+from diffbotctl.testing.background import repeating
 from diffbotctl.testing.lossy_network import can_make_namespaces
 from diffbotctl.testing.ros2_nodes import ros_python
+from diffbotctl.testing.running import PlainClient, running
 from diffbotctl.testing.trials import two_robots, two_robots_ros2
 from diffbotctl.testing.trials.row import NoData, Row, print_rows
 from diffbotctl.testing.trials.two_robots import CUT_S, DELAY_S, LOSS, ROBOTS, CutOutcome
@@ -23,6 +30,9 @@ from diffbotctl.testing.trials.two_robots import CUT_S, DELAY_S, LOSS, ROBOTS, C
 STOP_MAX_S = 0.5
 SEVERAL, COST_RATIO_MAX = 10, 11.0
 SIMULATED_S, REPEATS = 20.0, 3
+TURTLE_VELOCITIES = ("operator.twist", *(f"input.turtle{number}_twist" for number in (2, 3, 4)))
+TURTLE_POSES = ("robot.pose", "turtle2.pose", "turtle3.pose", "turtle4.pose")
+TURTLE_WAY_M = 0.3
 LINK = f"{DELAY_S * 1e3:.0f} ms, {LOSS:.0%} loss, cut {CUT_S:g} s"
 BROKEN_OFF = CutOutcome((), inf, inf, (), ("it broke off",), False)
 TARGET = "both, 0 in 0.5 s, nothing moves by itself"
@@ -30,6 +40,7 @@ TARGET = "both, 0 in 0.5 s, nothing moves by itself"
 
 def rows(trials: int) -> Iterator[Row]:
     """All rows, of `trials` cuts each."""
+    yield turtles_row()
     yield cost_row()
     if not can_make_namespaces():
         yield NoData(f"two robots, {LINK}", "needs root", TARGET, True)
@@ -39,6 +50,44 @@ def rows(trials: int) -> Iterator[Row]:
         yield NoData(f"two robots by ROS 2, {LINK}", "no rclpy: `make ros2`", TARGET, True)
         return
     yield from _rows("ROS 2", _outcomes(two_robots_ros2.cut_trial, trials))
+
+
+def turtles_row() -> Row:
+    """The turtle that is the robot and three spawned ones, each driven by a client of its own."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        with running(folder, "turtles", sets=()), ExitStack() as publishers:
+            watcher = PlainClient(folder)
+            for x in (2.0, 5.0, 8.0):
+                arguments = {"x": x, "y": 2.0}
+                watcher.request("call_action", action="canvas.spawn", arguments=arguments)
+            before = _places(watcher)
+            for topic in TURTLE_VELOCITIES:
+                client = PlainClient(folder)
+                fields = {"topic": topic, "message": {"linear": 0.5, "angular": 0.0}}
+                line = json.dumps({"method": "publish", **fields})
+                publishers.enter_context(repeating(partial(client.send, line), 0.05))
+            watcher.until(lambda status: _moved(before, _places(watcher)) == len(before))
+            moved = _moved(before, _places(watcher))
+    count = len(TURTLE_VELOCITIES)
+    return Row("turtles driven at once", f"{moved} of {count}", "all", moved == count)
+
+
+def _places(client: PlainClient) -> dict[str, float]:
+    """The position along x of each turtle, by topic, when all have one."""
+    found: dict[str, float] = {}
+
+    def are_there(status: dict[str, Any]) -> bool:
+        messages = client.request("snapshot")["messages"]
+        found.update({topic: messages[topic]["x"] for topic in TURTLE_POSES if topic in messages})
+        return len(found) == len(TURTLE_POSES)
+
+    client.until(are_there)
+    return found
+
+
+def _moved(before: dict[str, float], after: dict[str, float]) -> int:
+    return sum(after[topic] - before[topic] > TURTLE_WAY_M for topic in before)
 
 
 def cost_row() -> Row:

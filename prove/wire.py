@@ -70,15 +70,19 @@ class Answers:
     def wait(self, seconds: float) -> bool:
         """True when a changed pair of commands has arrived in that time."""
         end = time.perf_counter() + seconds
-        while (remaining := end - time.perf_counter()) > 0:
-            if not select.select([self.port], [], [], remaining)[0]:
+        while not self._next_changed():  # several may have come in one read
+            remaining = end - time.perf_counter()
+            if remaining <= 0 or not select.select([self.port], [], [], remaining)[0]:
                 return False
             self.rest += os.read(self.port, 4096)
-            while len(self.rest) >= PAIR:
-                before, self.last = self.last, self.rest[:PAIR]
-                self.rest = self.rest[PAIR:]
-                if self.last != before:
-                    return True
+        return True
+
+    def _next_changed(self) -> bool:
+        while len(self.rest) >= PAIR:
+            before, self.last = self.last, self.rest[:PAIR]
+            self.rest = self.rest[PAIR:]
+            if self.last != before:
+                return True
         return False
 
 
@@ -191,13 +195,14 @@ class Ticks:
         while (due := due + 1.0 / self.rate) < end:
             while self.answers.wait(due - time.perf_counter()):
                 pass  # further commands of the tick before
-            self._write_tick()
+            self.write()
             sent = time.perf_counter()
             if self.answers.wait(due + 1.0 / self.rate - sent):
                 times.append(time.perf_counter() - sent)
         return times
 
-    def _write_tick(self) -> None:
+    def write(self) -> None:
+        """Send one tick."""
         self.count += 1
         board, period = self.board, 1.0 / self.rate
         board.take(self.answers.last)

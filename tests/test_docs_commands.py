@@ -26,7 +26,7 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 SHOWN = re.compile(r"^    (diffbotctl .*)$", re.M)
 MENTIONED = re.compile(r"`(diffbotctl [^`]+)`|^(diffbotctl .*)$", re.M)  # or fenced: with questions
 ON_A_BOARD = {"flash", "blink"}  # and whatever names a port
-PIPELINES = {"robots.md": "turtle"}  # what runs while a page's commands speak to it; else standby
+PIPELINES = {"robots.md": "turtles"}  # what runs while a page's commands speak to it; else standby
 # What a page takes for granted: files of the reader's own.
 PREPARED = {
     "recordings.md": (

@@ -1,19 +1,19 @@
-"""Canvas: the colours of the turtle's canvas and pen, and the turtles that do not move."""
+"""Canvas: the colours of the turtle's canvas and pen, and the further turtles on it."""
 
 from __future__ import annotations
 
 from diffbotctl.block import Block, In, Out, action
-from diffbotctl.messages import Canvas, Odometry
+from diffbotctl.messages import Canvas, Odometry, TurtlePlacement
 from diffbotctl.params import Param
 
 TURTLES_MAX = 100  # limit of one datagram of a screen
 
 
 class TurtleCanvas(Block):
-    """Keep the colours of the canvas and the pen, and the poses of spawned turtles.
+    """Keep the colours of the canvas and the pen, and where turtles were spawned.
 
     It sends the state of the canvas whenever that changes. The screen draws the line, from the pose
-    of the turtle.
+    of the turtle. A block `turtle` moves the spawned turtle that has its number.
 
     blocks:
       canvas: {block: canvas, in: {odometry: robot.pose}}
@@ -39,10 +39,12 @@ class TurtleCanvas(Block):
 
     odometry = In(Odometry, help="Pose of the turtle, in the frame of the canvas.")
     canvas = Out(Canvas, help="State of the canvas, whenever it changes.")
+    placement = Out(TurtlePlacement, help="A turtle that was spawned, moved or killed.")
 
     def reset(self) -> None:
         self.sheet = 0
         self.turtles: dict[int, tuple[float, float, float]] = {}
+        self.placements: tuple[TurtlePlacement, ...] = ()  # not sent yet: one an instant
         self.number = 1  # the turtle that draws
         self.last_sent: Canvas | None = None
 
@@ -51,27 +53,50 @@ class TurtleCanvas(Block):
         """Erase the line; the turtles stay."""
         self.sheet += 1
 
-    @action(x="m", y="m", heading="rad")
-    def spawn(self, now: int, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> None:
-        """Add a turtle at x and y in m, heading in rad. Their numbers start at 2."""
+    @action(x="m", y="m", heading="rad", number="1")
+    def spawn(
+        self, now: int, x: float = 0.0, y: float = 0.0, heading: float = 0.0, number: float = 0.0
+    ) -> None:
+        """Add a turtle at x and y in m, heading in rad. Their numbers start at 2; 0: the next."""
         if len(self.turtles) >= TURTLES_MAX:
             raise ValueError(f"there are {TURTLES_MAX} turtles already; kill some")
-        self.number += 1
-        self.turtles[self.number] = (x, y, heading)
+        if number and (number < 2 or number != int(number)):
+            raise ValueError(f"{number:g} is no number of a further turtle: they start at 2")
+        if number in self.turtles:
+            raise ValueError(f"there is a turtle {number:g} already; kill it first")
+        given = int(number) or self.number + 1
+        self.number = max(self.number, given)
+        self._place(given, (x, y, heading))
 
     @action(number="1")
     def kill(self, now: int, number: float) -> None:
         """Remove the turtle with this number."""
-        self.turtles.pop(self._turtle(number))
+        removed = self._turtle(number)
+        self.turtles.pop(removed)
+        self.placements += (TurtlePlacement(0, removed, is_present=False),)
 
     @action(number="1", x="m", y="m", heading="rad")
     def teleport(
         self, now: int, number: float, x: float = 0.0, y: float = 0.0, heading: float = 0.0
     ) -> None:
         """Move the turtle with this number; `robot.teleport` moves the first one."""
-        self.turtles[self._turtle(number)] = (x, y, heading)
+        self._place(self._turtle(number), (x, y, heading))
 
-    def react(self, now: int, odometry: Odometry | None) -> Canvas | None:
+    def _place(self, number: int, pose: tuple[float, float, float]) -> None:
+        self.turtles[number] = pose
+        self.placements += (TurtlePlacement(0, number, *pose),)
+
+    def react(
+        self, now: int, odometry: Odometry | None
+    ) -> tuple[Canvas | None, TurtlePlacement | None]:
+        placement = None
+        if self.placements:
+            placement = self.placements[0]._replace(time=now)
+            self.placements = self.placements[1:]
+        return self._canvas(now), placement
+
+    def _canvas(self, now: int) -> Canvas | None:
+        """The state of the canvas; None if it has not changed."""
         canvas = Canvas(
             now,
             self.sheet,

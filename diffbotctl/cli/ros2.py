@@ -108,6 +108,16 @@ def _warn(drive: bool, peers: tuple[str, ...], python: RosPython) -> None:
         click.echo("no /tf: tf2_msgs is missing; see diffbotctl ros2 --check", err=True)
 
 
+def _explain_time(engine: str, drive: bool) -> None:
+    """Raises RunError where nodes would drive a robot whose time they cannot keep up with."""
+    from diffbotctl.errors import Problem, RunError
+
+    if drive:
+        cause = "its time does not follow the clock, so that no node can drive its robot"
+        raise RunError(Problem("E-ROS2", engine, cause, "start the run without --fast"))
+    click.echo("the time of this run is on /clock: give nodes use_sim_time:=true", err=True)
+
+
 def _start(
     python: RosPython,
     address: EngineAddress,
@@ -123,8 +133,12 @@ def _start(
     from diffbotctl.ros2.robot_model import model_of_run
 
     client = ControlClient(address, "diffbotctl ros2")
-    model, complaint = model_of_run(client.request("status"), robot)
+    status = client.request("status")
+    model, complaint = model_of_run(status, robot)
     client.close()
+    is_paced = status.get("paced", True)  # an older engine has no such field
+    if not is_paced:
+        _explain_time(address.name, drive)
     if complaint:
         click.echo(f"{complaint}; name its file with --robot", err=True)
     options = BridgeOptions(

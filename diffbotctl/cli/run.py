@@ -65,7 +65,11 @@ if TYPE_CHECKING:
 @click.option("--web", is_flag=True, help="Serve the page of the run to browsers and phones.")
 @lan_option
 @page_port_option
-@click.option("--name", help="Name of this engine for `--engine`; default: the pipeline's name.")
+@click.option(
+    "--name",
+    help="Name of this engine for `--engine`; default: the pipeline's name. With --fast there is a "
+    "control socket only if it is given.",
+)
 @click.option("--group", help="Allow members of this group to command it, through /run.")
 @click.option("--no-socket", is_flag=True, help="No control socket: no client can connect.")
 @click.option("--allow-programs", is_flag=True, help="Start the pipeline's programs, unasked.")
@@ -127,7 +131,8 @@ def command(
         click.echo(warning.render(), err=True)
     log_levels = tuple(_log_level(text, configuration) for text in levels)
     fast = fast and port in VIRTUAL_PORTS
-    socket = None if no_socket or fast else _socket(name, group)  # a fast run ends at once
+    is_unseen = no_socket or (fast and name is None)  # a fast run usually ends at once
+    socket = None if is_unseen else _socket(name, group)
     stay = stay or dash or web
     flights = None if fast else black_box_folder()  # a fast run can be repeated from its seed
     options = RunOptions(

@@ -163,10 +163,10 @@ def type_(topic: str, as_json: bool, engine: str | None) -> int:
 )
 @engine_option
 def pub(topic: str, message: str, rate: float | None, engine: str | None) -> int:
-    """Publish MESSAGE, a JSON object, on TOPIC: operator.twist, operator.goal, ...
+    """Publish MESSAGE, a JSON object, on TOPIC: operator.twist, operator.goal, an input, ...
 
-    Only the operator's topics can be published. A velocity published once holds for 0.2 s, then the
-    robot stops; it also stops after Ctrl-C.
+    Only the topics of the operator and the inputs of the pipeline can be published. A velocity
+    published once holds for 0.2 s, then the robot stops; it also stops after Ctrl-C.
     """
     try:
         fields = json.loads(message)

@@ -201,15 +201,8 @@ def _check_robot(include: NamedInclude, loaded: Configuration) -> None:
     if loaded.robot is None or "wheels" not in loaded.robot_wires:
         cause = f"{include.path} drives no robot, so that there is nothing to name"
         _refuse(include.value, cause, "include it without `as`, or give it a robot")
-    own = [
-        key
-        for key, uses in (
-            ("inputs", [use for use in loaded.inputs if use.wire.startswith("input.")]),
-            ("programs", loaded.programs),
-            ("sources", loaded.sources),
-        )
-        if uses
-    ]
+    sections = (("programs", loaded.programs), ("sources", loaded.sources))
+    own = [key for key, uses in sections if uses]
     if own:
         cause = f"{include.path} has {join_words(own, 'and')}, which several robots cannot have"
         _refuse(include.value, cause, "run it in an engine of its own")

@@ -33,6 +33,7 @@ BLOCKS = {
     "scan_stop": "diffbotctl.blocks.scan_stop:ScanStop",
     "speed_limiter": "diffbotctl.blocks.speed_limiter:SpeedLimiter",
     "talker": "diffbotctl.blocks.talker:Talker",
+    "turtle": "diffbotctl.blocks.turtle:Turtle",
     "wander": "diffbotctl.blocks.wander:Wander",
     "wheel_speed": "diffbotctl.blocks.wheel_speed:WheelSpeed",
 }

@@ -1,5 +1,6 @@
 """What the server knows about the run: its metadata, the newest messages, rates, past stops."""
 
+import re
 from collections import deque
 from collections.abc import Callable, Iterable
 from itertools import pairwise
@@ -43,6 +44,7 @@ class RunInfo(NamedTuple):
     speed: float | None  # m/s
     turn_rate: float | None  # rad/s
     is_replay: bool  # then commands are refused
+    is_paced: bool  # False: logical time does not follow the clock of the machine
     scene: dict[str, Any]  # what a map draws that does not change, the reply to `scene`
 
 
@@ -173,6 +175,9 @@ ROS_TOPICS: dict[str, str | type] = {
 }
 
 
+FURTHER_TURTLE = re.compile(r"turtle([2-9]|[1-9]\d+)")  # turtlesim's; turtle1 is the robot itself
+
+
 class RequestContext(NamedTuple):
     """Context of a request handler: run metadata and state, the link to the engine, the client.
 
@@ -221,7 +226,13 @@ class RequestContext(NamedTuple):
 
 def _ros_wire(name: str, wires: dict[str, type]) -> str | None:
     """The wire that a ROS user means by `name`, such as `/odom`; None when there is none."""
-    meaning = ROS_TOPICS.get(name.strip("/").split("/")[-1])
+    *namespace, last = name.strip("/").split("/")
+    turtle = next((part for part in namespace if FURTHER_TURTLE.fullmatch(part)), None)
+    if turtle is not None:
+        own = {"cmd_vel": f"input.{turtle}_twist", "goal": f"input.{turtle}_goal"}
+        wire = own.get(last, f"{turtle}.{last}")
+        return wire if wire in wires else None
+    meaning = ROS_TOPICS.get(last)
     if isinstance(meaning, str):
         return meaning if meaning in wires else None
     return next((wire for wire, kind in wires.items() if kind is meaning), None)

@@ -190,6 +190,7 @@ ADDED: dict[str, dict[str, Any]] = {
         "coasting_noise": 1.0,
         "elapsed": 0.0,
     },
+    "TurtleCanvas": {"placements": ()},
     "PoseFilter": {"geometry": (), "unit_effects": NO_EFFECTS},
     "WheelOdometer": {
         "variance": 0.0,

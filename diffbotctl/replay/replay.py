@@ -127,7 +127,12 @@ class _ReplayRun:
         self.control_socket: RunControlSocket | None = None
         if options.dash:
             self.control_socket = RunControlSocket(
-                SocketOptions(), configuration, self.assembly, run.about["port"], is_replay=True
+                SocketOptions(),
+                configuration,
+                self.assembly,
+                run.about["port"],
+                is_replay=True,
+                is_paced=False,
             )
         self.engine = Engine(
             graph,

@@ -169,6 +169,7 @@ class BagConverter:
             "nav_msgs/msg/Odometry": self._odometry,
             "sensor_msgs/msg/JointState": self._joint_states,
             "sensor_msgs/msg/BatteryState": self._battery,
+            "sensor_msgs/msg/Imu": self._imu,
             "sensor_msgs/msg/Range": self._sensor,
             "sensor_msgs/msg/LaserScan": self._sensor,
             "rcl_interfaces/msg/Log": self._log,
@@ -246,6 +247,9 @@ class BagConverter:
 
     def _battery(self, wire: str, topic: RosTopic) -> Convert:
         return lambda fields, stamp: [(topic, {**_header(stamp, ""), **conversion.battery(fields)})]
+
+    def _imu(self, wire: str, topic: RosTopic) -> Convert:
+        return lambda fields, stamp: [(topic, {**_header(stamp, BASE), **conversion.imu(fields)})]
 
     def _log(self, wire: str, topic: RosTopic) -> Convert:
         return lambda fields, stamp: [

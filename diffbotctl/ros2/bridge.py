@@ -25,7 +25,6 @@ from diffbotctl.ros2.commands import LiveParameters, RobotCommands
 from diffbotctl.ros2.engine_connection import EngineConnection
 from diffbotctl.ros2.options import BridgeOptions, decode_options
 from diffbotctl.ros2.publishers import RunPublishers
-from diffbotctl.ros2.stamps import StampClock
 from diffbotctl.ros2.velocity_driver import VelocityDriver
 from diffbotctl.ros2.velocity_rules import Limits, VelocityRules
 from diffbotctl.ros2.velocity_topic import VelocityTopic
@@ -40,23 +39,20 @@ class Bridge:
 
     def __init__(self, node: Any, engine: EngineConnection, options: BridgeOptions) -> None:
         self.node, self.engine = node, engine
-        clock = StampClock(engine.about.get("epoch"))
-        self.publishers = RunPublishers(node, options, clock)
+        status = engine.request("status")
+        is_paced = status.get("paced", True)  # an older engine has no such field
+        self.publishers = RunPublishers(node, options, is_paced)
         topics = {row["topic"]: row["type"] for row in engine.request("list_topics")["topics"]}
         self.wires = self.publishers.choose_wires(topics)
         self.commands = RobotCommands(node, engine, options.allows_drive, options.frame_prefix)
         self.parameters = LiveParameters(node, engine, options.allows_drive)
         self.driver = VelocityDriver(
-            VelocityRules(self._limits()), engine.order, node.get_logger().warning
+            VelocityRules(_limits(status)), engine.order, node.get_logger().warning
         )
         if options.allows_drive:
             self.driver.start()
             self.velocity = VelocityTopic(node, self.driver)
             self.wires.append(RESUMED)
-
-    def _limits(self) -> Limits:
-        status = self.engine.request("status")
-        return Limits(*(status[name] or inf for name in ("speed", "turn_rate")))
 
     def read_engine(self) -> None:
         """Publish what comes, until the run ends."""
@@ -75,6 +71,10 @@ class Bridge:
             self.driver.stop_ended()
         else:
             self.publishers.message_received(wire, line["message"])
+
+
+def _limits(status: Fields) -> Limits:
+    return Limits(*(status[name] or inf for name in ("speed", "turn_rate")))
 
 
 def main(text: str) -> int:

@@ -10,12 +10,18 @@ from collections.abc import Mapping
 from math import atan2, cos, inf, nan, pi, sin
 from typing import Any, NamedTuple
 
+from diffbotctl.estimation.gyro_heading import SCALE_SD
+from diffbotctl.estimation.gyro_turn import NOISE, RESOLUTION_SD
 from diffbotctl.estimation.imu_text import imu_text
 from diffbotctl.messages import Imu
 
 Fields = dict[str, Any]
 
 UNKNOWN_VARIANCE = 1e6  # of what a planar pose does not measure; zero would mean exact
+NOT_MEASURED = [-1.0] + [0.0] * 8  # covariance of what an IMU does not measure (REP-145)
+CALIBRATED_SCALE_SD = 0.003  # relative, what `calibrate imu` leaves of the gyro's scale
+GYRO_FRAME_S = 0.02  # over which a rate is measured; telemetry below 50 Hz has less noise
+GYRO_NOISE_VARIANCE = NOISE**2 / GYRO_FRAME_S + 2.0 * (RESOLUTION_SD / GYRO_FRAME_S) ** 2
 INFRARED = 1  # sensor_msgs/Range
 BATTERY_UNKNOWN = 0  # sensor_msgs/BatteryState: status, health and technology
 LOG_LEVELS = {"debug": 10, "info": 20, "warning": 30, "error": 40}  # rcl_interfaces/Log
@@ -113,6 +119,25 @@ def wheel_angles(message: Fields, counts_per_turn: tuple[float, float]) -> tuple
     """Angles of both wheels (rad) from the counts of their encoders."""
     left, right = counts_per_turn
     return 2.0 * pi * message["left"] / left, 2.0 * pi * message["right"] / right
+
+
+def imu(message: Fields) -> Fields:
+    """sensor_msgs/Imu: the turn rate about the vertical axis, in the frame of the robot.
+
+    Orientation and acceleration are not measured. Before the gyro has been zeroed, and after it has
+    failed, the rate is not measured either.
+    """
+    measured = message["state"] == "working"
+    rate = number(message["rate"])
+    scale_sd = CALIBRATED_SCALE_SD if message["calibrated"] else SCALE_SD
+    variance = GYRO_NOISE_VARIANCE + number(message["bias_sd"]) ** 2 + (scale_sd * rate) ** 2
+    about = (UNKNOWN_VARIANCE, 0.0, 0.0, 0.0, UNKNOWN_VARIANCE, 0.0, 0.0, 0.0, variance)
+    return {
+        "orientation_covariance": NOT_MEASURED,
+        "angular_velocity": {"z": rate if measured else 0.0},
+        "angular_velocity_covariance": list(about) if measured else NOT_MEASURED,
+        "linear_acceleration_covariance": NOT_MEASURED,
+    }
 
 
 def battery(message: Fields) -> Fields:

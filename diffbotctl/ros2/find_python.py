@@ -25,6 +25,7 @@ MODULES = (
     "std_srvs",
     "diagnostic_msgs",
     "rcl_interfaces",
+    "rosgraph_msgs",
 )
 ROS_FOLDER = Path("/opt/ros")
 PROBE_TIMEOUT_S = 60.0

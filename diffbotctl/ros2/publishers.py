@@ -11,7 +11,8 @@ from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import Log
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
-from sensor_msgs.msg import BatteryState, JointState, LaserScan, Range
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import BatteryState, Imu, JointState, LaserScan, Range
 from std_msgs.msg import String
 
 from diffbotctl.ros2 import conversion
@@ -21,6 +22,7 @@ from diffbotctl.ros2.options import BridgeOptions, ModelFrame
 from diffbotctl.ros2.stamps import StampClock, seconds_and_nanoseconds
 from diffbotctl.ros2.topics import (
     BASE,
+    CLOCK,
     DESCRIPTION,
     DIAGNOSTICS,
     FIXED_TRANSFORMS,
@@ -55,11 +57,33 @@ MANY = 100  # messages that a queue of transforms or log lines holds
 Publish = Callable[[Fields, int], None]
 
 
-class RunPublishers:
-    """Publishes the messages of the wires in `wires`, which maps each to its type."""
+class ClockPublisher:
+    """Publishes the time of a run that does not follow the clock of the machine, on /clock."""
 
-    def __init__(self, node: Any, options: BridgeOptions, clock: StampClock) -> None:
-        self.node, self.options, self.clock = node, options, clock
+    def __init__(self, node: Any) -> None:
+        self.publisher = node.create_publisher(Clock, CLOCK.name, PROFILES[CLOCK.delivery])
+        self.newest = -1
+
+    def time_passed(self, stamp: int) -> None:
+        """Publish `stamp` (ns) if it is later than the last one."""
+        if stamp <= self.newest:
+            return
+        self.newest = stamp
+        message = Clock()
+        message.clock.sec, message.clock.nanosec = seconds_and_nanoseconds(stamp)
+        self.publisher.publish(message)
+
+
+class RunPublishers:
+    """Publishes the messages of the wires in `wires`, which maps each to its type.
+
+    `is_paced`: the run follows the clock of the machine; of any other the time is on /clock.
+    """
+
+    def __init__(self, node: Any, options: BridgeOptions, is_paced: bool) -> None:
+        self.node, self.options = node, options
+        self.clock = StampClock(None if is_paced else 0)
+        self.run_time = None if is_paced else ClockPublisher(node)
         self.prefix = options.frame_prefix
         self.publish: dict[str, Publish] = {}
         self.diagnosis = Diagnosis({})
@@ -73,6 +97,7 @@ class RunPublishers:
             "Odometry": self._odometry,
             "Encoders": self._joint_states,
             "Battery": self._battery,
+            "Imu": self._imu,
             "Range": self._sensor,
             "Scan": self._sensor,
         }
@@ -84,12 +109,15 @@ class RunPublishers:
 
     def message_received(self, wire: str, message: Fields) -> None:
         """Publish one message of the run."""
+        stamp = self.clock.stamp(message["time"], time.time_ns())
+        if self.run_time is not None:
+            self.run_time.time_passed(stamp)
         publish = self.publish.get(wire)
         if publish is not None:
-            publish(message, self.clock.stamp(message["time"], time.time_ns()))
+            publish(message, stamp)
         entries = self.diagnosis.message_received(wire, message, time.monotonic_ns())
         if entries:
-            self._publish_diagnostics(entries)
+            self._publish_diagnostics(entries, stamp)
 
     def _publisher(self, kind: type, topic: RosTopic) -> Any:
         return self.node.create_publisher(kind, topic.name, PROFILES[topic.delivery])
@@ -113,7 +141,8 @@ class RunPublishers:
     def _frame(self, frame: ModelFrame) -> Any:
         transform = TransformStamped(child_frame_id=self.prefix + frame.name)
         fill(transform.transform, frame_transform(frame))
-        return fill_header(transform, time.time_ns(), self.prefix + frame.parent)
+        stamp = time.time_ns() if self.run_time is None else 0
+        return fill_header(transform, stamp, self.prefix + frame.parent)
 
     def _odometry(self, wire: str, topic: RosTopic) -> Publish:
         publisher = self._publisher(Odometry, topic)
@@ -176,6 +205,17 @@ class RunPublishers:
 
         return publish
 
+    def _imu(self, wire: str, topic: RosTopic) -> Publish:
+        frame = self.prefix + BASE
+        publishers: list[Any] = []  # none of a robot without an IMU, which has the wire, too
+
+        def publish(fields: Fields, stamp: int) -> None:
+            if not publishers:
+                publishers.append(self._publisher(Imu, topic))
+            publishers[0].publish(fill_header(fill(Imu(), conversion.imu(fields)), stamp, frame))
+
+        return publish
+
     def _rosout(self, wire: str, topic: RosTopic) -> Publish:
         profile = QoSProfile(depth=MANY, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         publisher = self.node.create_publisher(Log, topic.name, profile)
@@ -187,8 +227,8 @@ class RunPublishers:
 
         return publish
 
-    def _publish_diagnostics(self, entries: list[DiagnosticEntry]) -> None:
-        message = fill_header(DiagnosticArray(), time.time_ns(), "")
+    def _publish_diagnostics(self, entries: list[DiagnosticEntry], stamp: int) -> None:
+        message = fill_header(DiagnosticArray(), stamp, "")
         for entry in entries:
             values = [KeyValue(key=key, value=value) for key, value in entry.values.items()]
             status = DiagnosticStatus(

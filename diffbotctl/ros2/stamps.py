@@ -16,7 +16,7 @@ class StampClock:
     With the epoch of the run the difference of both clocks is known. Without it, it is estimated:
     a message arrives at the earliest when its time has come, so the least difference within the
     last half minute is the best estimate. It is late by the least delay of the connection, and
-    follows a drift of the clocks.
+    follows a drift of the clocks. With `epoch` 0 the stamps are the time of the run itself.
     """
 
     def __init__(self, epoch: int | None = None) -> None:

@@ -33,6 +33,7 @@ class RosTopic(NamedTuple):
 
 TRANSFORMS = RosTopic("/tf", "tf2_msgs/msg/TFMessage")
 FIXED_TRANSFORMS = RosTopic("/tf_static", "tf2_msgs/msg/TFMessage", "latched")
+CLOCK = RosTopic("/clock", "rosgraph_msgs/msg/Clock")
 DESCRIPTION = RosTopic("robot_description", "std_msgs/msg/String", "latched")
 DIAGNOSTICS = RosTopic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
 LOG = RosTopic("/rosout", "rcl_interfaces/msg/Log", "latched")
@@ -41,6 +42,7 @@ FIRST_WIRE = {
     "Odometry": RosTopic("odom", "nav_msgs/msg/Odometry"),
     "Encoders": RosTopic("joint_states", "sensor_msgs/msg/JointState"),
     "Battery": RosTopic("battery_state", "sensor_msgs/msg/BatteryState"),
+    "Imu": RosTopic("imu", "sensor_msgs/msg/Imu", "best_effort"),
 }
 EACH_WIRE = {
     "Range": RosTopic("range", "sensor_msgs/msg/Range", "best_effort"),

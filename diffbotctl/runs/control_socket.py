@@ -38,6 +38,7 @@ class RunControlSocket:
         port: str,
         is_replay: bool = False,
         store: BlackBoxStore | None = None,
+        is_paced: bool = True,
     ) -> None:
         listener, path = listen_on(options.name, configuration.name, options.group)
         robot = configuration.robot
@@ -54,6 +55,7 @@ class RunControlSocket:
             speed=None if robot is None else robot.limits.speed,
             turn_rate=None if robot is None else robot.limits.turn_rate,
             is_replay=is_replay,
+            is_paced=is_paced,
             scene=_scene(configuration, assembly, port, is_replay),
         )
         shared = options.group is not None

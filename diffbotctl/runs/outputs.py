@@ -125,6 +125,7 @@ class RunOutputs:
                         part.assembly,
                         options.port,
                         store=store,
+                        is_paced=not options.fast,
                     )
                 )
                 store = None  # it lives in the process of the first one

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from diffbotctl.drivers.goal_queue import Operator
+from diffbotctl.drivers.input_leases import InputLeases
 from diffbotctl.drivers.named_robots import NamedDriver
 from diffbotctl.drivers.robot_ports import goal_rest, is_duty_board
 from diffbotctl.engine.driver import Driver, RobotDriver
@@ -73,6 +74,7 @@ class RobotRun:
         rest = goal_rest(self.configuration.robot)
         self.operator = Operator(self.goals, self._end_goals, stay=options.stay, rest=rest)
         self.on_goals_end = end
+        self.inputs = InputLeases(self.configuration.inputs, self.operator)
         self.robot: RobotDriver | None = None
         self.plant: SimulatedRobot | None = None
         self.changes = LiveChanges(part.assembly.graph, {})
@@ -90,11 +92,17 @@ class RobotRun:
         return not self.operator.stay and self.goals_ended == self.operator.number
 
     def drivers(self) -> list[Driver]:
-        """Its drivers, in the order in which they deliver."""
+        """Its drivers, in the order in which they deliver.
+
+        The leases of the inputs are among them only for one of several robots: those of a single
+        one deliver after programs and devices.
+        """
         found: list[Driver | None] = [self.robot, self.operator, self.client]
         drivers = [driver for driver in found if driver is not None]
         if not self.part.name:
             return drivers
+        if self.configuration.inputs:
+            drivers.append(self.inputs)
         return [NamedDriver(self.part.name, driver) for driver in drivers]
 
     def sinks(

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.drivers.device_sources import open_sources
-from diffbotctl.drivers.input_leases import InputLeases
 from diffbotctl.drivers.named_robots import RobotGroup
 from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS
 from diffbotctl.engine.clock import Clock, PacedClock, VirtualClock
@@ -104,7 +103,7 @@ class Run:
         _check_programs(configuration, options)
         _check_sources(configuration, options)
         self.outputs = self._start_outputs(show, screen_closed)
-        self.inputs = InputLeases(configuration.inputs, self.operator)
+        self.inputs = self.robots[0].inputs  # several robots have no programs and devices
         self.programs = self._start_programs()
         self.devices = open_sources(configuration.sources, self.inputs, self.operator)
         if self.assembly.parts:
@@ -235,10 +234,10 @@ class Run:
 
     def _connect_clients(self) -> None:
         """The drivers of the control sockets. A paced simulation is not woken by commands."""
-        wakes = self.is_real or self.robot is None or bool(self.configuration.inputs)
         for robot, control_socket in zip(self.robots, self.outputs.control_sockets, strict=False):
+            wakes = self.is_real or self.robot is None or bool(robot.configuration.inputs)
             robot.client = control_socket.client_driver(
-                robot.operator, robot.changes, wakes, self.inputs
+                robot.operator, robot.changes, wakes, robot.inputs
             )
 
     def _start_programs(self) -> ProgramsDriver | None:

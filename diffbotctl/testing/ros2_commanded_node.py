@@ -102,8 +102,11 @@ class CommandedNode:
         say(published=topic)
 
     def repeat(self, topic, message, rate, over):
-        while not over.wait(1.0 / rate):
+        """Publish at this rate also where a wait takes longer than a period."""
+        due = time.monotonic() + 1.0 / rate
+        while not over.wait(max(due - time.monotonic(), 0.0)):
             self.publishers[topic].publish(message)
+            due += 1.0 / rate
 
     def call(self, command):
         client = self.node.create_client(Trigger, command["call"])

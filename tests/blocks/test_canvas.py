@@ -3,7 +3,7 @@
 import pytest
 
 from diffbotctl.blocks.canvas import TURTLES_MAX, TurtleCanvas, colour
-from diffbotctl.messages import Odometry
+from diffbotctl.messages import Odometry, TurtlePlacement
 
 HERE = Odometry(5, 5.544, 5.544, 0.0, 0.0, 0.0, (0.0,) * 6)
 
@@ -25,33 +25,59 @@ def test_colours(parts, expected):
 
 
 def test_the_state_is_sent_first_and_then_on_changes(canvas):
-    assert TurtleCanvas().react(0, HERE) == (0, 0, "#4556ff", "#b3b8ff", True, ())
-    assert canvas.react(1, HERE) is None
+    state, placement = TurtleCanvas().react(0, HERE)
+    assert state == (0, 0, "#4556ff", "#b3b8ff", True, ()) and placement is None
+    assert canvas.react(1, HERE) == (None, None)
     canvas.background_red = 255
-    assert canvas.react(2, HERE).background == "#ff56ff"
-    assert canvas.react(3, HERE) is None
+    assert canvas.react(2, HERE)[0].background == "#ff56ff"
+    assert canvas.react(3, HERE) == (None, None)
 
 
 def test_pen_up_and_down(canvas):
     canvas.pen, canvas.pen_green = "up", 0
-    state = canvas.react(1, HERE)
+    state, _ = canvas.react(1, HERE)
     assert (state.is_down, state.pen) == (False, "#b300ff")
 
 
 def test_clear_starts_a_new_line(canvas):
     canvas.clear(1)
-    assert canvas.react(1, HERE).sheet == 1
+    assert canvas.react(1, HERE)[0].sheet == 1
 
 
 def test_turtles_are_spawned_moved_and_killed(canvas):
     canvas.spawn(1, 2.0, 3.0, 0.5)
     canvas.spawn(1)
-    assert canvas.react(1, HERE).turtles == (2, 2.0, 3.0, 0.5, 3, 0.0, 0.0, 0.0)
+    assert canvas.react(1, HERE)[0].turtles == (2, 2.0, 3.0, 0.5, 3, 0.0, 0.0, 0.0)
     canvas.teleport(2, 3, 9.0, 8.0, 1.0)
     canvas.kill(2, 2)
-    assert canvas.react(2, HERE).turtles == (3, 9.0, 8.0, 1.0)
+    assert canvas.react(2, HERE)[0].turtles == (3, 9.0, 8.0, 1.0)
     canvas.spawn(3, 1.0)  # numbers are not reused
-    assert canvas.react(3, HERE).turtles[4] == 4
+    assert canvas.react(3, HERE)[0].turtles[4] == 4
+
+
+def test_a_number_can_be_asked_for_unless_it_is_taken(canvas):
+    canvas.spawn(1, 2.0, number=7)
+    canvas.spawn(1, 3.0)
+    assert canvas.react(1, HERE)[0].turtles[::4] == (7, 8)
+    for number in (7, 1, 2.5):
+        with pytest.raises(ValueError, match="turtle"):
+            canvas.spawn(2, number=number)
+    canvas.kill(2, 7)
+    canvas.spawn(2, 4.0, number=7)
+    assert canvas.react(3, HERE)[0].turtles[4:6] == (7, 4.0)
+
+
+def test_every_placement_is_sent_one_an_instant(canvas):
+    canvas.spawn(1, 2.0, 3.0, 0.5)
+    canvas.teleport(1, 2, 9.0, 8.0, 1.0)
+    canvas.kill(1, 2)
+    sent = [canvas.react(time, HERE)[1] for time in (10, 20, 30, 40)]
+    assert sent == [
+        TurtlePlacement(10, 2, 2.0, 3.0, 0.5, True),
+        TurtlePlacement(20, 2, 9.0, 8.0, 1.0, True),
+        TurtlePlacement(30, 2, 0.0, 0.0, 0.0, False),
+        None,
+    ]
 
 
 @pytest.mark.parametrize("number", [1, 7, 2.5])
@@ -61,7 +87,7 @@ def test_an_unknown_turtle_cannot_be_killed_or_moved(canvas, number):
         canvas.kill(2, number)
     with pytest.raises(ValueError, match="turtle"):
         canvas.teleport(2, number)
-    assert len(canvas.react(3, HERE).turtles) == 4
+    assert len(canvas.react(3, HERE)[0].turtles) == 4
 
 
 def test_the_number_of_turtles_is_limited(canvas):

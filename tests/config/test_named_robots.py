@@ -79,14 +79,15 @@ ONE = "include:\n  - {path: goal, as: left}\n"
         ("include: {}\n", 3, "either all includes have a name or none"),
         (f"{ONE}  - {{path: hello, as: right}}\n", 5, "drives no robot"),
         (f"{ONE}  - {{path: nested, as: right}}\n", 5, "itself gives names to its includes"),
-        (f"{ONE}  - {{path: published, as: right}}\n", 5, "has inputs"),
+        (f"{ONE}  - {{path: guided, as: right}}\n", 5, "has sources"),
         ("include: [{path: ./pair.yaml, as: left}]\n", 3, "itself gives names to its includes"),
         ("include: nested\n", 3, "only in the file that is run"),
     ],
 )
 def test_what_is_not_possible_is_refused_with_its_place(tmp_path, text, line, cause):
     pipeline(tmp_path, "include: {path: goal, as: inner}\n", "nested")
-    pipeline(tmp_path, "include: goal\ninputs: {face: {type: Range}}\n", "published")
+    sources = "sources: {joystick: {driver: joystick, timeout: 0.3 s}}"
+    pipeline(tmp_path, f"include: goal\n{sources}\n", "guided")
     with pytest.raises(UserError) as caught:
         load(pipeline(tmp_path, text))
     (problem,) = caught.value.problems

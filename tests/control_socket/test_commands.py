@@ -118,6 +118,18 @@ def test_stop_works_when_everything_else_is_broken(tmp_path, broken):
     assert not list((tmp_path / "diffbotctl").glob("test.socket"))
 
 
+def test_a_named_run_without_pace_is_watched_and_stopped_but_not_driven(tmp_path):
+    with running(tmp_path, "square", "--fast", "--stay"):
+        client = PlainClient(tmp_path)
+        before = client.request("status")
+        assert before["paced"] is False
+        reply = client.request("drive", linear=0.1)
+        assert not reply["ok"] and "without --fast" in reply["fix"]
+        client.until(lambda status: status["time"] > before["time"])
+        code, output, complaint = cli(tmp_path, "stop")
+        assert code == 0 and "stopped" in output, complaint
+
+
 def test_a_killed_engine_leaves_no_name_behind(tmp_path):
     with running(tmp_path, *FAR) as process:
         hub = hub_of(tmp_path, process.pid)

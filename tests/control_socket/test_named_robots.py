@@ -6,6 +6,7 @@ import subprocess
 
 import pytest
 
+from diffbotctl.testing.background import repeating
 from diffbotctl.testing.running import PlainClient, cli, command, moves, running, stands
 
 PAIR = """format: 1
@@ -113,3 +114,37 @@ def test_names_of_one_robot_are_those_of_its_own_pipeline(tmp_path, pair):
     assert left.request("call_action", action="robot.home")["ok"]
     code, _, err = cli(tmp_path, "bag", "save", "--engine", "test-right")
     assert code != 0 and "the first of several robots keeps it" in err
+
+
+LED = """format: 1
+kind: pipeline
+include: goal
+goals: []
+world: {walls: []}
+inputs: {lead: {type: Twist, timeout: 0.3 s}}
+blocks: {mux: {in: {autonomous: input.lead}}}
+"""
+
+
+def test_inputs_of_the_same_name_belong_to_one_robot_each(tmp_path):
+    (tmp_path / "led.yaml").write_text(LED)
+    includes = "".join(f"  - {{path: ./led.yaml, as: {name}}}\n" for name in ("left", "right"))
+    (tmp_path / "pair.yaml").write_text(f"format: 1\nkind: pipeline\ninclude:\n{includes}")
+    recording = tmp_path / "run.mcap"
+    words = (str(tmp_path / "pair.yaml"), "--stay", "--record", str(recording))
+    with running(tmp_path, *words, sets=()) as process:
+        left, right, leader = (
+            PlainClient(tmp_path, f"test-{n}") for n in ("left", "right", "left")
+        )
+        fields = {"topic": "input.lead", "message": {"linear": 0.1, "angular": 0.0}}
+        line = json.dumps({"method": "publish", **fields})
+        with repeating(lambda: leader.send(line), 0.05):
+            left.until(moves)
+            assert stands(right.request("status")) and not right.request("status")["held"]
+        leader.close()  # a robot whose leader has gone is stopped; the other one is not
+        left.until(lambda status: status["held"] and status["held"]["code"] == "input_stale")
+        assert right.request("status")["held"] is None
+        process.send_signal(signal.SIGINT)
+        process.wait(60)
+    code, out, err = cli(tmp_path, "replay", str(recording), "--check")
+    assert code == 0 and "bit for bit" in out, err

@@ -1,12 +1,14 @@
 """The book's turtle and the Burger, commanded from another terminal as its chapters 4 and 5 do."""
 
 import json
+import signal
 import time
 from math import pi
 
 import pytest
 
-from diffbotctl.testing.running import REPLY_TIMEOUT_S, cli, running
+from diffbotctl.testing.background import repeating
+from diffbotctl.testing.running import REPLY_TIMEOUT_S, PlainClient, cli, running
 
 
 @pytest.fixture(scope="module")
@@ -94,6 +96,48 @@ def test_the_turtlebot_wanders_and_manual_driving_has_priority(tmp_path):
         assert len(scan["distances"]) == 360
         output = done(tmp_path, "drive", "--v", "0.1", "--distance", "20cm")
         assert 0.15 < float(output.split()[1]) < 0.30  # it came with 0.176 m/s
+
+
+def publishing(client, topic, **message):
+    """`client` publishes the message 20 times a second, from a thread, until the end."""
+    line = json.dumps({"method": "publish", "topic": topic, "message": message})
+    return repeating(lambda: client.send(line), 0.05)
+
+
+def test_spawned_turtles_are_driven_at_once_and_replayed(tmp_path):
+    recording = tmp_path / "turtles.mcap"
+    with running(tmp_path, "turtles", "--record", str(recording), sets=()) as process:
+        done(tmp_path, "call", "canvas.spawn", "x=2", "y=3")
+        done(tmp_path, "call", "canvas.spawn", "x=8", "y=3", "heading=90deg")
+        done(tmp_path, "call", "canvas.spawn", "x=9", "y=9")
+        becomes(tmp_path, "turtle4.pose", lambda pose: pose["x"] == 9.0)
+        people = [PlainClient(tmp_path) for _ in range(3)]
+        with (
+            publishing(people[0], "/turtle2/cmd_vel", linear=0.5, angular=0.0),
+            publishing(people[1], "/turtle3/cmd_vel", linear=0.5, angular=0.0),
+            publishing(people[2], "/turtle1/cmd_vel", linear=0.5, angular=0.0),
+        ):
+            words = ("topic", "pub", "/turtle4/goal", '{"x": 6, "y": 9}')
+            done(tmp_path, *words)
+            becomes(tmp_path, "/turtle2/pose", lambda pose: pose["x"] > 2.5 and pose["y"] == 3.0)
+            becomes(tmp_path, "/turtle3/pose", lambda pose: pose["y"] > 3.5)
+            becomes(tmp_path, "robot.pose", lambda pose: pose["x"] > 5.6)
+            at_goal = becomes(
+                tmp_path, "turtle4.pose", lambda pose: pose["x"] < 6.1 and pose["linear"] == 0.0
+            )
+            assert at_goal["y"] == pytest.approx(9.0, abs=0.05)
+            refused = people[0].request(
+                "publish", topic="/turtle9/cmd_vel", message={"linear": 1.0, "angular": 0.0}
+            )
+            assert not refused["ok"]  # it must not drive another one
+            done(tmp_path, "stop")
+            for topic in ("turtle2.pose", "turtle3.pose"):
+                becomes(tmp_path, topic, lambda pose: pose["linear"] == 0.0)
+        done(tmp_path, "resume")
+        process.send_signal(signal.SIGINT)
+        process.wait(REPLY_TIMEOUT_S)
+    code, output, complaint = cli(tmp_path, "replay", str(recording), "--check")
+    assert code == 0 and "bit for bit" in output, complaint
 
 
 def test_the_names_of_turtlesim_are_known(folder):

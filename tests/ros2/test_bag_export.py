@@ -15,7 +15,7 @@ from rosbags.typesys import Stores, get_typestore
 from diffbotctl.cli.main import program
 from diffbotctl.config.load import load
 from diffbotctl.errors import RunError, UsageError, UserError
-from diffbotctl.messages import Battery, Odometry, Scan
+from diffbotctl.messages import Battery, Imu, Odometry, Scan
 from diffbotctl.recording.live_recording import LiveRecording, LiveTopic
 from diffbotctl.recording.message_schema import json_schema
 from diffbotctl.recording.reader import RecordedMessage, RecordingReader
@@ -162,6 +162,24 @@ def test_a_scan_and_a_battery_by_hand(tmp_path):
     assert battery.voltage == pytest.approx(7.4) and battery.present
     (status,) = diagnostics.status
     assert (status.level, status.message) == (1, "low")
+
+
+def test_an_imu_by_hand(tmp_path):
+    converter = BagConverter(RobotModel(), {"odometry.imu": "Imu"}, "")
+    message = Imu(2 * SECOND, "working", 0.5, 0.1, 0.001, True)
+    item = RecordedMessage(message.time, "odometry.imu", True, message, b"", 1)
+    written = RosBag(tmp_path / "bag", ("diffbotctl", "test"))
+    for topic, fields in converter.messages(item, EPOCH):
+        written.write(topic, EPOCH + item.time, fields)
+    written.close()
+    (topic, _, imu), _ = decoded(tmp_path / "bag")
+    assert (topic, imu.header.frame_id, stamp(imu.header)) == (
+        "/imu",
+        "base_link",
+        EPOCH + 2 * SECOND,
+    )
+    assert imu.angular_velocity.z == 0.5
+    assert imu.orientation_covariance[0] == imu.linear_acceleration_covariance[0] == -1.0
 
 
 def test_the_command_lists_topics_and_what_it_leaves_out(recording, tmp_path):

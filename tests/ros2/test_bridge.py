@@ -16,11 +16,13 @@ from diffbotctl.testing.ros2_nodes import (
     ros_python,
 )
 from diffbotctl.testing.running import PlainClient, cli, moves, running, stands
+from diffbotctl.time import SECOND
 
 pytestmark = pytest.mark.skipif(
     ros_python() is None,
     reason="no rclpy here: `make ros2` installs it where its wheels exist (x86-64)",
 )
+YEAR = 365 * 24 * 3600 * SECOND
 PROGRAMS = Path(__file__).parent / "programs"
 # Topic, type, quality of service of the subscriber.
 OUTPUTS = [
@@ -87,6 +89,63 @@ def node_reply(node, topic):
     """A message of a topic; a latched one may have been read already."""
     printed = [line for line in list(node.printed) if line.startswith(f'{{"{topic}"')]
     return json.loads(printed[0])[topic] if printed else node.reply(topic)
+
+
+ROBOT_WITH_IMU = """format: 1
+kind: robot
+include: book_2wd
+board: {telemetry: 30 Hz}
+imu: {type: mpu6050, axes: z}
+battery: {pin: A1, divider: 3, full: 8.4 V}
+"""
+
+
+def test_an_imu_and_a_battery_are_seen(tmp_path):
+    robot = tmp_path / "robot.yaml"
+    robot.write_text(ROBOT_WITH_IMU)
+    with (
+        running(tmp_path, "standby", "--stay", "--robot", str(robot)),
+        bridge(tmp_path, "--drive"),
+        ros_node(tmp_path, COMMANDED_NODE, "watcher") as node,
+    ):
+        node.command(watch="/imu", type="sensor_msgs/msg/Imu", qos="sensor")
+        still = node.reply("/imu", lambda imu: imu["angular_velocity_covariance"][0] != -1.0)
+        assert still["header"]["frame_id"] == "base_link"
+        assert still["orientation_covariance"][0] == -1.0
+        publish(node, 0.0, 0.5, rate=20)
+        node.reply("/imu", lambda imu: imu["angular_velocity"]["z"] > 0.3)
+        publish(node, 0.0)
+        node.command(watch="/battery_state", type="sensor_msgs/msg/BatteryState")
+        assert 5.0 < node.reply("/battery_state")["voltage"] < 9.0
+
+
+def test_a_scan_and_the_log_are_seen(tmp_path):
+    with (
+        running(tmp_path, "wander"),
+        bridge(tmp_path),
+        ros_node(tmp_path, COMMANDED_NODE, "watcher") as node,
+    ):
+        node.command(watch="/scan", type="sensor_msgs/msg/LaserScan", qos="sensor")
+        scan = node.reply("/scan")
+        assert len(scan["ranges"]) == 360 and scan["header"]["frame_id"] == "scan_sensor_link"
+        node.command(watch="/rosout", type="rcl_interfaces/msg/Log", qos="latched")
+        node.reply("/rosout", lambda line: line.get("name", "").startswith("diffbotctl."))
+
+
+def test_a_node_with_simulated_time_follows_the_clock_of_an_unpaced_run(tmp_path):
+    with running(tmp_path, "square", "--fast", "--stay"), bridge(tmp_path):
+        with ros_node(tmp_path, PROGRAMS / "clock_reader.py") as node:
+            stamp, now = node.reply("stamp_and_now", lambda times: times[1] > SECOND)
+            later = node.reply("stamp_and_now", lambda times: times[1] > now + 10 * SECOND)
+        # The time of the run, not of the day: that is more than fifty years.
+        assert 0 < stamp < later[0] < YEAR and now < later[1] < YEAR
+
+
+def test_an_unpaced_run_is_not_driven(tmp_path):
+    with running(tmp_path, "square", "--fast", "--stay"):
+        words = ("--python", ros_python(), "--drive")
+        code, _, complaint = cli(tmp_path, "ros2", "--engine", "test", *words)
+        assert code == 1 and "start the run without --fast" in complaint
 
 
 def test_a_velocity_beyond_the_limits_drives_on_its_arc_within_them(folder, client):

@@ -1,6 +1,6 @@
 """Messages of the socket as fields of ROS messages: tables worked by hand."""
 
-from math import inf, isnan, pi, sqrt
+from math import inf, isnan, pi, radians, sqrt
 
 import pytest
 from hypothesis import given
@@ -63,6 +63,36 @@ def test_a_scan_of_four_rays():
     assert fields["ranges"] == [1.0, inf, 0.0, 2.0]
     assert fields["angle_max"] == pytest.approx(1.5 * pi)
     assert (fields["scan_time"], fields["time_increment"]) == (0.2, 0.05)
+
+
+def inertial(**changes):
+    fields = {"state": "working", "rate": 0.5, "bias": 0.1, "bias_sd": 0.001, "calibrated": True}
+    return {"time": 5, **fields, "cause": "", **changes}
+
+
+def test_an_imu_has_its_turn_rate_and_says_what_it_does_not_measure():
+    fields = conversion.imu(inertial())
+    covariance = fields["angular_velocity_covariance"]
+    assert fields["angular_velocity"] == {"z": 0.5}
+    assert (covariance[0], covariance[4]) == (1e6, 1e6)  # it has one axis
+    # 1 mrad/s of the bias, 0.3 % of the rate, and the noise of a frame: below 0.5 deg/s together.
+    assert 0.001**2 + (0.003 * 0.5) ** 2 < covariance[8] < radians(0.5) ** 2
+    for quantity in ("orientation", "linear_acceleration"):
+        assert fields[f"{quantity}_covariance"] == [-1.0, 0, 0, 0, 0, 0, 0, 0, 0]
+
+
+def test_a_scale_that_was_not_calibrated_makes_a_turn_less_certain():
+    plain, calibrated = (
+        conversion.imu(inertial(rate=2.0, calibrated=known))["angular_velocity_covariance"][8]
+        for known in (False, True)
+    )
+    assert plain - calibrated == pytest.approx(4.0 * (0.03**2 - 0.003**2))
+
+
+@pytest.mark.parametrize("state", ["zeroing", "failed"])
+def test_an_imu_that_is_not_used_measures_nothing(state):
+    fields = conversion.imu(inertial(state=state, rate=0.0))
+    assert fields["angular_velocity_covariance"][0] == -1.0
 
 
 def test_counts_become_angles_of_the_wheels():

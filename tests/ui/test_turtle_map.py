@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 
 from diffbotctl.config.load import load
-from diffbotctl.messages import Canvas, Odometry, Scan
+from diffbotctl.messages import Canvas, Odometry, Scan, TurtlePose
 from diffbotctl.processes.screen import RunSnapshot
 from diffbotctl.render.map_scene import Scene, describe_scene, parse_scene
 from diffbotctl.runs.build_graph import assemble
@@ -46,6 +46,14 @@ def test_the_pose_of_a_block_has_priority_over_the_camera():
     assert newest_odometry(picture(robot__pose=camera, odometry__odometry=reckoned)) == reckoned
     assert newest_odometry(picture(robot__pose=camera)) == camera
     assert newest_odometry(picture()) is None
+
+
+def test_a_further_turtle_is_where_its_own_pose_says():
+    sheet = TurtleTrail()
+    moved = TurtlePose(0, 3, 7.0, 8.0, 1.0, 0.5, 0.0)
+    looked = looks(turtles=(2, 1.0, 2.0, 0.5, 3, 4.0, 5.0, 0.0))
+    sheet.update(picture(canvas__canvas=looked, robot__pose=pose(0, 0), turtle3__pose=moved))
+    assert sheet.others == [((1.0, 2.0), 0.5), ((7.0, 8.0), 1.0)]
 
 
 def test_the_pen_draws_in_its_colour_only_while_down():

@@ -86,6 +86,7 @@ def handle_status(context: RequestContext, request: requests.StatusRequest) -> F
         "pipeline": info.pipeline,
         "robot": info.robot,
         "port": info.port,
+        "paced": info.is_paced,
         "speed": info.speed,
         "turn_rate": info.turn_rate,
         "held": _stop_in_force(context),

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from diffbotctl.messages import Stop, Wheels
 from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.replay.replay import replay
-from diffbotctl.testing.command_process import command_line
+from diffbotctl.testing.command_process import command_line, processor_s
 from diffbotctl.time import SECOND
 
 TIMEOUT_S = 0.3
@@ -127,7 +127,8 @@ class FailureOutcome(NamedTuple):
 
     `silence`: from its last valid message to the stop. `came_back`: messages
     of the program that was started again. `moved`: whether a wheel was commanded to turn after the
-    stop. `is_equal`: a replay without the program is the same.
+    stop. `is_equal`: a replay without the program is the same. `load`: share of a core that the
+    engine used, from the program's first start on.
     """
 
     kind: str
@@ -137,6 +138,7 @@ class FailureOutcome(NamedTuple):
     came_back: int
     moved: bool
     is_equal: bool
+    load: float = 0.0
 
     @property
     def is_right(self) -> bool:
@@ -170,16 +172,21 @@ def fail(
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
     )
-    deadline = time.monotonic() + BACK_TIMEOUT_S
-    while not (folder / "marker_back").exists() and time.monotonic() < deadline:
-        if process.poll() is not None:
-            break
-        time.sleep(0.02)
+    _wait_for(folder / "marker", process)
+    used, begun = processor_s(process.pid), time.monotonic()
+    _wait_for(folder / "marker_back", process)
+    load = (processor_s(process.pid) - used) / (time.monotonic() - begun)
     process.send_signal(signal.SIGTERM)
     _, complaints = process.communicate(timeout=60)
     if not recording.exists():
         return FailureOutcome(kind, -1.0, False, complaints.decode(), 0, True, False)
-    return _outcome(kind, recording)
+    return _outcome(kind, recording)._replace(load=load)
+
+
+def _wait_for(file: Path, process: subprocess.Popen[bytes]) -> None:
+    deadline = time.monotonic() + BACK_TIMEOUT_S
+    while not file.exists() and time.monotonic() < deadline and process.poll() is None:
+        time.sleep(0.02)
 
 
 def _outcome(kind: str, recording: Path) -> FailureOutcome:

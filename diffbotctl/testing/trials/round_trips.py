@@ -19,7 +19,7 @@ from pathlib import Path
 from statistics import median
 from typing import NamedTuple
 
-from diffbotctl.testing.command_process import command_line
+from diffbotctl.testing.command_process import command_line, processor_s
 from diffbotctl.testing.running import PlainClient
 
 RATE = 200.0
@@ -126,10 +126,14 @@ WITH_INPUT = "inputs: {back: {type: Text}}"
 
 
 class RoundTrips(NamedTuple):
-    """Sorted round trips (s), and the share of a core that the engine used."""
+    """Sorted round trips (s), and the share of a core that the engine used.
+
+    `recording`: of the run, without which there is none.
+    """
 
     times: list[float]
     engine: float = 0.0
+    recording: Path | None = None
 
     @property
     def median(self) -> float:
@@ -194,7 +198,7 @@ def through_program(folder: Path, run: str, seconds: float) -> RoundTrips:
         time.sleep(1.0)  # it has started
         engine = _share(process.pid, seconds - 1.5)
         _wait_for(result)
-    return RoundTrips(_times(result), engine)
+    return RoundTrips(_times(result), engine, pipeline.with_suffix(".mcap"))
 
 
 def through_client(folder: Path, seconds: float) -> RoundTrips:
@@ -205,7 +209,7 @@ def through_client(folder: Path, seconds: float) -> RoundTrips:
     with _engine(folder, pipeline, "--name", "test") as process:
         client = _connect(folder)
         client.request("subscribe", topic="listener.heard")
-        used, begin = _used(process.pid), time.monotonic()
+        used, begin = processor_s(process.pid), time.monotonic()
         due = begin
         for number in range(round(seconds * RATE)):
             due += 1.0 / RATE
@@ -216,9 +220,9 @@ def through_client(folder: Path, seconds: float) -> RoundTrips:
             while "message" not in client.read():
                 pass  # the reply to the request
             times.append(time.monotonic() - sent)
-        engine = (_used(process.pid) - used) / (time.monotonic() - begin)
+        engine = (processor_s(process.pid) - used) / (time.monotonic() - begin)
         client.close()
-    return RoundTrips(sorted(times), engine)
+    return RoundTrips(sorted(times), engine, pipeline.with_suffix(".mcap"))
 
 
 def _connect(folder: Path) -> PlainClient:
@@ -252,15 +256,9 @@ def _engine(folder: Path, pipeline: Path, *words: str) -> Iterator[subprocess.Po
 
 def _share(pid: int, seconds: float) -> float:
     """Share of a core that a process uses over that time."""
-    used = _used(pid)
+    used = processor_s(pid)
     time.sleep(seconds)
-    return (_used(pid) - used) / seconds
-
-
-def _used(pid: int) -> float:
-    """Processor time of a process without its children (s)."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    return (processor_s(pid) - used) / seconds
 
 
 def _wait_for(result: Path) -> None:

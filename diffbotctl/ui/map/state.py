@@ -6,7 +6,7 @@ from collections import deque
 from math import hypot
 
 from diffbotctl.geometry.trail import JUMP_MIN_M, Trail
-from diffbotctl.messages import Canvas
+from diffbotctl.messages import Canvas, TurtlePose
 from diffbotctl.processes.screen import RunSnapshot
 from diffbotctl.render.map_scene import Scene
 from diffbotctl.ui.map.canvas import Point
@@ -24,6 +24,7 @@ class TurtleTrail:
         self.canvas: Canvas | None = None
         self.lines: deque[tuple[Point, Point, str]] = deque(maxlen=TURTLE_MAX_LINES)
         self.last: Point | None = None
+        self.poses: dict[int, TurtlePose] = {}  # of the further turtles that can be driven
 
     def update(self, snapshot: RunSnapshot) -> None:
         """Draw from the last position to the robot's, if the pen is down."""
@@ -33,6 +34,8 @@ class TurtleTrail:
         if self.canvas is not None and canvas.sheet != self.canvas.sheet:
             self.lines.clear()
         self.canvas = canvas
+        poses = [each for each in snapshot.messages.values() if isinstance(each, TurtlePose)]
+        self.poses = {pose.number: pose for pose in poses}
         point = (pose.x, pose.y)
         if self.last is not None:
             distance = hypot(point[0] - self.last[0], point[1] - self.last[1])
@@ -47,7 +50,11 @@ class TurtleTrail:
         """Place and heading of each turtle except the first."""
         # number, x, y, heading of one after the other
         flat = iter(self.canvas.turtles if self.canvas is not None else ())
-        return [((x, y), heading) for _, x, y, heading in zip(flat, flat, flat, flat, strict=True)]
+        found = []
+        for number, x, y, heading in zip(flat, flat, flat, flat, strict=True):
+            pose = self.poses.get(int(number))
+            found.append(((x, y), heading) if pose is None else ((pose.x, pose.y), pose.heading))
+        return found
 
 
 class MapState:
