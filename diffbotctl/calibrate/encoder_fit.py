@@ -156,10 +156,13 @@ def count_slots(rolls: Mapping[str, Sequence[int]], turns: int, robot: Robot) ->
     findings.
     """
     result = PartResult([], [], [])
-    stated = {side: section.encoder.slots for side, section in drive_sides(robot).items()}
+    encoders = {side: section.encoder for side, section in drive_sides(robot).items()}
+    stated = {side: encoder.slots for side, encoder in encoders.items()}
     slots = {}
     for side, counts in rolls.items():
-        number = _count_side(result, side, counts, turns, stated[side])
+        counts_of_slot = encoders[side].counts // stated[side]
+        passed = [count / counts_of_slot for count in counts]
+        number = _count_side(result, side, passed, turns, stated[side])
         if number is not None:
             slots[side] = number
     numbers = set(slots.values())
@@ -176,16 +179,19 @@ def count_slots(rolls: Mapping[str, Sequence[int]], turns: int, robot: Robot) ->
 
 
 def _count_side(
-    result: PartResult, side: str, counts: Sequence[int], turns: int, stated: int
+    result: PartResult, side: str, counts: Sequence[float], turns: int, stated: int
 ) -> int | None:
-    """The slots of one disc, added to the report; None and a fault if it is no whole number."""
+    """The slots of one disc, added to the report; None and a fault if it is no whole number.
+
+    `counts`: of slots, in fractions where the board counts several edges of one.
+    """
     middle = median(counts)
     good = [count for count in counts if abs(count - middle) <= COUNT_TOLERANCE]
     per_turn = sum(good) / len(good) / turns
     for number, count in enumerate(counts, 1):
         if count not in good:
             result.report.append(
-                f"{side} wheel, time {number} left out: {count} counts instead of {middle:g}"
+                f"{side} wheel, time {number} left out: {count:g} counts instead of {middle:g}"
             )
     spread = (max(good) - min(good)) / turns
     slots = round(per_turn)

@@ -63,7 +63,7 @@ class TurnLimit:
         self._start = self._start or counts
         sides = (robot.drive.left, robot.drive.right)
         for side, count, start in zip(sides, counts, self._start, strict=True):
-            if abs(count - start) > self.turns * side.encoder.slots + TURN_LIMIT_MARGIN:
+            if abs(count - start) > self.turns * side.encoder.counts + TURN_LIMIT_MARGIN:
                 cause = f"a wheel turned more than the announced {self.turns:g} turns"
                 raise stopped_error(
                     cause, "is there noise on its encoder, or is the number of slots wrong?"

@@ -152,7 +152,7 @@ def _logs(
     drive = machine.drive
     right, left = drive.right, drive.left
     stated = Geometry(right.wheel.diameter, left.wheel.diameter, drive.track)
-    ticks = (right.encoder.slots, left.encoder.slots)
+    ticks = (right.encoder.counts, left.encoder.counts)
     counts = [read_counts(file, ticks, machine) for file in files]
     refuse_dead_encoder(counts)
     return _placed(counts, ends, truth, max(stated.right, stated.left)), stated

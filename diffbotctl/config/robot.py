@@ -259,8 +259,13 @@ class EncoderSection(Section):
         help="Channels; two, A and B, show the direction; 0, also `encoder: none`: no encoder.",
     )
     slots = Param(
-        int, minimum=1, maximum=4096, help="Slots of the disc: counts per turn of the wheel."
+        int,
+        minimum=1,
+        maximum=4096,
+        help="Slots of the disc, or pulses of channel A, per turn of the wheel.",
     )
+    counts: int
+    """counts per turn of the wheel: those that the board makes of the slots"""
     edge: CountedEdge = Choice(CountedEdge, default="rising", help="Edge that is counted.")
     glitch = Param(
         float,
@@ -562,6 +567,21 @@ def fill_glitch(robot: Robot) -> None:
                 is_one = encoder.channels == 1
                 encoder.glitch = default_glitch(encoder.slots, rated) if is_one else 0.0
         except (AttributeError, TypeError, ZeroDivisionError):
+            continue
+
+
+def fill_counts(robot: Robot) -> None:
+    """Set the counts per turn of each encoder: a Pico counts four edges of a slot of two channels.
+
+    A number of slots that could not be read leaves them out.
+    """
+    board = BOARDS.get(getattr(robot.board, "type", ""))
+    for side in SIDES:
+        try:
+            encoder = field_value(robot, f"drive.{side}.encoder")
+            has_two = encoder.channels == 2
+            encoder.counts = encoder.slots * (board.counts_of_slot if board and has_two else 1)
+        except (AttributeError, TypeError):
             continue
 
 

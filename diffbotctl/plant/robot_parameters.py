@@ -34,7 +34,7 @@ class PlantParameters(NamedTuple):
     left_diameter: float  # m
     right_diameter: float  # m
     rated: tuple[float, float]  # rad/s at full duty, left and right
-    slots: tuple[int, int]  # left and right
+    counts: tuple[int, int]  # per turn, left and right
     glitch: int  # ns
     deadman: int  # ns
     gains: tuple[SpeedGains, SpeedGains]  # of the board's speed loops, left and right
@@ -42,7 +42,7 @@ class PlantParameters(NamedTuple):
     sensors: tuple[MountedSensor, ...] = ()
     falling: bool = False  # the encoders count falling edges instead of rising ones
     period: int | None = None  # ns between two frames; None: that of the kind of board
-    disc: tuple[int, int] | None = None  # nominal slots of the discs; None: as many as `slots`
+    disc: tuple[int, int] | None = None  # nominal slots of the discs; None: as many as `counts`
     # Outputs of the motor driver, and sockets of the encoders, that the board uses for left and
     # right; 0 is the one built for the left side, 1 for the right.
     channels: tuple[int, int] = (0, 1)
@@ -57,6 +57,7 @@ class PlantParameters(NamedTuple):
     is_skid_steered: bool = False  # four wheels, which slide in turns
     has_button: bool = False  # a stop button is connected to the board
     encoder_channels: int = 1
+    every_edge: bool = False  # all four edges of a slot of two channels count, not one
     encoder_reversed: tuple[bool, bool] = (False, False)  # setting: two channels count down forward
     gyro_axis: int | None = None  # of the IMU, which is vertical: 0 x, 1 y, 2 z; None: no IMU
     gyro_reversed: bool = False  # that axis points down
@@ -86,7 +87,7 @@ def plant_parameters(robot: Robot, nominal: Robot | None = None) -> PlantParamet
         left_diameter=built.left.wheel.diameter,
         right_diameter=built.right.wheel.diameter,
         rated=(built.left.motor.rated, built.right.motor.rated),
-        slots=(left.encoder.slots, right.encoder.slots),
+        counts=(left.encoder.counts, right.encoder.counts),
         glitch=round(left.encoder.glitch * SECOND),
         deadman=round(board.deadman * SECOND),
         gains=(speed_gains(left.motor), speed_gains(right.motor)),
@@ -108,6 +109,7 @@ def plant_parameters(robot: Robot, nominal: Robot | None = None) -> PlantParamet
         is_skid_steered=built.wheelbase is not None,
         has_button=board.stop_button is not None,
         encoder_channels=built.left.encoder.channels,
+        every_edge=left.encoder.counts > left.encoder.slots,
         encoder_reversed=(left.encoder.reversed, right.encoder.reversed),
         gyro_axis=None if nominal.imu.type is None else "xyz".index(gyro_axes[-1]),
         gyro_reversed=gyro_axes.startswith("-"),

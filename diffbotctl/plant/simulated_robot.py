@@ -293,7 +293,7 @@ class SimulatedRobot:
         return SimulatedBoard(
             self._model,
             parameters.gains,
-            parameters.slots,
+            parameters.counts,
             parameters.glitch,
             parameters.deadman,
             self._board_rng,
