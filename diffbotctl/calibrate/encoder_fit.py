@@ -160,8 +160,7 @@ def count_slots(rolls: Mapping[str, Sequence[int]], turns: int, robot: Robot) ->
     stated = {side: encoder.slots for side, encoder in encoders.items()}
     slots = {}
     for side, counts in rolls.items():
-        counts_of_slot = encoders[side].counts // stated[side]
-        passed = [count / counts_of_slot for count in counts]
+        passed = [count / encoders[side].counts_of_slot for count in counts]
         number = _count_side(result, side, passed, turns, stated[side])
         if number is not None:
             slots[side] = number

@@ -264,8 +264,8 @@ class EncoderSection(Section):
         maximum=4096,
         help="Slots of the disc, or pulses of channel A, per turn of the wheel.",
     )
-    counts: int
-    """counts per turn of the wheel: those that the board makes of the slots"""
+    counts_of_slot = 1
+    """counts that the board makes of a slot; `fill_counts` sets it"""
     edge: CountedEdge = Choice(CountedEdge, default="rising", help="Edge that is counted.")
     glitch = Param(
         float,
@@ -312,6 +312,11 @@ class EncoderSection(Section):
         help="Share of a pitch between the edge counted forward and the one counted backward: the "
         "pin keeps its level between them; none: unknown, about half.",
     )
+
+    @property
+    def counts(self) -> int:
+        """Counts per turn of the wheel; None when the slots could not be read."""
+        return self.slots * self.counts_of_slot if self.slots else self.slots
 
 
 class SideSection(Section):
@@ -571,17 +576,17 @@ def fill_glitch(robot: Robot) -> None:
 
 
 def fill_counts(robot: Robot) -> None:
-    """Set the counts per turn of each encoder: a Pico counts four edges of a slot of two channels.
+    """Set the counts of a slot of each encoder, which depend on the board and on its channels.
 
-    A number of slots that could not be read leaves them out.
+    Without a board that could be read there is one.
     """
     board = BOARDS.get(getattr(robot.board, "type", ""))
     for side in SIDES:
         try:
             encoder = field_value(robot, f"drive.{side}.encoder")
-            has_two = encoder.channels == 2
-            encoder.counts = encoder.slots * (board.counts_of_slot if board and has_two else 1)
-        except (AttributeError, TypeError):
+            if board is not None and encoder.channels == 2:
+                encoder.counts_of_slot = board.counts_of_slot
+        except AttributeError:
             continue
 
 
