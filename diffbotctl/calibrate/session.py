@@ -163,12 +163,16 @@ class RobotSession:
 
         The robot must be at rest. Raises ConfigurationError if a value is not plausible.
         """
-        self.findings.update({finding.field: finding for finding in findings})
-        self.file = with_findings(self.file, list(self.findings.values()))
+        self.note_findings(findings)
         self.driver = self._make_driver(self.file, self.driver, self.now)
         self.encoders = self.link = None
         if self.turn_limit is not None:
             self.turn_limit.restart()  # a board that takes settings restarts its counts
+
+    def note_findings(self, findings: Sequence[Finding]) -> None:
+        """The same, but the board gets them only when the next driver connects to it."""
+        self.findings.update({finding.field: finding for finding in findings})
+        self.file = with_findings(self.file, list(self.findings.values()))
 
     def limit_turns(self, turns: float | None) -> None:
         """From now on each wheel may turn this far; None removes the limit."""
