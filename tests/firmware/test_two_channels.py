@@ -16,8 +16,10 @@ from diffbotctl.runs.run import Run
 from diffbotctl.testing.board_bench import (
     MEGA_BOARD,
     PICO_BOARD,
+    RADIO,
     UNO_BOARD,
     BoardBench,
+    speed,
     trials_on,
 )
 from diffbotctl.testing.trials import two_channels
@@ -91,6 +93,43 @@ def test_a_robot_with_a_pico_drives_to_its_goal(port):
     pose = result.truth.pose
     assert hypot(pose.x - goal.x, pose.y - goal.y) < 0.01
     assert degrees(pose.heading) == pytest.approx(90, abs=2.5)  # the tyres slip
+
+
+@pytest.mark.parametrize("channel", ["A", "B"])
+def test_a_storm_at_either_channel_of_a_pico_stops_the_motors(channel):
+    """200,000 pulses a second: the board names the wheel, and takes commands afterwards."""
+    with trials_on(PICO_BOARD):
+        settings = two_channels.two_channels()
+    slow = (replace(side, slots=80) for side in (settings.left, settings.right))
+    settings = replace(settings, **dict(zip(("left", "right"), slow, strict=True)))
+    left = settings.left
+    with BoardBench(settings=settings) as bench:
+        bench.ready()
+        bench.send(RADIO, speed(1, 3.0, 3.0))
+        bench.wait(30)
+        assert min(bench.duty) > 0.1
+        bench.emulator.pulses(left.encoder if channel == "A" else left.encoder_b, 2500, 2500)
+        for number in range(2, 8):
+            bench.send(RADIO, speed(number, 3.0, 3.0))
+            bench.wait(50)
+        assert bench.duty == [0.0, 0.0]
+        assert bench.state().mode == frames.ModeCode.FAULT
+        flags = [
+            heard.frame.value
+            for heard in bench.heard
+            if isinstance(heard.frame, frames.StatusFrame)
+            and heard.frame.item == frames.ItemCode.FLAGS
+        ]
+        both = frames.FLAG_LEFT_STORM | frames.FLAG_RIGHT_STORM
+        assert flags[-1] & both == frames.FLAG_LEFT_STORM
+        bench.emulator.pulses(left.encoder if channel == "A" else left.encoder_b, 0, 0)
+        bench.wait(600)
+        bench.claim()
+        bench.send(RADIO, frames.ActionFrame(frames.ActionCode.CLEAR, 0))
+        bench.wait(30)
+        bench.send(RADIO, speed(9, 3.0, 3.0))
+        bench.wait(30)
+        assert min(bench.duty) > 0.1
 
 
 def test_a_pico_needs_an_interrupt_for_each_channel():
