@@ -1,4 +1,4 @@
-"""`calibrate encoders` with encoders of two channels: exchanged wires, and the slots of fine discs."""
+"""`calibrate encoders` with two channels: exchanged wires, and the slots of fine discs."""
 
 from pathlib import Path
 
