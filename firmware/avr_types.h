@@ -12,6 +12,8 @@
 #define LINKS 2
 #endif
 
+#define BOARD_EVERY_EDGE 0 /* two channels: counts one edge of a slot only */
+#define BOARD_EDGES_PER_MS 32 /* of one pin, so that the main loop goes on: 4 us each */
 #define BOARD_SHARES_PWM 0 /* no two pins have one PWM output */
 #define BOARD_LIGHT 13 /* pin of the LED */
 

@@ -20,6 +20,7 @@
 static ticks_t glitch; /* 0: no filter */
 static uint8_t edge_kind;
 static bool both_edges; /* interrupts on rising and falling edges */
+static bool every_edge; /* of two channels counts */
 static bool capturing;
 
 static void counted(encoder_t *encoder, ticks_t now)
@@ -58,12 +59,46 @@ static void edge_of_two(encoder_t *encoder)
     counted(encoder, now);
 }
 
+/* Quarter of a slot by the levels of A and B, which go forward 00, 10, 11, 01. */
+static uint8_t quarter_of(bool a, bool b)
+{
+    return (uint8_t)(b << 1 | (a ^ b));
+}
+
+/* Every edge of both channels counts. The levels alone tell how far the wheel has come since the last
+   interrupt, so bounce adds nothing; when it has passed two edges since, it goes on as before. */
+static void edge_of_four(encoder_t *encoder)
+{
+    bool a = board_read(&encoder->in), b = board_read(&encoder->in_b);
+    uint8_t quarter = quarter_of(a, b);
+    uint8_t moved = (uint8_t)(quarter - encoder->quarter) & 3;
+    if (capturing && a != encoder->level)
+        capture_put(encoder->wheel, a, board_now());
+    encoder->level = a;
+    if (moved == 0)
+        return;
+    encoder->quarter = quarter;
+    uint8_t steps = moved == 2 ? 2 : 1;
+    if (moved != 2)
+        encoder->direction = (moved == 1) != encoder->reversed ? 1 : -1;
+    encoder->count = (uint16_t)(encoder->count + encoder->direction * steps);
+    encoder->edges = (uint16_t)(encoder->edges + steps);
+    encoder->last = board_now();
+    encoder->any = true;
+}
+
 /* An edge counts when the level before it lasted the glitch time: bounce makes only short levels, so
    it adds no count. */
 void encoders_edge(encoder_t *encoder)
 {
     if (!storm_admits(&encoder->storm)) {
         board_mute(encoder->interrupt);
+        if (BOARD_EVERY_EDGE)
+            board_mute(encoder->interrupt_b);
+        return;
+    }
+    if (BOARD_EVERY_EDGE && encoder->interrupt_b != BOARD_NOTHING) {
+        edge_of_four(encoder);
         return;
     }
     if (encoder->in_b.at) {
@@ -98,6 +133,8 @@ static void sense(encoder_t *encoder)
     encoder->level = board_read(&encoder->in);
     encoder->fast_edges = 0;
     board_sense(encoder->interrupt, both_edges || encoder->in_b.at ? EDGE_BOTH : edge_kind);
+    if (BOARD_EVERY_EDGE)
+        board_sense(encoder->interrupt_b, EDGE_BOTH);
 }
 
 static void choose_edges(void)
@@ -110,6 +147,7 @@ void encoders_configure(const settings_t *settings)
     board_mute_all();
     glitch = settings->glitch < GLITCH_MINIMUM ? 0 : settings->glitch / TICK_US;
     edge_kind = settings->edge;
+    every_edge = settings->every_edge;
     choose_edges();
 }
 
@@ -117,6 +155,8 @@ void encoders_connect(encoder_t *encoder, const uint8_t *pins, uint32_t edges_pe
 {
     pin_t pin;
     storm_begin(&encoder->storm, edges_per_s);
+    if (BOARD_EVERY_EDGE)
+        encoder->interrupt_b = BOARD_NOTHING;
     encoder->storm.checked_edges = encoder->edges;
     encoder->direction = 1;
     if (!board_pin(pins[0], &pin)) {
@@ -128,6 +168,10 @@ void encoders_connect(encoder_t *encoder, const uint8_t *pins, uint32_t edges_pe
     board_input(pins[0], &encoder->in);
     if (!board_input(pins[1], &encoder->in_b))
         encoder->in_b.at = 0;
+    if (BOARD_EVERY_EDGE && every_edge && board_pin(pins[1], &pin)) {
+        encoder->interrupt_b = pin.interrupt;
+        encoder->quarter = quarter_of(board_read(&encoder->in), board_read(&encoder->in_b));
+    }
     sense(encoder);
 }
 

@@ -27,9 +27,11 @@ typedef struct {
     storm_t storm;
     ticks_t changed; /* when the level last changed */
     ticks_t last;    /* when the last edge was counted */
+    uint8_t interrupt_b; /* of channel B when every edge counts, else BOARD_NOTHING */
+    uint8_t quarter;     /* of a slot, 0 to 3 forward, at the last interrupt */
 } encoder_t;
 
-/* From its external interrupt. */
+/* From its external interrupts. */
 void encoders_edge(encoder_t *encoder);
 
 /* Applies the settings of both encoders; each is off until it is connected. */

@@ -158,8 +158,17 @@ uint16_t board_free_stack(void)
     (1u << INTERRUPT_TIMER_0 | 1u << INTERRUPT_TIMER_1 | 1u << INTERRUPT_PINS | 1u << INTERRUPT_UART0 \
      | 1u << INTERRUPT_ADC)
 
+#define ALL_LATER 0x40404040u
+#define PER_REGISTER 4
+
+/* Edges come first, also in the middle of another interrupt: those of a fast wheel follow each other within
+   12 us. What they change is read with interrupts off. */
 void board_start_interrupts(void)
 {
+    for (uint32_t first = 0; first <= INTERRUPT_ADC; first += PER_REGISTER)
+        REGISTER(INTERRUPT_PRIORITIES + first) = ALL_LATER;
+    REGISTER(INTERRUPT_PRIORITIES + INTERRUPT_PINS / PER_REGISTER * PER_REGISTER)
+        = ALL_LATER & ~(0xFFu << INTERRUPT_PINS % PER_REGISTER * 8);
     REGISTER(INTERRUPTS_ON) = INTERRUPTS;
     __asm__ volatile("cpsie i" ::: "memory");
 }

@@ -4,10 +4,9 @@
 #include "protocol.h"
 #include "rp2040_registers.h"
 
-#define PER_REGISTER 8
 #define LAST_EDGES (1u << 22)
-#define SHIFT(pin) (4 * ((pin) % PER_REGISTER))
-#define AT(pin) (4u * ((pin) / PER_REGISTER))
+#define SHIFT(pin) (4 * ((pin) % PINS_PER_REGISTER))
+#define AT(pin) (4u * ((pin) / PINS_PER_REGISTER))
 
 static const bit_t *watched;
 
@@ -32,7 +31,7 @@ void board_mute(uint8_t number)
 
 void board_mute_all(void)
 {
-    for (uint8_t pin = 0; pin < 32; pin += PER_REGISTER)
+    for (uint8_t pin = 0; pin < 32; pin += PINS_PER_REGISTER)
         REGISTER(IO_ENABLED + AT(pin)) = 0;
     watched = 0;
 }
@@ -65,15 +64,7 @@ void board_watch(const bit_t *bit)
     }
 }
 
-bool rp2040_changed(uint8_t number)
+bool rp2040_watched_changed(const edges_t *edges)
 {
-    if (number >= BOARD_LINK || !(REGISTER(IO_RAISED + AT(number)) >> SHIFT(number) & EDGE_BITS))
-        return false;
-    forget(number);
-    return true;
-}
-
-bool rp2040_watched_changed(void)
-{
-    return watched && rp2040_changed(watched_pin());
+    return watched && rp2040_changed(edges, watched_pin());
 }

@@ -25,12 +25,20 @@ void timer_sample(void)
     rp2040_repeat(ALARM_SAMPLE);
 }
 
+/* The edges are taken before the levels are read: what changes afterwards interrupts again. */
 void pins_changed(void)
 {
-    for (wheel_t *wheel = LEFT; wheel <= RIGHT; wheel++)
-        if (wheel->encoder.in.at && rp2040_changed(wheel->encoder.interrupt))
-            encoders_edge(&wheel->encoder);
-    if (rp2040_watched_changed())
+    edges_t edges;
+    for (uint8_t i = 0; i < EDGE_REGISTERS; i++) {
+        edges.raised[i] = REGISTER(IO_RAISED + 4 * i);
+        REGISTER(IO_EDGES + 4 * i) = edges.raised[i];
+    }
+    for (wheel_t *wheel = LEFT; wheel <= RIGHT; wheel++) {
+        encoder_t *encoder = &wheel->encoder;
+        if (rp2040_changed(&edges, encoder->interrupt) || rp2040_changed(&edges, encoder->interrupt_b))
+            encoders_edge(encoder);
+    }
+    if (rp2040_watched_changed(&edges))
         ranges_changed();
 }
 

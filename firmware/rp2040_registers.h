@@ -76,12 +76,23 @@ enum { SSI_CONTROL = 0, SSI_ENABLE = 8, SSI_SLAVE = 0x10, SSI_DIVISOR = 0x14, SS
 
 #define INTERRUPTS_ON 0xE000E100u
 #define INTERRUPTS_RAISED 0xE000E200u
+#define INTERRUPT_PRIORITIES 0xE000E400u /* four interrupts a register, a byte each; 0 comes first */
 enum { INTERRUPT_TIMER_0, INTERRUPT_TIMER_1, INTERRUPT_PINS = 13, INTERRUPT_UART0 = 20, INTERRUPT_ADC = 22 };
 
-/* True when an edge that the pin is watched for has come since the last call; the same of the pin of
-   board_watch. */
-bool rp2040_changed(uint8_t number);
-bool rp2040_watched_changed(void);
+/* Edges of the pins that are watched. */
+#define PINS_PER_REGISTER 8
+#define EDGE_REGISTERS 3 /* for GP0 to GP23 */
+typedef struct {
+    uint32_t raised[EDGE_REGISTERS];
+} edges_t;
+
+/* True when one has come at this pin; at that of board_watch. */
+static inline bool rp2040_changed(const edges_t *edges, uint8_t number)
+{
+    return number < PINS_PER_REGISTER * EDGE_REGISTERS
+        && edges->raised[number / PINS_PER_REGISTER] >> 4 * (number % PINS_PER_REGISTER) & EDGE_BITS;
+}
+bool rp2040_watched_changed(const edges_t *edges);
 
 /* Sets an alarm again that its module has not. */
 void rp2040_repeat(uint8_t alarm);

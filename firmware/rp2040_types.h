@@ -6,6 +6,8 @@
 
 #define LINKS 1 /* UART0, whose rate is a setting */
 
+#define BOARD_EVERY_EDGE 1 /* two channels: can count all four edges of a slot */
+#define BOARD_EDGES_PER_MS 100 /* of one wheel, so that the main loop goes on: 80,000/s and a quarter more */
 #define BOARD_SHARES_PWM 1 /* two pins have one PWM output */
 #define BOARD_LIGHT 25 /* pin of the LED */
 

@@ -140,6 +140,17 @@ static uint8_t check_more_pins(const settings_t *settings, uses_t *uses, uint8_t
     return refusal;
 }
 
+/* Then channel B needs an interrupt too. */
+static uint8_t check_every_edge(const settings_t *settings, uint8_t *field)
+{
+    *field = FIELD_LEFT_ENCODER_B;
+    uint8_t refusal = suits(settings->left_encoder_b, INTERRUPT_PIN);
+    if (refusal != REFUSAL_NONE)
+        return refusal;
+    *field = FIELD_RIGHT_ENCODER_B;
+    return suits(settings->right_encoder_b, INTERRUPT_PIN);
+}
+
 static bool numbers_fit(const settings_t *settings, uint8_t *index)
 {
     const uint8_t *at = (const uint8_t *)settings + offsetof(settings_t, telemetry);
@@ -179,6 +190,11 @@ uint8_t settings_check(const settings_t *settings, uint8_t *field)
         refusal = check_more_pins(settings, &uses, field);
     if (refusal != REFUSAL_NONE)
         return refusal;
+    if (BOARD_EVERY_EDGE && settings->every_edge) {
+        refusal = check_every_edge(settings, field);
+        if (refusal != REFUSAL_NONE)
+            return refusal;
+    }
     bool fits = numbers_fit(settings, &index);
     *field = (uint8_t)(FIELD_TELEMETRY + index);
     if (!fits)
@@ -187,7 +203,7 @@ uint8_t settings_check(const settings_t *settings, uint8_t *field)
     if (settings->edge == 0)
         return REFUSAL_RANGE;
     *field = FIELD_RESERVED;
-    if (settings->reserved != 0)
+    if (settings->reserved != 0 || (!BOARD_EVERY_EDGE && settings->every_edge))
         return REFUSAL_RANGE;
     *field = FIELD_BAUD;
     return settings->baud > BAUD_B115200 ? REFUSAL_RANGE : REFUSAL_NONE;

@@ -1,12 +1,15 @@
 #include "storm.h"
 
-/* 32 interrupts a millisecond are enough for 20,000 edges a second without a glitch filter and 10,000
-   with one, which needs rising and falling edges, and for bounce. Unused ones are kept for a main loop
-   that is late. */
-#define ALLOWANCE_PER_MS 32
-#define ALLOWANCE_MOST 160
+#include "board.h"
+
+/* On an AVR board 32 interrupts a millisecond are enough for 20,000 edges a second without a glitch filter
+   and 10,000 with one, which needs rising and falling edges, and for bounce. Unused ones are kept for a
+   main loop that is late. */
+#define ALLOWANCE_PER_MS BOARD_EDGES_PER_MS
+#define ALLOWANCE_MOST (5 * BOARD_EDGES_PER_MS)
 /* A muted pin is tried again after 2 ms, since a discharge or a relay may have been the cause; in a
    storm after 50 ms, and with so few interrupts that no byte of a serial link is lost. */
+_Static_assert((uint_fast8_t)ALLOWANCE_MOST == ALLOWANCE_MOST, "it has one byte on an AVR board, more elsewhere");
 #define PAUSE_MS 2
 #define STORM_PAUSE_MS 50
 #define PROBE_ALLOWANCE 16
@@ -36,9 +39,9 @@ bool storm_tick(storm_t *storm)
     if (!storm->muted) {
         if (storm->score != 0)
             storm->score--;
+        if (storm->allowance > ALLOWANCE_MOST - ALLOWANCE_PER_MS)
+            storm->allowance = ALLOWANCE_MOST - ALLOWANCE_PER_MS;
         storm->allowance += ALLOWANCE_PER_MS;
-        if (storm->allowance > ALLOWANCE_MOST)
-            storm->allowance = ALLOWANCE_MOST;
         return false;
     }
     if (storm->pause_ms == 0) { /* muted since the last tick */

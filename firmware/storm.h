@@ -13,7 +13,7 @@
 typedef struct {
     /* Interrupts that the pin may still raise before storm_tick is called again: a bound on the time
        that it can take from the main loop. */
-    volatile uint8_t allowance;
+    volatile uint_fast8_t allowance;
     volatile bool muted;       /* its interrupt is off */
     volatile uint16_t changes; /* number of interrupts; wraps */
     uint8_t pause_ms;          /* until the interrupt is tried again */

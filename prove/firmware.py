@@ -9,7 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from functools import partial
 
-from diffbotctl.testing.board_bench import PICO_BOARD, UNO_BOARD, BenchBoard, trials_on
+from diffbotctl.testing.board_bench import (
+    PICO_BOARD,
+    PICO_HALL_BOARD,
+    UNO_BOARD,
+    BenchBoard,
+    trials_on,
+)
 from diffbotctl.testing.trials import (
     board,
     board_faults,
@@ -46,6 +52,8 @@ def rows(seed: int, share: float = 1.0) -> Iterator[Row]:
         yield from section()
     yield from rows_of("Uno", UNO_BOARD, 12_000, seed, share)
     yield from rows_of("Pico", PICO_BOARD, 20_000, seed, share)
+    hall = partial(board_runs.goals, seed, trials(20, 3))
+    yield from _named("Pico, encoders with two channels", PICO_HALL_BOARD, hall)
 
 
 def rows_of(
@@ -54,10 +62,15 @@ def rows_of(
     """The rows of the Mega that concern its chip, on another board, with `edges` per second."""
     trials = partial(trials_of, share)
     for section in chip_sections(seed, trials, partial(board.edges, edges)):
-        with trials_on(bench):
-            found = list(section())
-        for row in found:
-            yield row._replace(what=f"{name}: {row.what}")
+        yield from _named(name, bench, section)
+
+
+def _named(name: str, bench: BenchBoard, section: Section) -> Iterator[Row]:
+    """The rows of a section on another board."""
+    with trials_on(bench):
+        found = list(section())
+    for row in found:
+        yield row._replace(what=f"{name}: {row.what}")
 
 
 def chip_sections(seed: int, trials: Callable[[float, int], int], edges: Section) -> list[Section]:

@@ -121,8 +121,8 @@ class GoalFollower(Block):
     lag: float = FromRobot("drive.left.motor.lag")
     left_diameter: float = FromRobot("drive.left.wheel.diameter")
     right_diameter: float = FromRobot("drive.right.wheel.diameter")
-    left_slots: int = FromRobot("drive.left.encoder.slots")
-    right_slots: int = FromRobot("drive.right.encoder.slots")
+    left_counts: int = FromRobot("drive.left.encoder.counts")
+    right_counts: int = FromRobot("drive.right.encoder.counts")
     left_rated: float = FromRobot("drive.left.motor.rated")
     right_rated: float = FromRobot("drive.right.motor.rated")
     command_delay: float = FromRobot("link.command_delay")
@@ -143,8 +143,8 @@ class GoalFollower(Block):
         self.last: Odometry | None = None
         self.last_encoders: Encoders | None = None
         self.sent: deque[tuple[int, float, float]] = deque([(0, 0.0, 0.0)])
-        self.left_pitch = pi * self.left_diameter / self.left_slots
-        self.right_pitch = pi * self.right_diameter / self.right_slots
+        self.left_pitch = pi * self.left_diameter / self.left_counts
+        self.right_pitch = pi * self.right_diameter / self.right_counts
         pitch = max(self.left_pitch, self.right_pitch)
         self.wheels = DriveResponse(self.track, pitch)
         top_speed = 0.5 * min(

@@ -81,7 +81,7 @@ class OdometryBlock(Block):
         if self.imu is not None:
             entry = self.calibration.get("imu.scale")
             scale_sd = SCALE_SD if entry is None or entry.sd is None else float(entry.sd)
-            is_fine = self.left_side.encoder.slots > LEARNABLE_SLOTS_MAX
+            is_fine = self.left_side.encoder.counts > LEARNABLE_SLOTS_MAX
             pose = GyroPoseFilter(self.track, self.slip, geometry, scale_sd)
             self.pose, self.gyro = pose, GyroHeading(pose, self.imu_scale, is_fine)
         self.roll_out_end = 0  # ns; 0 except after a restart of the board

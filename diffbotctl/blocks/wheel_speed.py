@@ -71,9 +71,9 @@ class WheelSpeed(Block):
             return
         self.history.popleft()
         counts = (encoders.left - first_counts[0], encoders.right - first_counts[1])
-        slots = (self.left_side.encoder.slots, self.right_side.encoder.slots)
+        per_turn = (self.left_side.encoder.counts, self.right_side.encoder.counts)
         for side, target in enumerate(targets):
-            pitch = 2 * pi / slots[side]
+            pitch = 2 * pi / per_turn[side]
             missing = abs(target) - abs(counts[side]) * pitch / span
             integral = self.integrals[side] + self.integral * missing * step
             self.integrals[side] = limit_integral(integral, INTEGRAL_MAX)

@@ -34,6 +34,9 @@ SLOT_DUTY_MIN, SLOT_DUTY_MAX = 0.2, 0.8  # outside, the beam meets the rim, or t
 
 COUNT_TOLERANCE = 2  # between rolls: one count at each end
 SLOTS_TOLERANCE = 0.25  # of the mean from a whole number
+# By which a hand ends beside the mark, 7 degrees: less than a slot of a coarse disc, many of a fine
+# one, whose slots are then known to a thousandth only.
+HAND_ERROR_TURNS = 0.02
 
 
 def bounce_times(times: Sequence[int]) -> list[float]:
@@ -156,13 +159,17 @@ def count_slots(rolls: Mapping[str, Sequence[int]], turns: int, robot: Robot) ->
     findings.
     """
     result = PartResult([], [], [])
-    stated = {side: section.encoder.slots for side, section in drive_sides(robot).items()}
+    encoders = {side: section.encoder for side, section in drive_sides(robot).items()}
+    stated = {side: encoder.slots for side, encoder in encoders.items()}
     slots = {}
     for side, counts in rolls.items():
-        number = _count_side(result, side, counts, turns, stated[side])
+        passed = [count / encoders[side].counts_of_slot for count in counts]
+        number = _count_side(result, side, passed, turns, stated[side])
         if number is not None:
             slots[side] = number
     numbers = set(slots.values())
+    if numbers and max(numbers) - min(numbers) <= HAND_ERROR_TURNS * max(numbers) / turns:
+        numbers = {round(fmean(slots.values()))}  # two equal fine discs
     if len(numbers) > 1:
         result.faults.append(
             f"the discs have {slots['left']} and {slots['right']} slots, but the board supports "
@@ -176,22 +183,30 @@ def count_slots(rolls: Mapping[str, Sequence[int]], turns: int, robot: Robot) ->
 
 
 def _count_side(
-    result: PartResult, side: str, counts: Sequence[int], turns: int, stated: int
+    result: PartResult, side: str, counts: Sequence[float], turns: int, stated: int
 ) -> int | None:
-    """The slots of one disc, added to the report; None and a fault if it is no whole number."""
+    """The slots of one disc, added to the report; None and a fault if it is no whole number.
+
+    `counts`: of slots, in fractions where the board counts several edges of one.
+    """
     middle = median(counts)
-    good = [count for count in counts if abs(count - middle) <= COUNT_TOLERANCE]
+    by_hand = HAND_ERROR_TURNS * middle / turns  # slots
+    tolerance = max(COUNT_TOLERANCE, by_hand)
+    good = [count for count in counts if abs(count - middle) <= tolerance] or [middle]
     per_turn = sum(good) / len(good) / turns
     for number, count in enumerate(counts, 1):
         if count not in good:
             result.report.append(
-                f"{side} wheel, time {number} left out: {count} counts instead of {middle:g}"
+                f"{side} wheel, time {number} left out: {count:g} counts instead of {middle:g}"
             )
     spread = (max(good) - min(good)) / turns
-    slots = round(per_turn)
+    is_fine = by_hand / turns > SLOTS_TOLERANCE
+    is_as_stated = is_fine and abs(per_turn - stated) <= by_hand / turns
+    slots = stated if is_as_stated else round(per_turn)
     text = f"{side} disc: {per_turn:.2f} counts per turn, spread {spread:.2f}"
     is_single = len(good) < 2 and len(counts) > 1
-    if is_single or abs(per_turn - slots) > SLOTS_TOLERANCE or slots < 1:
+    is_whole = is_fine or abs(per_turn - slots) <= SLOTS_TOLERANCE
+    if is_single or not is_whole or slots < 1:
         result.faults.append(
             f"{text}: not a whole number. Was the wheel turned exactly {turns} times, forward, and "
             "not too fast? If so, the encoder loses edges or bounces"

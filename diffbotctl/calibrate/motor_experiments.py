@@ -87,7 +87,7 @@ def measure_speeds(session: RobotSession) -> Generator[Event, Any, SpeedsByMotio
             session.run_for(duty, SETTLING_TIME_S)
             frames = session.run_for(duty, MEASURING_TIME_S).encoders
             for side in SIDES:
-                speed = mean_speed(frames, side == "left", sides[side].encoder.slots)
+                speed = mean_speed(frames, side == "left", sides[side].encoder.counts)
                 speeds[side, direction].append((level, abs(speed)))
         session.stop_and_wait()
     return speeds
@@ -144,7 +144,7 @@ def check_creep(session: RobotSession) -> Generator[Event, Any, list[str]]:
     session.stop_and_wait()
     faults = []
     for side in SIDES:
-        speed = mean_speed(frames, side == "left", sides[side].encoder.slots)
+        speed = mean_speed(frames, side == "left", sides[side].encoder.counts)
         ratio = speed / target[side]
         if abs(ratio - 1.0) > CREEP_ERROR_RATIO_MAX:
             speeds = f"{ratio * CREEP_SPEED_M_S * CM:.1f} instead of {CREEP_SPEED_M_S * CM:g} cm/s"

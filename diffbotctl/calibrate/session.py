@@ -63,7 +63,7 @@ class TurnLimit:
         self._start = self._start or counts
         sides = (robot.drive.left, robot.drive.right)
         for side, count, start in zip(sides, counts, self._start, strict=True):
-            if abs(count - start) > self.turns * side.encoder.slots + TURN_LIMIT_MARGIN:
+            if abs(count - start) > self.turns * side.encoder.counts + TURN_LIMIT_MARGIN:
                 cause = f"a wheel turned more than the announced {self.turns:g} turns"
                 raise stopped_error(
                     cause, "is there noise on its encoder, or is the number of slots wrong?"
@@ -163,12 +163,16 @@ class RobotSession:
 
         The robot must be at rest. Raises ConfigurationError if a value is not plausible.
         """
-        self.findings.update({finding.field: finding for finding in findings})
-        self.file = with_findings(self.file, list(self.findings.values()))
+        self.note_findings(findings)
         self.driver = self._make_driver(self.file, self.driver, self.now)
         self.encoders = self.link = None
         if self.turn_limit is not None:
             self.turn_limit.restart()  # a board that takes settings restarts its counts
+
+    def note_findings(self, findings: Sequence[Finding]) -> None:
+        """The same, but the board gets them only when the next driver connects to it."""
+        self.findings.update({finding.field: finding for finding in findings})
+        self.file = with_findings(self.file, list(self.findings.values()))
 
     def limit_turns(self, turns: float | None) -> None:
         """From now on each wheel may turn this far; None removes the limit."""

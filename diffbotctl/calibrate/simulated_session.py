@@ -45,6 +45,8 @@ VISIBLE_TURN_MIN_RAD = pi / 36
 HAND_SPEED_RAD_S = 1.5 * pi
 HAND_TURN_SD_RAD = 0.03  # a mark on the tyre is stopped within a millimetre
 PLACEMENT_SD_M = 0.001  # of an object beside a ruler
+LIFT_SD_RAD = 0.05  # of the angle, and about the other axis
+LIFT_TIME_S = 1.0
 HAND_RELEASE_TIME_S = 1.0
 
 
@@ -107,6 +109,16 @@ class SimulatedTools:
         self._gap = distance + self._rng.gauss(0.0, PLACEMENT_SD_M)
         self._plant.put_before(sensor, self._gap)
         self._wait(HAND_RELEASE_TIME_S)
+
+    def lift(self, side: str, angle: float) -> None:
+        """Lift the front or the left side to about `angle` (rad), or put it down with 0."""
+        other = 0.0
+        if angle:
+            angle += self._rng.gauss(0.0, LIFT_SD_RAD)
+            other = self._rng.gauss(0.0, LIFT_SD_RAD)
+        front, left = (angle, other) if side == "front" else (other, angle)
+        self._plant.lift_by_hand(front, left, LIFT_TIME_S)
+        self._wait(LIFT_TIME_S + HAND_RELEASE_TIME_S)
 
     def _value(self, quantity: MeasuredQuantity) -> float:
         start, pose = self._mark.pose, self._plant.truth().pose

@@ -64,9 +64,10 @@ def true_values(plant: SimulatedRobot) -> dict[str, float]:
     if plant.gyro is not None:
         values[GYRO_SCALE] = 1 / plant.gyro.scale
     for side, motor, disc in zip(SIDES, plant.motors, plant.discs, strict=True):
-        slots = len(disc.edges) // 2
+        edges = disc.edges[:: disc.channels]  # of channel A
+        slots = len(edges) // 2
         pitch = 2 * pi / slots
-        widths = [disc.edges[2 * slot + 1] - disc.edges[2 * slot] for slot in range(slots)]
+        widths = [edges[2 * slot + 1] - edges[2 * slot] for slot in range(slots)]
         open_share = sum(widths) / slots / pitch
         values |= {
             f"drive.{side}.motor.rated": motor.speed,

@@ -154,7 +154,7 @@ def _logs(
     drive = machine.drive
     right, left = drive.right, drive.left
     stated = Geometry(right.wheel.diameter, left.wheel.diameter, drive.track)
-    ticks = (right.encoder.slots, left.encoder.slots)
+    ticks = (right.encoder.counts, left.encoder.counts)
     counts = [read_counts(file, ticks, machine) for file in files]
     refuse_repeated(counts)
     refuse_dead_encoder(counts)

@@ -267,13 +267,19 @@ def geometry(
 @common
 @number_option("--turns", 10, 3, 50, "Turns on the spot in one go.")
 @number_option("--repeats", 1, 1, 20, "How often in each direction.")
-def imu(turns: int, repeats: int, **options: Any) -> None:
+@click.option(
+    "--lift/--no-lift",
+    default=True,
+    help="Whether you lift the robot by hand, which shows that an axis points up or down.",
+)
+def imu(turns: int, repeats: int, lift: bool, **options: Any) -> None:
     """Find axis and scale of the gyro by turns on the spot.
 
-    On the floor. It turns one to three times for the axis that points up, then ten times to the
-    left and ten times to the right, and asks for the heading at the end of each.
+    On the floor. It turns one to three times for the vertical axis; you lift its front and its left
+    side by a hand's width; then it turns ten times to the left and ten times to the right, and asks
+    for the heading at the end of each.
     """
-    run(["imu"], CalibrateOptions(**options), turns=turns, repeats=repeats)
+    run(["imu"], CalibrateOptions(**options), turns=turns, repeats=repeats, lift=lift)
 
 
 @click.command("discs")

@@ -50,6 +50,10 @@ class BoardPins:
     supply: BoardSupplyPins = FIVE_VOLTS
     has_usb_serial: bool = True
     shares_pwm: bool = False
+    counts_of_slot: int = 1
+    """counts that the firmware makes of a slot of an encoder with two channels"""
+    slot_rate: int = 12_000
+    """slots of an encoder with two channels that it counts in a second, of each of two"""
 
     @property
     def image(self) -> str:
@@ -149,6 +153,8 @@ PICO = BoardPins(
     supply=BoardSupplyPins("VSYS", "VBUS", "3V3"),
     has_usb_serial=False,
     shares_pwm=True,
+    counts_of_slot=4,
+    slot_rate=20_000,
 )
 
 SIMULATED = "simulated"  # board type of a robot that exists only in the simulator

@@ -263,8 +263,13 @@ class EncoderSection(Section):
         help="Channels; two, A and B, show the direction; 0, also `encoder: none`: no encoder.",
     )
     slots = Param(
-        int, minimum=1, maximum=4096, help="Slots of the disc: counts per turn of the wheel."
+        int,
+        minimum=1,
+        maximum=4096,
+        help="Slots of the disc, or pulses of channel A, per turn of the wheel.",
     )
+    counts_of_slot = 1
+    """counts that the board makes of a slot; `fill_counts` sets it"""
     edge: CountedEdge = Choice(CountedEdge, default="rising", help="Edge that is counted.")
     glitch = Param(
         float,
@@ -311,6 +316,11 @@ class EncoderSection(Section):
         help="Share of a pitch between the edge counted forward and the one counted backward: the "
         "pin keeps its level between them; none: unknown, about half.",
     )
+
+    @property
+    def counts(self) -> int:
+        """Counts per turn of the wheel; None when the slots could not be read."""
+        return self.slots * self.counts_of_slot if self.slots else self.slots
 
 
 class SideSection(Section):
@@ -604,6 +614,21 @@ def fill_glitch(robot: Robot) -> None:
                 is_one = encoder.channels == 1
                 encoder.glitch = default_glitch(encoder.slots, rated) if is_one else 0.0
         except (AttributeError, TypeError, ZeroDivisionError):
+            continue
+
+
+def fill_counts(robot: Robot) -> None:
+    """Set the counts of a slot of each encoder, which depend on the board and on its channels.
+
+    Without a board that could be read there is one.
+    """
+    board = BOARDS.get(getattr(robot.board, "type", ""))
+    for side in SIDES:
+        try:
+            encoder = field_value(robot, f"drive.{side}.encoder")
+            if board is not None and encoder.channels == 2:
+                encoder.counts_of_slot = board.counts_of_slot
+        except AttributeError:
             continue
 
 

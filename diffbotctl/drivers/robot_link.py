@@ -69,6 +69,7 @@ def board_settings(robot: Robot) -> BoardSettings:
         _wheel_settings(pins, right),
         board=frames.BoardCode[pins.chip],
         edge=left.encoder.edge,
+        every_edge=left.encoder.counts > left.encoder.slots,
         glitch=round(left.encoder.glitch * SECOND),
         deadman=round(board.deadman * SECOND),
         telemetry=round(board.telemetry),
@@ -105,7 +106,7 @@ def _wheel_settings(pins: BoardPins, side: SideSection) -> WheelSettings:
         gain=gains.slope,
         proportional=gains.proportional,
         integral=gains.integral,
-        slots=side.encoder.slots,
+        slots=side.encoder.counts,
     )
 
 

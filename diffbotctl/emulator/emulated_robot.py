@@ -137,14 +137,15 @@ class EmulatedBoard:
 
     def _gyro_inputs(self) -> dict[int, int]:
         """The rates and the fault of the gyro, as often as it measures."""
-        gyro, axis = self.plant.gyro, self.plant.parameters.gyro_axis
-        if gyro is None or axis is None or self.plant.now < self._gyro_due:
+        gyro, axes = self.plant.gyro, self.plant.parameters.gyro_axes
+        if gyro is None or axes is None or self.plant.now < self._gyro_due:
             return {}
         self._gyro_due = self.plant.now + GYRO_PERIOD
-        rate = degrees(gyro.measure(self.plant.now, self.plant.chassis))
-        sign = -1 if self.plant.parameters.gyro_reversed else 1
-        rates = [degrees(gyro.across(GYRO_PERIOD * 1e-9)) for _ in range(3)]
-        rates[axis] = sign * rate
+        rate = gyro.measure(self.plant.now, self.plant.chassis)
+        rates = [degrees(gyro.across(GYRO_PERIOD * 1e-9, axis)) for axis in axes]
+        for number, axis in enumerate(axes):
+            if axis.up:
+                rates[number] = axis.up * degrees(rate)
         inputs = {FIRST_GYRO + number: round(rates[number] / GYRO_RATE_UNIT) for number in range(3)}
         return inputs | {GYRO_FAULT: GYRO_FAULTS[gyro.fault_kind]}
 

@@ -47,8 +47,8 @@ class Gate(Block):
     turn_rate: float = FromRobot("limits.turn_rate")
     left_motor: MotorSettings = FromRobot("drive.left.motor")
     right_motor: MotorSettings = FromRobot("drive.right.motor")
-    left_slots: int = FromRobot("drive.left.encoder.slots")
-    right_slots: int = FromRobot("drive.right.encoder.slots")
+    left_counts: int = FromRobot("drive.left.encoder.counts")
+    right_counts: int = FromRobot("drive.right.encoder.counts")
     left_lag: float = FromRobot("drive.left.motor.lag")
     right_lag: float = FromRobot("drive.right.motor.lag")
     command_delay: float = FromRobot("link.command_delay")
@@ -77,10 +77,10 @@ class Gate(Block):
         host_loop = self.protocol == "rosserial"
         self.wheels_watched = {
             "left": OverspeedDetector(
-                self.left_motor, self.left_slots, self.left_lag, delay, host_loop
+                self.left_motor, self.left_counts, self.left_lag, delay, host_loop
             ),
             "right": OverspeedDetector(
-                self.right_motor, self.right_slots, self.right_lag, delay, host_loop
+                self.right_motor, self.right_counts, self.right_lag, delay, host_loop
             ),
         }
         self.pushed: set[str] = set()  # wheels that turn by hand

@@ -35,9 +35,9 @@ class FineWheelOdometer:
 
     def __init__(self, side: SideConfig, time: int, count: int, timing: LinkTiming) -> None:
         """Start at `time` (ns) with the board's `count`."""
-        motor, slots = side.motor, side.encoder.slots
-        self.pitch = pi * side.wheel.diameter / slots
-        self.pitches_per_rad = 0.5 * slots / pi
+        motor, counts = side.motor, side.encoder.counts
+        self.pitch = pi * side.wheel.diameter / counts
+        self.pitches_per_rad = 0.5 * counts / pi
         self.rated, self.static, self.lag = motor.rated, motor.loop.static, motor.lag
         self.creep = CREEP * self.pitches_per_rad
         self.time, self.count = time, count

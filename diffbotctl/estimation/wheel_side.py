@@ -23,10 +23,11 @@ class WheelConfig(Protocol):
 
 
 class EncoderConfig(Protocol):
-    """The encoder section of a side; errors in pitches."""
+    """The encoder section of a side; `slots` and `counts` per turn, errors in pitches."""
 
     channels: int
     slots: int
+    counts: int
     slot_errors: Sequence[float]
     back_errors: Sequence[float]
     open_share: float | None

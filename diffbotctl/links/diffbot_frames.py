@@ -26,7 +26,7 @@ DEADMAN_MAXIMUM = 500  # ms
 TELEMETRY_MAXIMUM = 100  # Hz
 GLITCH_MAXIMUM = 50000  # us; at 20 slots and 100 rpm one slot lasts 15 ms
 GLITCH_MINIMUM = 50  # us; a shorter time means no filter, since an interrupt takes 15
-SLOTS_MAXIMUM = 10000  # counts per turn; ten times those of a hobby encoder
+SLOTS_MAXIMUM = 16384  # counts per turn; four times those of a fine hobby encoder
 FLAG_STORED = 16  # the settings are stored in the EEPROM
 FLAG_BUTTON = 32  # the stop button is pressed
 FLAG_LEFT_STALL = 64  # the left motor was driven and its encoder gave no edges
@@ -166,6 +166,7 @@ class CapabilityCode(ProtocolCode):
     STORMS = 2, "detects encoder pins that change too fast"
     BATTERY_STOP = 3, "stops for a low battery"
     QUADRATURE = 4, "encoders with two channels"
+    EVERY_EDGE = 5, "counts all four edges of two channels"
     ENABLE_IN1_IN2 = 8, "motor driver with an enable input and two direction inputs, as an L298N"
     ENABLE_DIRECTION = 9, "with a PWM input and one direction input, as a DRV8838"
     TWO_PWM = 10, "with two PWM inputs, as a DRV8833"
@@ -250,7 +251,8 @@ class SettingsFrame(NamedTuple):
     right_encoder_reversed: Uint1  # quadrature counts down going forward
     enable_inverted: Uint1  # the driver is enabled by a low level
     button_high: Uint1  # pressed is high (a normally closed contact to ground)
-    reserved: Uint2  # zero
+    every_edge: Uint1  # two channels: all four edges of a slot count, not one
+    reserved: Uint1  # zero
     baud: Uint8  # of UART1
     driver: Uint8  # code
     left_enable: Uint8  # pin with PWM

@@ -104,6 +104,8 @@ class BoardSettings:
     """the board that the pins are those of"""
     edge: str = "rising"
     """edges that count: `rising`, `falling` or `both`"""
+    every_edge: bool = False
+    """true when all four edges of a slot of two channels count, and so the `slots` of the wheels"""
     glitch: int = 2_000_000
     """minimum duration (ns) of a level for the edge at its end to count"""
     deadman: int = 300_000_000
@@ -165,6 +167,7 @@ class BoardSettings:
             brake=int(self.brake),
             enable_inverted=int(self.enable_inverted),
             button_high=int(self.button_high),
+            every_edge=int(self.every_edge),
             reserved=0,
             baud=BAUDS[self.baud],
             button=_pin(self.button),

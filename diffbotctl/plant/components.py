@@ -39,11 +39,14 @@ def draw_components(
     """Draw all components. The order of the draws defines which robot a seed stands for."""
     motors = draw_motors(parameters.rated, simulation.motor, rng)
     built = simulation.encoder.slots
-    slots = (built, built) if built else parameters.disc or parameters.slots
+    slots = (built, built) if built else parameters.disc or parameters.counts
     discs = tuple(draw_disc(simulation.encoder, count, rng) for count in slots)
     if parameters.encoder_channels == 2:
         discs = tuple(
-            disc._replace(edges=edges_of_two(disc.edges, 2 * pi), channels=2) for disc in discs
+            disc._replace(
+                edges=edges_of_two(disc.edges, 2 * pi), channels=2, every_edge=parameters.every_edge
+            )
+            for disc in discs
         )
     chassis = draw_chassis(parameters, simulation, rng)
     sharps = [sensor for sensor in parameters.sensors if is_analog(sensor.kind)]

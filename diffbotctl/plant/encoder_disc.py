@@ -39,6 +39,7 @@ class EncoderDisc(NamedTuple):
     missed: float = 0.0  # probability that a slot's pulse does not reach the board
     doubled: float = 0.0  # probability that a counted edge is followed by a second one
     channels: int = 1
+    every_edge: bool = False  # two channels: all four edges of a slot count, not one
 
     @property
     def pitch(self) -> float:

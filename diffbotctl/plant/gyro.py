@@ -2,6 +2,7 @@
 
 On a flat floor the robot turns about the vertical alone. A gyro that is mounted askew measures the
 cosine of its tilt of that, which is one more error of its scale. An axis across measures the sine.
+A hand can lift the robot at its front or at its left side: it turns about its axes across.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_faults import GYRO_CAUSES
 from diffbotctl.links.diffbot_telemetry import TURN
 from diffbotctl.plant.chassis import Chassis
+from diffbotctl.plant.imu_mounting import UP, Direction
 from diffbotctl.time import SECOND
 
 WARM_TIME_S = 60.0  # time constant of its warming
@@ -36,6 +38,25 @@ class _Motion(NamedTuple):
     speed: float
 
 
+class _Lift(NamedTuple):
+    """A hand lifts the robot: ns, and the angles (rad) of its front and of its left side."""
+
+    start: int
+    end: int
+    before: tuple[float, float]
+    after: tuple[float, float]
+
+    def at(self, now: int) -> tuple[float, float]:
+        """The angles at `now`."""
+        if now >= self.end:
+            return self.after
+        share = max(now - self.start, 0) / (self.end - self.start)
+        front, left = (
+            low + share * (high - low) for low, high in zip(self.before, self.after, strict=True)
+        )
+        return front, left
+
+
 class SimulatedGyro:
     """Integrates what the gyro measures; `angle` is the sum so far, in rad."""
 
@@ -47,14 +68,19 @@ class SimulatedGyro:
         self._truth, self._rng = truth, rng
         self._across_rng = Random("across")
         self._motion = _Motion(0, 0.0, 0.0, 0.0)
+        self._lift = _Lift(0, 0, (0.0, 0.0), (0.0, 0.0))
+        self._lifting = (0.0, 0.0)  # rad/s, mean since the measurement before the last one
         self._rate = 0.0  # rad/s, the last one that was measured
         self._fault_start = round(truth.fault_start * SECOND)
 
-    def measure(self, now: int, chassis: Chassis, projection: int = 1) -> float:
+    def lift(self, now: int, front: float, left: float, seconds: float) -> None:
+        """From `now` (ns) on a hand lifts front and left side of the robot to angles (rad)."""
+        self._lift = _Lift(now, now + round(seconds * SECOND), self._lift.at(now), (front, left))
+
+    def measure(self, now: int, chassis: Chassis, direction: Direction = UP) -> float:
         """Add what it measures until `now` (ns); its mean rate since the last call, in rad/s.
 
-        `projection` of the axis that is read: 1 along the one that points up, -1 against it, 0
-        across.
+        `direction` of the axis that is read.
         """
         before = self._motion
         span = (now - before.time) / SECOND
@@ -62,12 +88,16 @@ class SimulatedGyro:
             return self._rate
         turned, moved = chassis.heading - before.heading, chassis.travel - before.travel
         speed = moved / span
+        lifts = zip(self._lift.at(now), self._lift.at(before.time), strict=True)
+        front, left = ((after - earlier) / span for after, earlier in lifts)
+        self._lifting = front, left
         self._motion = _Motion(now, chassis.heading, chassis.travel, speed)
         if not self._is_faulty(now):
-            share = projection * self.scale if projection else sin(self._truth.tilt)
+            share = direction.up * self.scale if direction.up else sin(self._truth.tilt)
             aside, ahead = speed * turned / span, (speed - before.speed) / span
             self._rate = (
                 share * turned / span
+                + self._lifted(direction)
                 + self.bias
                 + self._drift * (1.0 - exp(-now / SECOND / WARM_TIME_S))
                 + self._truth.acceleration_effect * (aside + ahead)
@@ -76,11 +106,19 @@ class SimulatedGyro:
         self.angle += self._rate * span
         return self._rate
 
-    def across(self, span: float) -> float:
-        """A reading of an axis across that is level: its noise over `span` s, in rad/s."""
+    def across(self, span: float, direction: Direction) -> float:
+        """A reading of an axis across that is level, over `span` s: its noise and what a hand does,
+        in rad/s."""
         if self._is_faulty(self._motion.time):
             return 0.0
-        return self._truth.noise / sqrt(span) * self._across_rng.gauss(0.0, 1.0)
+        noise = self._truth.noise / sqrt(span) * self._across_rng.gauss(0.0, 1.0)
+        return self._lifted(direction) + noise
+
+    def _lifted(self, direction: Direction) -> float:
+        """The rate by hand: the left side goes up about the axis forward, the front against that to
+        the left."""
+        front, left = self._lifting
+        return self.scale * (direction.forward * left - direction.left * front)
 
     def put_down(self, heading: float) -> None:
         """The robot was put elsewhere, at `heading` (rad), without turning."""

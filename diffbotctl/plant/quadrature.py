@@ -1,8 +1,8 @@
 """The two channels of an encoder: B follows A by a quarter of a pitch, so their order shows the
 direction.
 
-A pitch has four edges, in forward order: A rises, B rises, A falls, B falls. The board counts the
-first of them in both directions, up when A rises and down when it falls.
+A pitch has four edges, in forward order: A rises, B rises, A falls, B falls. A board counts the
+first of them in both directions, up when A rises and down when it falls, or all four.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class TwoChannelPins:
 
     def is_needed(self, index: int, is_forward: bool) -> bool:
         """Whether the time of edge number `index` is needed: it counts, or the pins are watched."""
-        return self._changes is not None or index % EDGES_PER_PITCH == 0
+        return self._changes is not None or self._counts(index)
 
     def record(self, time: int, index: int, is_forward: bool) -> None:
         """The disc goes past edge number `index` at `time` (ns)."""
@@ -83,9 +83,12 @@ class TwoChannelPins:
         if self._changes is not None:
             level = int((kind < EDGES_PER_PITCH // 2) == is_forward)
             self._changes[kind % 2].append(LevelChange(time, level))
-        if kind == 0:
+        if self._counts(index):
             self.pending.append(time)
             self._directions.append(1 if is_forward else -1)
+
+    def _counts(self, index: int) -> bool:
+        return self._disc.every_edge or index % EDGES_PER_PITCH == 0
 
 
 def levels_of_two(index: int) -> tuple[int, int]:

@@ -6,6 +6,13 @@ from diffbotctl.config.board_pins import SIMULATED
 from diffbotctl.config.motor_drivers import MOTOR_DRIVERS
 from diffbotctl.config.robot import Robot, measured_lag
 from diffbotctl.control.speed_loop import SpeedGains, speed_gains
+from diffbotctl.plant.imu_mounting import (
+    UP,
+    Direction,
+    Directions,
+    axis_direction,
+    axis_directions,
+)
 from diffbotctl.plant.motor_bridge import IDEAL_BRIDGE, BridgeModel, bridge_model
 from diffbotctl.plant.simulated_board import BoardKind
 from diffbotctl.time import SECOND
@@ -34,7 +41,7 @@ class PlantParameters(NamedTuple):
     left_diameter: float  # m
     right_diameter: float  # m
     rated: tuple[float, float]  # rad/s at full duty, left and right
-    slots: tuple[int, int]  # left and right
+    counts: tuple[int, int]  # per turn, left and right
     glitch: int  # ns
     deadman: int  # ns
     gains: tuple[SpeedGains, SpeedGains]  # of the board's speed loops, left and right
@@ -43,7 +50,7 @@ class PlantParameters(NamedTuple):
     sensors: tuple[MountedSensor, ...] = ()
     falling: bool = False  # the encoders count falling edges instead of rising ones
     period: int | None = None  # ns between two frames; None: that of the kind of board
-    disc: tuple[int, int] | None = None  # nominal slots of the discs; None: as many as `slots`
+    disc: tuple[int, int] | None = None  # nominal slots of the discs; None: as many as `counts`
     # Outputs of the motor driver, and sockets of the encoders, that the board uses for left and
     # right; 0 is the one built for the left side, 1 for the right.
     channels: tuple[int, int] = (0, 1)
@@ -58,10 +65,10 @@ class PlantParameters(NamedTuple):
     is_skid_steered: bool = False  # four wheels, which slide in turns
     has_button: bool = False  # a stop button is connected to the board
     encoder_channels: int = 1
+    every_edge: bool = False  # all four edges of a slot of two channels count, not one
     encoder_reversed: tuple[bool, bool] = (False, False)  # setting: two channels count down forward
-    gyro_axis: int | None = None  # of the IMU, which is vertical: 0 x, 1 y, 2 z; None: no IMU
-    gyro_reversed: bool = False  # that axis points down
-    gyro_projection: int = 1  # of the axis that the settings state as up, on the true one
+    gyro_axes: Directions | None = None  # of the axes printed on the IMU; None: no IMU
+    gyro_direction: Direction = UP  # of the axis that the settings state as up
 
 
 def board_kind(robot: Robot) -> BoardKind:
@@ -81,13 +88,13 @@ def plant_parameters(robot: Robot, nominal: Robot | None = None) -> PlantParamet
     board, battery, drive = robot.board, robot.battery, robot.drive
     left, right = drive.left, drive.right
     nominal = nominal or robot
-    built, gyro_axes = nominal.drive, nominal.simulation.gyro.axes or nominal.imu.axes
+    built, upward = nominal.drive, nominal.simulation.gyro.axes or nominal.imu.axes
     return PlantParameters(
         track=built.track,
         left_diameter=built.left.wheel.diameter,
         right_diameter=built.right.wheel.diameter,
         rated=(built.left.motor.rated, built.right.motor.rated),
-        slots=(left.encoder.slots, right.encoder.slots),
+        counts=(left.encoder.counts, right.encoder.counts),
         glitch=round(left.encoder.glitch * SECOND),
         deadman=round(board.deadman * SECOND),
         gains=(speed_gains(left.motor), speed_gains(right.motor)),
@@ -110,22 +117,15 @@ def plant_parameters(robot: Robot, nominal: Robot | None = None) -> PlantParamet
         is_skid_steered=built.wheelbase is not None,
         has_button=board.stop_button is not None,
         encoder_channels=built.left.encoder.channels,
+        every_edge=left.encoder.counts > left.encoder.slots,
         encoder_reversed=(left.encoder.reversed, right.encoder.reversed),
-        gyro_axis=None if nominal.imu.type is None else "xyz".index(gyro_axes[-1]),
-        gyro_reversed=gyro_axes.startswith("-"),
-        gyro_projection=_projection(robot.imu.axes, gyro_axes),
+        gyro_axes=None if nominal.imu.type is None else axis_directions(upward),
+        gyro_direction=axis_direction(robot.imu.axes, upward),
         channels=_assignment(
             *(side.motor.enable or side.motor.in1 for side in (left, built.left, built.right))
         ),
         sockets=_assignment(*(side.encoder.pin for side in (left, built.left, built.right))),
     )
-
-
-def _projection(axis: str, other: str) -> int:
-    """1 for the same axis of an IMU, -1 for the opposite one, 0 for one across."""
-    if axis[-1] != other[-1]:
-        return 0
-    return 1 if axis == other else -1
 
 
 def _bridge(nominal: Robot) -> BridgeModel:

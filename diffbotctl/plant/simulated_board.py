@@ -125,7 +125,7 @@ class SimulatedBoard:
         self,
         model: BoardModel,
         gains: tuple[SpeedGains, SpeedGains],
-        slots: tuple[int, int],
+        counts: tuple[int, int],
         lag: float | None,
         glitch: int,
         deadman: int,
@@ -134,8 +134,8 @@ class SimulatedBoard:
         now: int = 0,
         has_encoders: bool = True,
     ) -> None:
-        """`glitch`, `deadman` in ns; `gains` and `slots` left and right; `lag` (s) of
-        the slower motor, None if unknown; started at `now`.
+        """`glitch`, `deadman` in ns; `gains`, `counts` (per turn) left and right; `lag` (s) of the
+        slower motor, None if unknown; started at `now`.
 
         Without encoders no stall is noticed.
         """
@@ -147,7 +147,7 @@ class SimulatedBoard:
         self._glitch, self._deadman, self._rng = glitch, deadman, rng
         self.sides = tuple(
             BoardSide(WheelSpeedLoop(gain, count, lag) if model.has_speed_loop else None)
-            for gain, count in zip(gains, slots, strict=True)
+            for gain, count in zip(gains, counts, strict=True)
         )
         self._deadman_due = NEVER
         self._loop_due = (now // LOOP_PERIOD + 1) * LOOP_PERIOD if model.has_speed_loop else NEVER

@@ -81,7 +81,7 @@ class SimulatedRobot:
         self._sensors, self._cameras = components.sensors, components.cameras
         self._board_rng = components.board_rng
         # A generator of its own: a robot is the same with and without an IMU.
-        self.gyro = None if parameters.gyro_axis is None else _draw_gyro(simulation, rng)
+        self.gyro = None if parameters.gyro_axes is None else _draw_gyro(simulation, rng)
         self._battery = components.battery
         self._disturbances = DisturbanceSchedule(simulation.disturbances)
         self.button_pressed = False
@@ -124,6 +124,14 @@ class SimulatedRobot:
         """
         self._turn_wheels(self.now)
         return self.wheels[wheel].turn_by_hand(angle, speed)
+
+    def lift_by_hand(self, front: float, left: float, seconds: float) -> None:
+        """A hand lifts front and left side to angles (rad), 0 on the floor, in `seconds` from now.
+
+        The wheels do not turn; only the gyro notices.
+        """
+        if self.gyro is not None:
+            self.gyro.lift(self.now, front, left, seconds)
 
     def due(self) -> int:
         """When the next message arrives at the host, as far as it is known; never in the past."""
@@ -293,7 +301,7 @@ class SimulatedRobot:
         return SimulatedBoard(
             self._model,
             parameters.gains,
-            parameters.slots,
+            parameters.counts,
             parameters.lag,
             parameters.glitch,
             parameters.deadman,
@@ -435,7 +443,7 @@ class SimulatedRobot:
         if self.gyro is None or not self._model.has_speed_loop:
             return frame
         self._roll()
-        self.gyro.measure(frame.time, self.chassis, self.parameters.gyro_projection)
+        self.gyro.measure(frame.time, self.chassis, self.parameters.gyro_direction)
         return frame._replace(turn=self.gyro.reported(), turn_fault=self.gyro.fault(frame.time))
 
     def _camera_pose(self, now: int) -> Odometry:

@@ -29,6 +29,7 @@ from diffbotctl.errors import (
 from diffbotctl.prompts.question import (
     Answer,
     AnswerError,
+    Hands,
     ManualAction,
     MarkFloor,
     MotionNotice,
@@ -37,7 +38,7 @@ from diffbotctl.prompts.question import (
 from diffbotctl.units import UnitError, quantity
 
 
-class MeasuringTools(Protocol):
+class MeasuringTools(Hands, Protocol):
     """Reads the actual state of a simulated robot and moves it, as a person would.
 
     `offer`: what the usual instrument reads for a question, as text; empty if none can.
@@ -45,8 +46,6 @@ class MeasuringTools(Protocol):
 
     def mark(self) -> None: ...
     def read(self, instrument: str, question: Question, noise: float) -> Answer: ...
-    def roll(self, wheel: str, turns: float) -> None: ...
-    def place(self, sensor: str, distance: float) -> None: ...
     def offer(self, question: Question) -> str: ...
 
 
@@ -78,12 +77,9 @@ class AnswersFile:
 
     def act(self, action: ManualAction) -> None:
         """Do it with the simulated tools. Raises an error if they cannot."""
-        if self.tools is None or (action.roll is None and action.place is None):
+        if self.tools is None or not action.can_be_simulated:
             raise self._problem(action.name, f"needs a person: {action.text}")
-        if action.roll is not None:
-            self.tools.roll(*action.roll)
-        if action.place is not None:
-            self.tools.place(*action.place)
+        action.simulate(self.tools)
 
     def answer(self, question: Question) -> Answer:
         """The file's answer, or the question's default. Raises an error if there is none."""

@@ -42,17 +42,42 @@ class MarkFloor(NamedTuple):
     text: str
 
 
+class Hands(Protocol):
+    """Moves a simulated robot, as a person would."""
+
+    def roll(self, wheel: str, turns: float) -> None: ...
+    def place(self, sensor: str, distance: float) -> None: ...
+    def lift(self, side: str, angle: float) -> None: ...
+
+
 class ManualAction(NamedTuple):
     """An action that only a person can do. The step waits until it is done.
 
     `roll` is the wheel to turn (`left` or `right`) and the number of turns; `place` is the sensor
-    and the distance (m) at which to put an object in front of it. Simulated tools read these two.
+    and the distance (m) at which to put an object in front of it; `lift` is the side to lift
+    (`front` or `left`) and the angle (rad) to the floor at which to hold it, 0 to put it down.
+    Simulated tools read these three.
     """
 
     name: str
     text: str
     roll: tuple[str, float] | None = None
     place: tuple[str, float] | None = None
+    lift: tuple[str, float] | None = None
+
+    @property
+    def can_be_simulated(self) -> bool:
+        """Whether simulated tools can do it."""
+        return any(what is not None for what in (self.roll, self.place, self.lift))
+
+    def simulate(self, hands: Hands) -> None:
+        """Do it with a simulated robot."""
+        if self.roll is not None:
+            hands.roll(*self.roll)
+        if self.place is not None:
+            hands.place(*self.place)
+        if self.lift is not None:
+            hands.lift(*self.lift)
 
 
 @dataclass(frozen=True, slots=True)

@@ -111,7 +111,8 @@ ATTRIBUTES: dict[str, dict[str, str | None]] = {
         "slope": None,
     },
     "Gate": {"held": "active_stop", "heard": "telemetry_time", "seen": "last_messages"},
-    "GoalFollower": dict.fromkeys(
+    "GoalFollower": {"left_slots": "left_counts", "right_slots": "right_counts"}
+    | dict.fromkeys(
         (
             "allowed",
             "backwards",
@@ -254,7 +255,7 @@ def _counting(present: dict[str, Any]) -> FineWheelOdometer:
     side: Any = SimpleNamespace(
         motor=motor,
         wheel=SimpleNamespace(diameter=present["pitch"] * slots / pi),
-        encoder=SimpleNamespace(slots=slots),
+        encoder=SimpleNamespace(counts=slots),
     )
     timing = LinkTiming(0.0, 0.0, hypothesis.motion.priors.has_edge_times)
     counting = FineWheelOdometer(side, hypothesis.time, present["count"], timing)

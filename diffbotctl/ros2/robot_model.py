@@ -69,7 +69,7 @@ def model_of(configuration: Configuration) -> RobotModel:
 
 def model_of_robot(robot: Robot, name: str) -> RobotModel:
     """The model of a robot alone, with the wires of sensors that it drives itself."""
-    left, right = (side.encoder.slots for side in (robot.drive.left, robot.drive.right))
+    left, right = (side.encoder.counts for side in (robot.drive.left, robot.drive.right))
     return RobotModel(
         urdf(robot, name),
         tuple(ModelFrame(*frame) for frame in robot_frames(robot)),

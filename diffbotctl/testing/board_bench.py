@@ -59,6 +59,7 @@ class BenchBoard(NamedTuple):
 
 MEGA_BOARD, UNO_BOARD = BenchBoard(BOOK, "book_2wd"), BenchBoard(UNO, UNO_ROBOT)
 PICO_BOARD = BenchBoard(PICO, PICO_ROBOT)
+PICO_HALL_BOARD = BenchBoard(PICO, str(Path(__file__).with_name("pico_hall.yaml")))
 _board = ContextVar("board of the trials", default=MEGA_BOARD)
 
 

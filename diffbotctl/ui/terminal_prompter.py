@@ -62,14 +62,11 @@ class TerminalPrompter:
 
     def act(self, action: ManualAction) -> None:
         """Wait until it is done. Raises RunError if the person refuses."""
-        if self.tools is None or (action.roll is None and action.place is None):
+        if self.tools is None or not action.can_be_simulated:
             self._consent("Press Enter when it is done")
             return
         self._consent("SIMULATED: press Enter, and the simulator does it")
-        if action.roll is not None:
-            self.tools.roll(*action.roll)
-        if action.place is not None:
-            self.tools.place(*action.place)
+        action.simulate(self.tools)
 
     def _consent(self, text: str) -> None:
         """Wait for Enter or y; other text is asked again. Raises RunError on a refusal."""

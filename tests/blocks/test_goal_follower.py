@@ -25,8 +25,8 @@ ROBOT = {
     "lag": 0.02,
     "left_diameter": 0.065,
     "right_diameter": 0.065,
-    "left_slots": 20,
-    "right_slots": 20,
+    "left_counts": 20,
+    "right_counts": 20,
     "left_rated": 10.5,
     "right_rated": 10.5,
     "command_delay": 0.0,
@@ -443,7 +443,7 @@ def test_slow_motors_creep_slowly():
     course = Course()
     # 10.5 rad/s * 0.0325 m, and 20 slots of 10.2 mm: the encoder must count four times a second.
     assert course.block.least_speed == 0.035
-    slow = {"left_slots": 2000, "right_slots": 2000, "left_rated": 5.0, "right_rated": 5.0}
+    slow = {"left_counts": 2000, "right_counts": 2000, "left_rated": 5.0, "right_rated": 5.0}
     fine = Course(speed=0.1, lag=0.1, **slow).block
     assert fine.least_speed == pytest.approx(0.1 * 5.0 * 0.0325)
     fast = Course(creep=0.02)

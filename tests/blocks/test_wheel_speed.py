@@ -16,7 +16,7 @@ def side(static=0.1, rated=10.0, slots=20, speed=None):
     loop = SimpleNamespace(static=static, speed=speed, proportional=0.0, integral=0.02)
     return SimpleNamespace(
         motor=SimpleNamespace(rated=rated, loop=loop),
-        encoder=SimpleNamespace(channels=1, slots=slots),
+        encoder=SimpleNamespace(channels=1, slots=slots, counts=slots),
     )
 
 

@@ -1,15 +1,16 @@
 """The scale of a gyro by turns on the spot, and the other steps on a robot that has one."""
 
-from math import pi, radians
+from math import cos, pi, radians, sin
 
 import pytest
 
+from diffbotctl.calibrate.imu_mounting import direction_of, refuse_faulty
 from diffbotctl.calibrate.result import Finding
 from diffbotctl.calibrate.runner import make_step, open_session, run_step
 from diffbotctl.calibrate.steps.imu import (
+    askew_report,
     measured_turn,
     no_axis_turns,
-    refuse_faulty,
     refuse_wrong_axis,
 )
 from diffbotctl.config.load import load_robot
@@ -26,7 +27,7 @@ include: book_2wd
 board: {{telemetry: 30 Hz}}
 imu: {{type: {type}, axes: {axes}}}
 drive: {{polarity: {polarity}}}
-simulation: {{geometry: {{{geometry}}}, gyro: {{{gyro}}}}}
+simulation: {{geometry: {{{geometry}}}, gyro: {{{gyro}}}, wiring: {{{wiring}}}}}
 calibration: {{}}
 """
 ANSWERS = """\
@@ -39,7 +40,7 @@ geometry: {measure: tape, noise: 1 mm}
 def opened(tmp_path):
     def open_one(port="sim", seed=1, **values):
         usual = {"type": "mpu6050", "axes": "z", "polarity": "checked_by_hand"}
-        values = usual | {"geometry": "", "gyro": ""} | values
+        values = usual | {"geometry": "", "gyro": "", "wiring": ""} | values
         robot, answers = tmp_path / "robot.yaml", tmp_path / "answers.yaml"
         robot.write_text(ROBOT.format(**values))
         answers.write_text(ANSWERS)
@@ -100,6 +101,13 @@ def test_a_wrong_axis_is_found_and_the_scale_with_it(opened, port, type, stated,
     assert scale.found == pytest.approx(scale.true, rel=0.005)
 
 
+def test_without_lifts_proven_motors_show_the_sign(opened):
+    session, prompter, _ = opened(gyro="axes: -z")
+    with session:
+        run_step(make_step("imu", turns=3, lift=False), session, prompter, SilentScreen())
+    assert session.file.robot.imu.axes == "-z"
+
+
 def test_the_right_axis_is_not_written_again(opened):
     session, prompter, _ = opened(axes="-x")
     with session:
@@ -108,12 +116,92 @@ def test_the_right_axis_is_not_written_again(opened):
     assert outcome.report[0] == "axes of the IMU: -x, as stated"
 
 
-def test_a_sign_proves_nothing_while_motors_may_be_exchanged(opened):
+@pytest.mark.parametrize("true", ["-x", "x", "-y", "y", "-z"])
+def test_lifting_the_robot_shows_the_sign_without_proven_motors(opened, true):
+    session, prompter, _ = opened(gyro=f"axes: {true}", polarity="unproven")
+    with session:
+        run_step(make_step("imu", turns=3), session, prompter, SilentScreen())
+    assert session.file.robot.imu.axes == true
+
+
+@pytest.mark.parametrize("polarity", ["unproven", "checked_by_hand"])
+def test_motors_that_turn_the_robot_to_the_right_are_told_from_the_imu(opened, polarity):
+    wiring = "left: plain, right: reversed"  # the robot file has the opposite
+    session, prompter, _ = opened(polarity=polarity, wiring=wiring)
+    with session:
+        with pytest.raises(RunError) as error:
+            run_step(make_step("imu", turns=3), session, prompter, SilentScreen())
+        session.stop_and_wait()
+    (problem,) = error.value.problems
+    assert "By the lifts the axis z printed on the IMU points up" in problem.cause
+    assert "by the turn to the left it points down" in problem.cause
+    assert "calibrate encoders" in problem.fix
+    assert ("proven before" in problem.fix) == (polarity != "unproven")
+    assert session.file.robot.imu.axes == "z"
+
+
+# A lift by 25 degrees of a robot on which y is the vertical axis: the axes after it are z and x.
+ANGLE = radians(25.0)
+
+
+def lifts(yaw, sign):
+    """Turns about z and x when the front and the left side are lifted; the IMU is turned by `yaw`
+    about its axis y, which points up for sign 1, down for -1."""
+    forward, left = (cos(yaw), -sin(yaw)), (sin(yaw), cos(yaw))
+    if sign < 0:
+        left = (-left[0], -left[1])
+    return tuple(-ANGLE * part for part in left), tuple(ANGLE * part for part in forward)
+
+
+@pytest.mark.parametrize("yaw", [radians(angle) for angle in range(0, 360, 45)])
+def test_the_sign_does_not_depend_on_how_the_imu_is_turned_about_the_vertical(yaw):
+    assert direction_of("y", *lifts(yaw, 1)) == "y"
+    assert direction_of("y", *lifts(yaw, -1)) == "-y"
+
+
+def test_two_lifts_of_the_same_side_show_nothing():
+    front, _ = lifts(0.3, 1)
+    with pytest.raises(RunError, match="nearly the same axis"):
+        direction_of("y", front, front)
+
+
+class HandsOfAnother:
+    """Does with a simulated robot what is asked, but lifts no more than `most` rad."""
+
+    def __init__(self, tools, most):
+        self.tools, self.most = tools, most
+
+    def lift(self, side, angle):
+        self.tools.lift(side, min(angle, self.most))
+
+    def __getattr__(self, name):
+        return getattr(self.tools, name)
+
+
+def test_a_robot_that_is_hardly_lifted_is_asked_for_again_and_refused(opened):
+    session, prompter, tools = opened()
+    prompter.tools = HandsOfAnother(tools, radians(3.0))
+    screen = SilentScreen()
+    with session:
+        with pytest.raises(RunError, match="did not turn the gyro by 10 to 80 deg") as error:
+            run_step(make_step("imu", turns=3), session, prompter, screen)
+        assert "--no-lift" in error.value.problems[0].fix
+        session.stop_and_wait()
+
+
+def test_an_imu_that_is_mounted_askew_is_named():
+    """At 20 degrees a gyro measures 0.94 of a turn; 3 % of that may be its own scale."""
+    (line,) = askew_report(1.0 / cos(radians(20.0)))
+    assert "94 % of each turn" in line and "askew by 15 deg" in line
+    assert askew_report(1.03 / cos(radians(5.0))) == []
+
+
+def test_without_lifts_a_sign_proves_nothing_while_motors_may_be_exchanged(opened):
     """The wheels may turn the robot to the right instead; the file keeps its axis."""
     session, prompter, _ = opened(gyro="axes: -z", polarity="unproven")
     with session:
         with pytest.raises(RunError, match="wrong sign") as error:
-            run_step(make_step("imu", turns=3), session, prompter, SilentScreen())
+            run_step(make_step("imu", turns=3, lift=False), session, prompter, SilentScreen())
         assert "axes: -z" in error.value.problems[0].fix
         session.stop_and_wait()
     assert session.file.robot.imu.axes == "z"
@@ -140,7 +228,7 @@ def test_a_gyro_that_fails_in_the_turns_gives_no_scale_and_the_robot_stands(open
         assert error.value.problems[0].code == "E-IMU-FAULT"
         session.stop_and_wait()
     assert session.stop_confirmed
-    assert session.findings == {}
+    assert "imu.scale" not in session.findings and session.file.robot.imu.axes == "z"
 
 
 def test_a_board_that_reports_no_turn_is_refused():

@@ -3,6 +3,7 @@
 import pytest
 
 from diffbotctl.config.load import load_robot
+from diffbotctl.drivers.robot_link import board_settings
 from diffbotctl.errors import ConfigurationError
 
 TWO = ["robot.drive.encoder.channels=2"]
@@ -56,3 +57,39 @@ def test_refused(sets, code, part):
 def test_4096_counts_up_to_the_limit():
     sets = ["robot.drive.encoder.slots=4096", "robot.drive.motor.rated=175 rpm"]
     assert problems(*TWO, *PINS, *sets) == []
+
+
+PICO = [
+    "robot.board.type=pico",
+    "robot.board.supply=usb",
+    "robot.link.uart=0",
+    "robot.drive.left.motor.in1=7",
+    "robot.drive.left.motor.in2=8",
+    "robot.drive.right.motor.enable=11",
+    "robot.drive.left.encoder.pin_b=14",
+    "robot.drive.right.encoder.pin_b=15",
+]
+
+
+def test_a_pico_makes_four_counts_of_a_slot():
+    robot = load_robot(None, [*TWO, *PICO, "robot.drive.encoder.slots=374"]).robot
+    assert (robot.drive.left.encoder.slots, robot.drive.left.encoder.counts) == (374, 1496)
+    settings = board_settings(robot)
+    assert settings.every_edge and settings.left.slots == settings.right.slots == 1496
+    assert problems(*TWO, *PICO, "robot.drive.encoder.slots=374") == []
+
+
+@pytest.mark.parametrize(("board", "most"), [(PINS, 12_000), (PICO, 20_000)], ids=["mega", "pico"])
+def test_a_wheel_that_is_too_fast_for_its_board_is_refused(board, most):
+    """4096 slots at the limit, and 2 % above it."""
+    rpm = most * 60 / 4096
+    rated = ["robot.drive.encoder.slots=4096", f"robot.drive.motor.rated={rpm:.2f} rpm"]
+    assert problems(*TWO, *board, *rated) == []
+    rated[1] = f"robot.drive.motor.rated={1.02 * rpm:.2f} rpm"
+    ((code, cause),) = problems(*TWO, *board, *rated)
+    assert code == "E-ENCODER-FAST" and f"more than the {most} that a board can count" in cause
+
+
+def test_channel_b_of_a_pico_needs_an_interrupt():
+    found = problems(*TWO, *PICO, "robot.drive.left.encoder.pin_b=A1")
+    assert ("E-PIN-INTERRUPT", True) in [(code, "A1" in cause) for code, cause in found], found

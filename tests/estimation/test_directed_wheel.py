@@ -16,7 +16,7 @@ SIDE = SimpleNamespace(
     motor=SimpleNamespace(rated=10.0, lag=0.1, loop=LOOP),
     wheel=SimpleNamespace(diameter=DIAMETER),
     encoder=SimpleNamespace(
-        channels=2, slots=SLOTS, slot_errors=[], back_errors=[], open_share=None
+        channels=2, slots=SLOTS, counts=SLOTS, slot_errors=[], back_errors=[], open_share=None
     ),
 )
 

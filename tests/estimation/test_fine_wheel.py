@@ -16,7 +16,7 @@ STEP = 1e-4  # s, of the simulated wheel
 SIDE = SimpleNamespace(
     motor=SimpleNamespace(rated=20.0, lag=LAG, loop=SimpleNamespace(static=0.1)),
     wheel=SimpleNamespace(diameter=0.1),
-    encoder=SimpleNamespace(channels=1, slots=SLOTS),
+    encoder=SimpleNamespace(channels=1, slots=SLOTS, counts=SLOTS),
 )
 
 

@@ -66,8 +66,8 @@ def test_every_pin_for_every_role(field):
     ("field", "low", "high", "most"),
     [
         ("telemetry", 1, 100, 65535),
-        ("left_slots", 1, 10_000, 65535),
-        ("right_slots", 1, 10_000, 65535),
+        ("left_slots", 1, 16_384, 65535),
+        ("right_slots", 1, 16_384, 65535),
         ("battery_low", 0, 4092, 65535),
         ("glitch", 0, 50_000, 65535),
         ("deadman", 100, 500, 65535),  # never off
@@ -77,7 +77,7 @@ def test_every_pin_for_every_role(field):
         ("right_integral", 0, GAIN_MAXIMUM, 65535),
         ("baud", 0, 4, 255),
         ("edge", 1, 3, 3),
-        ("reserved", 0, 0, 3),
+        ("reserved", 0, 0, 1),
     ],
 )
 def test_every_value_of_a_number(field, low, high, most):
@@ -110,7 +110,7 @@ def test_random_inputs_to_every_part():
     assert firmware_parts.run("fuzz", 7, 300_000) == ["fuzzed 300000"]
 
 
-@pytest.mark.parametrize("slots", [8, 20, 375, 4096])
+@pytest.mark.parametrize("slots", [8, 20, 375, 4096, 16_384])
 @pytest.mark.parametrize("seed", range(3))
 def test_the_plant_models_the_speed_loop(seed, slots):
     """The same edges and commands at the same times: equal within fixed-point rounding.

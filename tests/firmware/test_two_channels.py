@@ -1,6 +1,7 @@
 """Two-channel encoders: the firmware on the emulated boards, and the host behind it."""
 
-from math import pi
+from dataclasses import replace
+from math import degrees, hypot, pi
 from pathlib import Path
 
 import pytest
@@ -8,8 +9,19 @@ import pytest
 import diffbotctl.testing
 from diffbotctl.config.load import load
 from diffbotctl.emulator.emulated_robot import emulated_robot_driver
-from diffbotctl.messages import Encoders
-from diffbotctl.testing.board_bench import MEGA_BOARD, PICO_BOARD, UNO_BOARD, trials_on
+from diffbotctl.links import diffbot_frames as frames
+from diffbotctl.messages import Encoders, Goal
+from diffbotctl.runs.options import RunOptions
+from diffbotctl.runs.run import Run
+from diffbotctl.testing.board_bench import (
+    MEGA_BOARD,
+    PICO_BOARD,
+    RADIO,
+    UNO_BOARD,
+    BoardBench,
+    speed,
+    trials_on,
+)
 from diffbotctl.testing.trials import two_channels
 from diffbotctl.time import SECOND
 
@@ -19,9 +31,14 @@ BOARDS = pytest.mark.parametrize(
 )
 
 
-@BOARDS
-def test_no_count_is_lost_at_full_speed(board):
+@pytest.mark.parametrize(
+    ("board", "slots_per_second"),
+    [(MEGA_BOARD, 12_000), (UNO_BOARD, 12_000), (PICO_BOARD, 20_000)],
+    ids=["mega2560", "uno", "pico"],
+)
+def test_no_count_is_lost_at_full_speed(board, slots_per_second):
     with trials_on(board):
+        assert two_channels.slot_rate() == slots_per_second
         rows = list(two_channels.full_speed(seconds=0.2))
     for row in rows:
         assert row.met, row.line()
@@ -34,10 +51,13 @@ def test_a_rocking_wheel_adds_nothing(board):
     assert row.met, row.line()
 
 
-@pytest.mark.parametrize("robot", ["mega_hall.yaml", "uno_hall.yaml"])
+@pytest.mark.parametrize(
+    ("robot", "counts_of_slot"),
+    [("mega_hall.yaml", 1), ("uno_hall.yaml", 1), ("pico_hall.yaml", 4)],
+)
 @pytest.mark.parametrize("wiring", ["plain", "exchanged"])
-def test_a_wheel_turned_by_hand_counts_in_its_direction(robot, wiring):
-    """A quarter turn forward, half a turn backward, without any command."""
+def test_a_wheel_turned_by_hand_counts_in_its_direction(robot, counts_of_slot, wiring):
+    """A quarter turn forward, half a turn backward, without any command: 1320 slots a turn."""
     sets = [f"robot.simulation.wiring.left_encoder={wiring}"]
     driver = emulated_robot_driver(load("goal", str(ROBOTS / robot), sets), 3)
     counts = []
@@ -57,6 +77,76 @@ def test_a_wheel_turned_by_hand_counts_in_its_direction(robot, wiring):
     finally:
         driver.close()
     sign = 1 if wiring == "plain" else -1
-    assert sign * (forward[0] - before[0]) == pytest.approx(330, abs=1)
-    assert sign * (after[0] - forward[0]) == pytest.approx(-660, abs=1)
+    assert sign * (forward[0] - before[0]) == pytest.approx(330 * counts_of_slot, abs=1)
+    assert sign * (after[0] - forward[0]) == pytest.approx(-660 * counts_of_slot, abs=1)
     assert after[1] == before[1]
+
+
+@pytest.mark.parametrize("port", ["sim", "emulated"])
+def test_a_robot_with_a_pico_drives_to_its_goal(port):
+    """The simulated board counts as the firmware does: both are as near to the goal."""
+    goal = Goal(0, 1, 1.0, 0.5, pi / 2)
+    options = RunOptions(port=port, goals=(goal,), seed=4, fast=True, duration=60.0)
+    configuration = load("goal", str(ROBOTS / "pico_hall.yaml"), real=False)
+    result = Run(configuration, options, tell=lambda _: None).go()
+    assert result.reached == 1 and result.truth is not None
+    pose = result.truth.pose
+    assert hypot(pose.x - goal.x, pose.y - goal.y) < 0.01
+    assert degrees(pose.heading) == pytest.approx(90, abs=2.5)  # the tyres slip
+
+
+@pytest.mark.parametrize("channel", ["A", "B"])
+def test_a_storm_at_either_channel_of_a_pico_stops_the_motors(channel):
+    """200,000 pulses a second: the board names the wheel, and takes commands afterwards."""
+    with trials_on(PICO_BOARD):
+        settings = two_channels.two_channels()
+    slow = (replace(side, slots=80) for side in (settings.left, settings.right))
+    settings = replace(settings, **dict(zip(("left", "right"), slow, strict=True)))
+    left = settings.left
+    with BoardBench(settings=settings) as bench:
+        bench.ready()
+        bench.send(RADIO, speed(1, 3.0, 3.0))
+        bench.wait(30)
+        assert min(bench.duty) > 0.1
+        bench.emulator.pulses(left.encoder if channel == "A" else left.encoder_b, 2500, 2500)
+        for number in range(2, 8):
+            bench.send(RADIO, speed(number, 3.0, 3.0))
+            bench.wait(50)
+        assert bench.duty == [0.0, 0.0]
+        assert bench.state().mode == frames.ModeCode.FAULT
+        flags = [
+            heard.frame.value
+            for heard in bench.heard
+            if isinstance(heard.frame, frames.StatusFrame)
+            and heard.frame.item == frames.ItemCode.FLAGS
+        ]
+        both = frames.FLAG_LEFT_STORM | frames.FLAG_RIGHT_STORM
+        assert flags[-1] & both == frames.FLAG_LEFT_STORM
+        bench.emulator.pulses(left.encoder if channel == "A" else left.encoder_b, 0, 0)
+        bench.wait(600)
+        bench.claim()
+        bench.send(RADIO, frames.ActionFrame(frames.ActionCode.CLEAR, 0))
+        bench.wait(30)
+        bench.send(RADIO, speed(9, 3.0, 3.0))
+        bench.wait(30)
+        assert min(bench.duty) > 0.1
+
+
+def test_a_pico_needs_an_interrupt_for_each_channel():
+    with trials_on(PICO_BOARD), BoardBench() as bench:
+        settings = two_channels.two_channels()
+        bench.wait(30)
+        for pin, refusal in ((27, "PIN_INTERRUPT"), (None, "PIN_MISSING")):
+            wrong = replace(settings, right=replace(settings.right, encoder_b=pin))
+            answer = bench.configure(wrong)
+            assert answer.refusal == frames.RefusalCode[refusal]
+            assert frames.SettingsFrame._fields[answer.field] == "right_encoder_b"
+        assert bench.configure(settings).refusal == frames.RefusalCode.NONE
+
+
+@pytest.mark.parametrize("board", [MEGA_BOARD, UNO_BOARD], ids=["mega2560", "uno"])
+def test_an_avr_board_refuses_to_count_every_edge(board):
+    with trials_on(board), BoardBench() as bench:
+        bench.wait(30)
+        settings = replace(two_channels.two_channels(), every_edge=True)
+        assert bench.configure(settings).refusal == frames.RefusalCode.RANGE

@@ -12,7 +12,7 @@ FRAME_DELAY = 5  # ms from the board's stamp to the frame's arrival; both clocks
 NUMBER = 5  # sequence number of the command
 
 
-def state(board, command, age):
+def state(board, command, age, left=0):
     """A frame stamped at `board` ms, whose command is in force for `age` ms; None: unknown."""
     units = COMMAND_AGE_NONE if age is None else age * MILLISECOND // COMMAND_AGE
     return StateFrame(
@@ -23,8 +23,8 @@ def state(board, command, age):
         mode=2,
         command_age=units,
         time=board * MILLISECOND // TICK,
-        left=0,
-        right=0,
+        left=left % 65536,
+        right=-left % 65536,
         range=0,
         command=command,
         left_age=0,
@@ -93,3 +93,20 @@ def test_a_command_that_no_frame_shows(shown, written, command, skipped):
     time, speed = skipped
     assert frame.skipped_left_command == frame.skipped_right_command == speed
     assert frame.skipped_command_time == pytest.approx(time * MILLISECOND + offset, abs=MILLISECOND)
+
+
+@pytest.mark.parametrize("speed", [80, 20, -80])
+@pytest.mark.parametrize(
+    ("gap", "driven"), [(25, 25), (500, 500), (850, 850), (850, 300), (5000, 300)]
+)
+def test_counts_go_on_over_a_gap_of_the_telemetry(speed, gap, driven):
+    """Up to 80 counts a ms; in a gap the wheel goes on for as long as it is driven."""
+    telemetry = Telemetry(115200)
+    count, board, seen = 0, 0, None
+    for step, turning in [(25, 25)] * 4 + [(gap, driven)] + [(25, 0)]:
+        count, board = count + speed * turning, board + step
+        frame = state(board, NUMBER, None, count)._replace(
+            time=board * MILLISECOND // TICK % 65536, sequence=board // 25 % 64
+        )
+        seen = telemetry.read((board + FRAME_DELAY) * MILLISECOND, frame)
+    assert (seen.left, seen.right) == (count, -count)

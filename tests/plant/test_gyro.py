@@ -11,6 +11,7 @@ from diffbotctl.config.simulation import GyroTruth
 from diffbotctl.links.diffbot_telemetry import TURN
 from diffbotctl.messages import Encoders, Wheels
 from diffbotctl.plant.gyro import SimulatedGyro
+from diffbotctl.plant.imu_mounting import axis_direction, axis_directions
 from diffbotctl.plant.simulated_robot import draw_robot
 from diffbotctl.time import MILLISECOND, SECOND
 
@@ -99,3 +100,35 @@ def test_a_robot_is_the_same_with_and_without_an_imu(tmp_path):
     without, with_imu = frames
     assert [each._replace(turn=None) for each in with_imu] == without
     assert with_imu[-1].turn is not None and abs(with_imu[-1].turn) > 0.1
+
+
+@pytest.mark.parametrize(
+    ("up", "axis", "expected"),
+    [
+        ("z", "x", (0.0, 0.3)),  # forward: the left side goes up about it
+        ("z", "y", (-0.4, 0.0)),  # to the left: the front goes down about it
+        ("-z", "y", (0.4, 0.0)),
+        ("-x", "y", (0.0, 0.3)),
+        ("-x", "-z", (-0.4, 0.0)),
+    ],
+)
+def test_a_hand_lifts_front_and_left_side(up, axis, expected):
+    """The front by 0.4 rad, down again, and the left side by 0.3 rad, read about one axis."""
+    gyro, table, sums, now = SimulatedGyro(truth_of(), Random(1)), Turntable(), [], 0
+    for front, left in ((0.4, 0.0), (0.0, 0.0), (0.0, 0.3)):
+        gyro.lift(now, front, left, 0.5)
+        for _ in range(60):
+            now += 10 * MILLISECOND
+            gyro.measure(now, table, axis_direction(axis, up))
+        sums.append(gyro.angle)
+    assert sums[0] == pytest.approx(expected[0])
+    assert sums[1] == pytest.approx(0.0)
+    assert sums[2] == pytest.approx(expected[1])
+
+
+@pytest.mark.parametrize("up", ["x", "-x", "y", "-y", "z", "-z"])
+def test_printed_axes_are_right_handed(up):
+    x, y, z = axis_directions(up)
+    assert axis_direction(up, up) == (0, 0, 1)
+    cross = (x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0])
+    assert cross == z

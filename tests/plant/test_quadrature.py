@@ -37,17 +37,30 @@ def test_b_is_in_the_middle_between_the_edges_of_a():
     assert [levels_of_two(index) for index in range(5)] == [(0, 0), (1, 0), (1, 1), (0, 1), (0, 0)]
 
 
+PICO = [
+    "robot.board.type=pico",
+    "robot.board.supply=usb",
+    "robot.link.uart=0",
+    "robot.drive.left.motor.in1=7",
+    "robot.drive.left.motor.in2=8",
+    "robot.drive.right.motor.enable=11",
+    "robot.drive.left.encoder.pin_b=14",
+    "robot.drive.right.encoder.pin_b=15",
+]
+
+
+@pytest.mark.parametrize(("board", "counts_of_slot"), [([], 1), (PICO, 4)], ids=["mega", "pico"])
 @pytest.mark.parametrize("equations", ["exponential", "torque"])
-def test_a_wheel_turned_by_hand(equations):
+def test_a_wheel_turned_by_hand(equations, board, counts_of_slot):
     """A turn forward and two backward; nobody commands anything."""
-    robot = plant(f"robot.simulation.equations={equations}")
+    robot = plant(f"robot.simulation.equations={equations}", *board)
     start = counts(robot, 0.1)
     robot.turn_by_hand(0, 2 * pi, 4.0)
     forward = counts(robot, 2.0)
     robot.turn_by_hand(0, -4 * pi, 4.0)
     backward = counts(robot, 4.0)
-    assert forward[0] - start[0] == pytest.approx(100, abs=1)
-    assert backward[0] - forward[0] == pytest.approx(-200, abs=1)
+    assert forward[0] - start[0] == pytest.approx(100 * counts_of_slot, abs=1)
+    assert backward[0] - forward[0] == pytest.approx(-200 * counts_of_slot, abs=1)
     assert backward[1] == start[1]
 
 

@@ -22,7 +22,7 @@ MACHINE = PlantParameters(
     left_diameter=0.065,
     right_diameter=0.065,
     rated=(10 * pi / 3, 10 * pi / 3),
-    slots=(20, 20),
+    counts=(20, 20),
     glitch=2 * MS,
     deadman=300 * MS,
     gains=(GAINS, GAINS),
@@ -175,7 +175,7 @@ def test_our_firmware_also_takes_raw_duty():
 def test_a_restarted_board_counts_from_zero_with_a_new_boot_number():
     made = robot()
     driven(made, 1.0, 5.0, 5.0)
-    made.restart_board(made.parameters._replace(slots=(30, 30)))
+    made.restart_board(made.parameters._replace(counts=(30, 30)))
     made.advance(2 * SECOND)
     last = made.deliver()[-1][1]
     assert last.boot == 1

@@ -1,7 +1,8 @@
 """`calibrate imu`: the axis of the gyro that points up, and its scale, from turns on the spot.
 
-The axis that turns with the wheels is the vertical one; one of which the sign differs points down.
-The board reads one axis at a time, so the robot turns once for each, at most three times.
+The axis that turns with the wheels is the vertical one. The board reads one axis at a time, so the
+robot turns once for each, at most three times. Whether it points up or down is shown by lifting the
+robot by hand; without that by its sign, if the directions of the motors are proven.
 
 The bias is the rate at rest before and after a spin. What is left of it adds to the turn in one
 direction what it takes from it in the other.
@@ -11,10 +12,17 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
-from math import degrees, pi
+from math import acos, degrees, pi
 from typing import Any
 
 from diffbotctl.calibrate.confidence import robust_mean
+from diffbotctl.calibrate.imu_mounting import (
+    find_direction,
+    read_axis,
+    refuse_faulty,
+    rest_rate,
+    turn_of,
+)
 from diffbotctl.calibrate.result import GYRO_AXES, GYRO_SCALE, Finding
 from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.step import Event, Message, Outcome, StepProgress, StepRun
@@ -22,7 +30,6 @@ from diffbotctl.calibrate.steps.spin import REACH_M, TURN_RATE_RAD_S, spin_comma
 from diffbotctl.calibrate.steps.squares import FACING
 from diffbotctl.config.robot import ImuSection, Robot
 from diffbotctl.errors import Problem, RunError
-from diffbotctl.links.diffbot_faults import GYRO_FIX
 from diffbotctl.messages import Encoders
 from diffbotctl.prompts.question import MarkFloor, MotionNotice
 
@@ -32,35 +39,41 @@ REST_TIME_S = 3.0
 READING_SD_RATIO = 0.0003  # one degree in ten turns
 SCALE_SD_MIN = 0.001  # 3 K: the scale of an MPU6050 varies by 2 % over 65 K (data sheet)
 AXIS_SHARE_MIN = 0.5  # of the commanded turn; about a horizontal axis a gyro measures nearly none
+SCALE_ERROR_MAX = 0.03  # of a gyro that is mounted level (data sheets)
+ASKEW_MIN_DEG = 8.0  # a module on its screws is level within 5
+LIFTS_MAX = 2
 NS = 1e-9  # s
 
 
 @dataclass(frozen=True, slots=True)
 class ImuStep:
-    """The step: `turns` in each direction, `repeats` times."""
+    """The step: `turns` in each direction, `repeats` times; `lift`: have the robot lifted."""
 
     turns: int = TURNS_PER_SPIN
     repeats: int = 1
+    lift: bool = True
     name: str = "imu"
     title: str = "axis and scale of the gyro, from turns on the spot"
     lifted: bool = False
 
     def run(self, session: RobotSession) -> StepRun:
-        """Turn and have the final heading measured, in alternating directions."""
+        """Find the axis, then turn and have the final heading measured, to the left and right."""
         session.connect()
         imu = session.file.robot.imu
         if imu.type is None:
             return Outcome("spin", [], ["the robot file has no IMU"])
-        times = f", {self.repeats} times" if self.repeats > 1 else ""
-        yield MotionNotice(
-            f"The robot turns on the spot: once to the left, at most three times, to find the axis "
-            f"of the IMU that points up; then {self.turns} turns to the left and {self.turns} to "
-            f"the right{times}. It stands still for {REST_TIME_S:g} s before and after each, and "
-            f"stays within {REACH_M:g} m of its position. Do not touch it meanwhile.",
-            reach=REACH_M,
-        )
-        stated, axes = imu.axes, (yield from _find_axes(session))
+        stated = imu.axes
+        try:
+            axes = yield from self._find_axes(session)
+        except RunError:
+            session.note_findings([Finding(GYRO_AXES, stated)])  # not the one that was read last
+            raise
+        read_axis(session, axes)
+        if axes != stated:
+            yield Message(f"{axis_text(axes)}. The robot file has axes: {stated}; it is corrected.")
         imu = session.file.robot.imu
+        times = f", {self.repeats} times" if self.repeats > 1 else ""
+        yield _notice(f"{self.turns} turns to the left and {self.turns} to the right{times}")
         scales = []
         for number in range(2 * self.repeats):
             yield StepProgress("turning on the spot", number, 2 * self.repeats)
@@ -69,10 +82,26 @@ class ImuStep:
         sd = max(scale.sd, SCALE_SD_MIN)
         line = f"scale of the gyro: {imu.scale:.4f} before, {scale.value:.4f} now, +- {2 * sd:.4f}"
         findings, report = [Finding(GYRO_SCALE, scale.value, sd)], [f"{line} (95 %)"]
+        report += askew_report(scale.value)
         if axes == stated:
             return Outcome("spin", findings, [f"axes of the IMU: {axes}, as stated", *report])
         report.insert(0, f"axes of the IMU: {stated} before, {axes} now")
         return Outcome("spin", [Finding(GYRO_AXES, axes), *findings], report)
+
+    def _find_axes(self, session: RobotSession) -> Generator[Event, Any, str]:
+        """The axis that points up, with its sign. Raises RunError if it cannot be found."""
+        yield _notice("once to the left, at most three times, to find the vertical axis of the IMU")
+        by_turn = yield from _find_vertical(session)
+        if not self.lift:
+            return by_turn_alone(by_turn, session.file.robot)
+        by_lift = ""
+        for number in range(LIFTS_MAX):
+            if number:
+                yield Message(f"{contradiction(by_lift, by_turn)} Lift it once more.")
+            by_lift = yield from find_direction(session, by_turn[-1])
+            if by_lift == by_turn:
+                return by_lift
+        raise wrong_turn(by_lift, by_turn, session.file.robot)
 
     def _spin(
         self, session: RobotSession, imu: ImuSection, direction: int
@@ -86,35 +115,67 @@ class ImuStep:
         return (facing + 2 * pi * round((imu.scale * measured - facing) / (2 * pi))) / measured
 
 
-def _find_axes(session: RobotSession) -> Generator[Event, Any, str]:
-    """The axis that points up, with the sign; the session continues with it.
+def _notice(turns: str) -> MotionNotice:
+    text = (
+        f"The robot turns on the spot: {turns}. It stands still for {REST_TIME_S:g} s before and "
+        f"after each, and stays within {REACH_M:g} m of its position. Do not touch it meanwhile."
+    )
+    return MotionNotice(text, reach=REACH_M)
 
-    Raises RunError if none turns as the wheels do.
+
+def _find_vertical(session: RobotSession) -> Generator[Event, Any, str]:
+    """The axis that turns with the wheels, with the sign with which it turns to the left.
+
+    Raises RunError if none does.
     """
-    stated, angle, measured = session.file.robot.imu.axes, 2 * pi, 0.0
+    stated, angle = session.file.robot.imu.axes, 2 * pi
     candidates = [stated, *(axis for axis in "xyz" if axis != stated[-1])]
     for number, axes in enumerate(candidates):
         yield StepProgress("looking for the vertical axis", number, len(candidates))
-        _read_axis(session, axes)
+        read_axis(session, axes)
         measured = _turn_on_the_spot(session, angle)
         if abs(measured) >= AXIS_SHARE_MIN * angle:
-            break
-    else:
-        _read_axis(session, stated)
-        raise no_axis_turns(angle)
-    if measured < 0.0 and is_direction_known(session.file.robot):
-        axes, measured = opposite_axis(axes), -measured
-    _read_axis(session, axes if measured > 0.0 else stated)
-    refuse_wrong_axis(measured, angle, axes)
-    if axes != stated:
-        yield Message(f"{axis_text(axes)}. The robot file has axes: {stated}; it is corrected.")
+            return axes if measured > 0.0 else opposite_axis(axes)
+    raise no_axis_turns(angle)
+
+
+def by_turn_alone(axes: str, robot: Robot) -> str:
+    """The axis that a turn has shown, with its sign.
+
+    Raises RunError if it has the other sign in the robot file, and the motors may be exchanged.
+    """
+    stated = robot.imu.axes
+    if axes == opposite_axis(stated) and not is_direction_known(robot):
+        refuse_wrong_axis(-2 * pi, 2 * pi, stated)
     return axes
 
 
-def _read_axis(session: RobotSession, axes: str) -> None:
-    if session.file.robot.imu.axes != axes:
-        session.try_findings([Finding(GYRO_AXES, axes)])
-        session.connect()
+def contradiction(by_lift: str, by_turn: str) -> str:
+    """What lifts and a turn say of the axis that points up."""
+    return (
+        f"By the lifts {axis_text(by_lift)[0].lower()}{axis_text(by_lift)[1:]}, and by the turn to "
+        f"the left it points {'down' if by_turn.startswith('-') else 'up'}."
+    )
+
+
+def wrong_turn(by_lift: str, by_turn: str, robot: Robot) -> RunError:
+    """The error for a robot that turned to the right instead of the left, by the lifts."""
+    fix = "if the front and the left side were lifted, the motors turn the robot to the right: "
+    fix += "`diffbotctl calibrate encoders` corrects that"
+    if is_direction_known(robot):
+        fix += "; their directions were proven before, so look at its wires"
+    return RunError(Problem("E-CALIBRATE-ROBOT", "imu", contradiction(by_lift, by_turn), fix))
+
+
+def askew_report(scale: float) -> list[str]:
+    """A line about an IMU that is mounted askew: no gyro measures so little of a turn."""
+    tilt = degrees(acos(min((1.0 + SCALE_ERROR_MAX) / scale, 1.0)))
+    if tilt < ASKEW_MIN_DEG:
+        return []
+    return [
+        f"the gyro measures {100 / scale:.0f} % of each turn: it is mounted askew by "
+        f"{tilt:.0f} deg or more. Screw it down flat and repeat this step"
+    ]
 
 
 def no_axis_turns(angle: float) -> RunError:
@@ -159,19 +220,9 @@ def _turn_on_the_spot(session: RobotSession, angle: float) -> float:
 
 def measured_turn(before: Sequence[Encoders], after: Sequence[Encoders]) -> float:
     """The turn (rad) between two rests, without the mean of their rates."""
-    bias = 0.5 * (_rate(before) + _rate(after))
+    bias = 0.5 * (rest_rate(before) + rest_rate(after))
     first, last = before[-1], after[0]
-    return _turn(last) - _turn(first) - bias * (last.time - first.time) * NS
-
-
-def refuse_faulty(frames: Sequence[Encoders]) -> None:
-    """Raises RunError if the gyro has failed, or if the board reports none."""
-    for frame in frames:
-        fault = frame.turn_fault
-        if frame.turn is None:
-            fault = fault or "the board reports no turn of the IMU"
-        if fault:
-            raise RunError(Problem("E-IMU-FAULT", "calibrate imu", fault, GYRO_FIX))
+    return turn_of(last) - turn_of(first) - bias * (last.time - first.time) * NS
 
 
 def refuse_wrong_axis(measured: float, commanded: float, axes: str) -> None:
@@ -192,13 +243,3 @@ def refuse_wrong_axis(measured: float, commanded: float, axes: str) -> None:
         )
         fix = "something holds the robot, or its wheels slip; put it on a level, clean floor"
     raise RunError(Problem("E-CALIBRATE-ROBOT", "imu", cause, fix))
-
-
-def _rate(rest: Sequence[Encoders]) -> float:
-    """The rate at rest, rad/s."""
-    return (_turn(rest[-1]) - _turn(rest[0])) / ((rest[-1].time - rest[0].time) * NS)
-
-
-def _turn(frame: Encoders) -> float:
-    assert frame.turn is not None
-    return frame.turn

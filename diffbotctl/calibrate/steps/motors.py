@@ -112,11 +112,11 @@ def _fit_lags(robot: Robot, steps: list[StepResponse]) -> dict[str, LagFit]:
     try:
         if is_duty_board(robot):
             jitter = max(robot.link.command_jitter, COMMAND_JITTER_MIN_S)
-            lag = fit_common_lag(steps, robot.drive.left.encoder.slots, jitter)
+            lag = fit_common_lag(steps, robot.drive.left.encoder.counts, jitter)
             return dict.fromkeys(SIDES, lag)
         lags = {}
         for side, section in drive_sides(robot).items():
-            lags[side] = fit_lag(steps, side == "left", section.encoder.slots)
+            lags[side] = fit_lag(steps, side == "left", section.encoder.counts)
         return lags
     except ValueError as error:
         raise _unusable_wheel(side, error) from error

@@ -369,7 +369,7 @@ def check_tolerance(context: CheckContext) -> None:
         return
     values = context.values(
         "drive.left.wheel.diameter",
-        "drive.left.encoder.slots",
+        "drive.left.encoder.counts",
         "limits.speed",
         "board.edge_times",
         "link.protocol",
@@ -387,13 +387,14 @@ def check_tolerance(context: CheckContext) -> None:
 
 
 def resolution(
-    diameter: float, slots: int, speed: float, has_edge_times: bool, protocol: str
+    diameter: float, counts: int, speed: float, has_edge_times: bool, protocol: str
 ) -> float:
     """Standard deviation in m of the estimated position along the path.
 
-    A count alone leaves the position uniform within one slot: pitch / sqrt(12).
+    A count alone leaves the position uniform from it to the next: pitch / sqrt(12). `counts`: per
+    turn.
     """
-    pitch = pi * diameter / slots
+    pitch = pi * diameter / counts
     if protocol == "rosserial":
         return hypot(pitch / sqrt(12), speed * STOCK_DELAY_SPREAD_S)
     return pitch / sqrt(12) * (EDGE_TIME_UNCERTAINTY_RATIO if has_edge_times else 1.0)

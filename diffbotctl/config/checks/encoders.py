@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from diffbotctl.config.board_pins import SIMULATED
+from diffbotctl.config.board_pins import BOARDS, SIMULATED
 from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.robot import SIDES
 
@@ -38,11 +38,19 @@ def _check_pin(context: CheckContext, side: str, has_two: bool) -> None:
     place = context.error_place(f"drive.{side}.encoder.pin_b", f"drive.{side}.encoder.channels")
     if has_two and pin_b is None:
         cause = f"the {side} encoder has two channels, and pin_b, that of channel B, is missing"
-        fix = "add pin_b: and the board's pin; any digital pin is suitable"
+        fix = f"add pin_b: and the board's pin; {_suitable_for_b(context)} is suitable"
         context.error(CODE, place, cause, fix)
     elif not has_two and pin_b is not None:
         cause = f"pin_b of the {side} encoder is stated, but channels is 1"
         context.error(CODE, place, cause, "write channels: 2, or pin_b: none")
+
+
+def _suitable_for_b(context: CheckContext) -> str:
+    (kind,) = context.values("board.type") or (None,)
+    board = BOARDS.get(kind) if isinstance(kind, str) else None
+    if board is None or board.counts_of_slot == 1:
+        return "any digital pin"
+    return f"any from {board.interrupts[0]} to {board.interrupts[-1]}"
 
 
 def _check_two(context: CheckContext) -> None:

@@ -126,8 +126,9 @@ def _pins_in_use(context: CheckContext, board: BoardPins) -> Iterator[PinUse]:
             pins.append(("pwm", f"{side} motor enable", f"drive.{side}.motor.enable"))
     pins.append(("digital", "driver's standby", "drive.left.motor.standby"))
     pins += [("interrupt", f"{side} encoder", f"drive.{side}.encoder.pin") for side in SIDES]
+    second: PinRole = "interrupt" if board.counts_of_slot > 1 else "digital"
     pins += [
-        ("digital", f"{side} encoder's channel B", f"drive.{side}.encoder.pin_b") for side in SIDES
+        (second, f"{side} encoder's channel B", f"drive.{side}.encoder.pin_b") for side in SIDES
     ]
     for name in (context.robot.sensors or {}) if context.robot else ():
         pins.append(("analog", f"{name} sensor", f"sensors.{name}.pin"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import ceil, floor, pi
 
-from diffbotctl.config.board_pins import SIMULATED
+from diffbotctl.config.board_pins import BOARDS
 from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.robot import SIDES
 from diffbotctl.errors import Place
@@ -13,10 +13,8 @@ DIAMETER_TRACK_RATIO_MAX = 1.2
 # Travel of a wheel in one count: at 0.2 tracks one count turns the robot by 11 degrees.
 PITCH_TRACK_RATIO_MAX = 0.2
 # Counted edges per second of one encoder while the other turns as fast. An edge of one channel
-# takes 4 us of a board's time. Both AVR boards count every edge of two channels at 16,000; above
-# 3,000 they interrupt the board at counted edges only.
+# takes 4 us of a board's time. What a board counts of two channels stands in its table.
 EDGE_RATE_MAX_HZ = 20_000
-TWO_CHANNEL_RATE_MAX_HZ = 12_000
 ROUNDING = 1.001
 
 
@@ -29,12 +27,13 @@ def check_proportions(context: CheckContext) -> None:
             "drive.track",
             f"drive.{side}.wheel.diameter",
             f"drive.{side}.encoder.slots",
+            f"drive.{side}.encoder.counts",
             f"drive.{side}.motor.rated",
         ]
         values = context.nominal_values(*paths)
         if values is None:
             continue
-        track, diameter, slots, rated = values
+        track, diameter, slots, counts, rated = values
         place = context.error_place(
             f"drive.{side}.wheel.diameter", "drive.wheel.diameter", "drive.track"
         )
@@ -42,15 +41,21 @@ def check_proportions(context: CheckContext) -> None:
             _report_diameter(context, place, diameter, track)
             return
         place = context.error_place(f"drive.{side}.encoder.slots", "drive.encoder.slots")
-        if pi * diameter / slots > ROUNDING * PITCH_TRACK_RATIO_MAX * track:
-            _report_pitch(context, place, pi * diameter, slots, track)
+        if pi * diameter / counts > ROUNDING * PITCH_TRACK_RATIO_MAX * track:
+            _report_pitch(context, place, pi * diameter, counts, track)
             return
-        has_two = context.values(f"drive.{side}.encoder.channels") == (2,)
-        is_simulated = context.values("board.type") == (SIMULATED,)
-        limit = TWO_CHANNEL_RATE_MAX_HZ if has_two and not is_simulated else EDGE_RATE_MAX_HZ
+        limit = _rate_limit(context, side)
         if rated * slots / (2 * pi) > ROUNDING * limit:
             _report_rate(context, place, slots, rated, limit)
             return
+
+
+def _rate_limit(context: CheckContext, side: str) -> int:
+    """Slots per second that the board counts of this encoder."""
+    (kind,) = context.values("board.type") or (None,)
+    board = BOARDS.get(kind) if isinstance(kind, str) else None
+    has_two = context.values(f"drive.{side}.encoder.channels") == (2,)
+    return board.slot_rate if board and has_two else EDGE_RATE_MAX_HZ
 
 
 def _report_diameter(
@@ -69,15 +74,16 @@ def _report_diameter(
 
 
 def _report_pitch(
-    context: CheckContext, place: Place | str, rim: float, slots: int, track: float
+    context: CheckContext, place: Place | str, rim: float, counts: int, track: float
 ) -> None:
     cause = (
-        f"with {slots} counts per turn a wheel travels {rim / slots * 1000:.0f} mm from one count "
-        f"to the next, more than {PITCH_TRACK_RATIO_MAX:g} of the track of {track * 1000:.0f} mm"
+        f"with {counts} counts per turn a wheel travels {rim / counts * 1000:.0f} mm from one "
+        f"count to the next, more than {PITCH_TRACK_RATIO_MAX:g} of the track of "
+        f"{track * 1000:.0f} mm"
     )
     least = ceil(rim / (PITCH_TRACK_RATIO_MAX * track))
     fix = (
-        f"use discs with {least} slots or more, or correct encoder.slots: counts per turn of the "
+        f"use discs with {least} slots or more, or correct encoder.slots: those per turn of the "
         "wheel, not of the motor"
     )
     context.error("E-ENCODER-COARSE", place, cause, fix)
@@ -88,9 +94,9 @@ def _report_rate(
 ) -> None:
     rate = rated * slots / (2 * pi)
     cause = (
-        f"{slots} counts per turn at {rated * 60 / (2 * pi):.0f} rpm are {rate:.0f} edges per "
+        f"{slots} slots per turn at {rated * 60 / (2 * pi):.0f} rpm are {rate:.0f} edges per "
         f"second, more than the {limit} that a board can count"
     )
     most = floor(2 * pi * limit / rated)
-    fix = f"use an encoder with at most {most} counts per turn, or correct encoder.slots or rated"
+    fix = f"use an encoder with at most {most} slots per turn, or correct encoder.slots or rated"
     context.error("E-ENCODER-FAST", place, cause, fix)

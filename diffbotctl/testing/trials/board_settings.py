@@ -85,10 +85,11 @@ def spoil(rng: Random) -> frames.SettingsFrame:
     choices["range"] = [*range(pins.analogs, 255)]
     choices["battery"] = [0, *range(pins.analogs, 255)]
     choices["edge"] = [0]
-    choices["reserved"] = [1, 2, 3]
+    choices["reserved"] = [1]
+    choices["every_edge"] = [1]  # without channel B
     choices["baud"] = [*range(5, 256)]
     choices["telemetry"] = [0, 101, 40_000, 65_535]
-    choices["left_slots"] = choices["right_slots"] = [0, 10_001, 65_535]
+    choices["left_slots"] = choices["right_slots"] = [0, 16_385, 65_535]
     choices["driver"] = [*range(1, 256)]  # 1 and 2 have other pins
     choices["standby"] = sorted(pin + 1 for pin in used | pins.links | missing - {254})
     choices["battery_low"] = [frames.ANALOG_ONE + 1, 65_535]

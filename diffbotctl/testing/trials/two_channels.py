@@ -6,9 +6,11 @@ from collections.abc import Iterator
 from dataclasses import replace
 from math import sqrt
 
+from diffbotctl.config.board_pins import BOARDS
 from diffbotctl.emulator.process import PinTransition
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_settings import BoardSettings
+from diffbotctl.plant.quadrature import EDGES_PER_PITCH
 from diffbotctl.testing.board_bench import ENCODERS, BoardBench, trial_board
 from diffbotctl.testing.trials.row import Row
 from diffbotctl.time import MILLISECOND as MS
@@ -19,42 +21,59 @@ PINS_B = {
     frames.BoardCode.ATMEGA328P: (4, 12),
     frames.BoardCode.RP2040: (4, 12),
 }
+SLOTS = 4096
 RAMP_S = 0.15  # from rest to full speed; a gear motor takes as long
 SHIFT = 13_337  # ns between the edges of both wheels
 
 
 def two_channels() -> BoardSettings:
-    """The settings of the board with two channels on each wheel."""
+    """The settings of the board with two channels on each wheel: a Pico counts every edge."""
     settings = trial_board().settings
     left, right = PINS_B[settings.board]
+    every_edge = settings.board == frames.BoardCode.RP2040
+    counts = SLOTS * (EDGES_PER_PITCH if every_edge else 1)
     return replace(
         settings,
         glitch=0,
-        left=replace(settings.left, encoder_b=left, slots=4096),
-        right=replace(settings.right, encoder_b=right, slots=4096),
+        every_edge=every_edge,
+        left=replace(settings.left, encoder_b=left, slots=counts),
+        right=replace(settings.right, encoder_b=right, slots=counts),
     )
 
 
-def full_speed(rate: int = 12_000, seconds: float = 0.5) -> Iterator[Row]:
-    """Both wheels from rest to `rate` counted edges a second and back, in each direction."""
+def counts_of_slot() -> int:
+    """Counts that the board makes of a slot."""
+    return EDGES_PER_PITCH if two_channels().every_edge else 1
+
+
+def slot_rate() -> int:
+    """Slots a second up to which no count may be lost on the board, by its table."""
+    chip = trial_board().settings.board.name
+    return next(pins.slot_rate for pins in BOARDS.values() if pins.chip == chip)
+
+
+def full_speed(seconds: float = 0.5) -> Iterator[Row]:
+    """Both wheels from rest to the highest speed that `check` accepts, and back, each way."""
+    rate = slot_rate()
     for is_forward in (True, False):
         with BoardBench(settings=two_channels()) as bench:
             bench.pins += [PinTransition(0, pin, 0) for pin in PINS_B[bench.settings.board]]
             bench.ready()
             bench.wait(60)
             before = bench.state()
-            count = round(rate * (seconds + RAMP_S))
-            bench.pins += _turning(bench, rate, seconds, count, is_forward)
+            slots = round(rate * (seconds + RAMP_S))
+            bench.pins += _turning(bench, rate, seconds, slots, is_forward)
             heard = _in_pieces(bench, seconds + 2 * RAMP_S + 0.2)
             after = bench.state()
+        count = slots * counts_of_slot()
         wanted = count if is_forward else -count
         lost = [
             (wanted - (now - then) + 32768) % 65536 - 32768
             for then, now in ((before.left, after.left), (before.right, after.right))
         ]
         yield Row(
-            f"edges lost of {count} a wheel, two channels {'forward' if is_forward else 'backward'}"
-            f" at {rate}/s",
+            f"counts lost of {count} a wheel, two channels"
+            f" {'forward' if is_forward else 'backward'} at {rate} slots/s",
             f"{lost[0]}, {lost[1]}",
             "0, 0",
             lost == [0, 0],
@@ -72,18 +91,18 @@ def _in_pieces(bench: BoardBench, seconds: float) -> int:
 
 
 def _turning(
-    bench: BoardBench, rate: int, seconds: float, count: int, is_forward: bool
+    bench: BoardBench, rate: int, seconds: float, slots: int, is_forward: bool
 ) -> list[PinTransition]:
-    """The changes of all pins while both wheels turn by `count` pitches."""
+    """The changes of all pins while both wheels turn by `slots`."""
     changes = []
     wheels = zip(ENCODERS, PINS_B[bench.settings.board], strict=True)
     for wheel, (a, b) in enumerate(wheels):
         # In one pitch A leads going forward, B going backward.
         order = ((a, 1), (b, 1), (a, 0), (b, 0)) if is_forward else ((b, 1), (a, 1), (b, 0), (a, 0))
         start = bench.now + 5 * MS + wheel * SHIFT
-        for quarter in range(1, 4 * count + 1):
-            time = _time_of(quarter / 4, rate, seconds)
-            pin, level = order[(quarter - 1) % 4]
+        for quarter in range(1, EDGES_PER_PITCH * slots + 1):
+            time = _time_of(quarter / EDGES_PER_PITCH, rate, seconds)
+            pin, level = order[(quarter - 1) % EDGES_PER_PITCH]
             changes.append(PinTransition(start + round(time * SECOND), pin, level))
     return sorted(changes)
 

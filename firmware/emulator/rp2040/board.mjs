@@ -28,6 +28,10 @@ const HAD_RUN_PIN = 1 << 16;
 const WATCHDOG_TIMER = 1;
 const UNPOWERED = 0x5a; // what RAM may hold after the supply was off
 const ADC_QUEUE = 0x0c;
+// Cycles of the core to an interrupt's first instruction and back (Cortex-M0+ manual, section 3.3.1): rp2040js
+// leaves them out.
+const CYCLES_OF_ENTRY = 15;
+const CYCLES_OF_RETURN = 13;
 
 // The CRC-32 of the boot ROM.
 function checksum(bytes) {
@@ -67,6 +71,7 @@ export class Board {
     chip.logger = { debug() {}, info() {}, warn() {}, error() {} };
     this.chip = chip;
     this.resets = 0;
+    this.interruptCycles = 0;
     if (ram) chip.sram.set(ram);
     else chip.sram.fill(UNPOWERED);
     this.completeParts(cause);
@@ -100,6 +105,14 @@ export class Board {
       if (offset === ADC_QUEUE) adc.checkInterrupts();
       return value;
     };
+    const { core } = chip;
+    for (const [method, cycles] of [["exceptionEntry", CYCLES_OF_ENTRY], ["exceptionReturn", CYCLES_OF_RETURN]]) {
+      const plain = core[method].bind(core);
+      core[method] = (value) => {
+        this.interruptCycles += cycles;
+        return plain(value);
+      };
+    }
     // Duty is read from the registers; the outputs need not change at each period.
     for (const channel of chip.pwm.channels) channel.updateEnable = () => {};
   }
@@ -153,7 +166,9 @@ export class Board {
     const { chip } = this;
     const { core, clock } = chip;
     if (!core.waiting && this.runs) {
-      clock.tick((core.executeInstruction() * 1e9) / chip.clkSys);
+      const cycles = core.executeInstruction() + this.interruptCycles;
+      this.interruptCycles = 0;
+      clock.tick((cycles * 1e9) / chip.clkSys);
       if (core.waiting) this.motors.poll();
     } else {
       const next = clock.nextAlarm ? clock.nextAlarm.nanos : Infinity;
