@@ -11,6 +11,7 @@ import click
 
 Command = Callable[..., Any]
 
+VIRTUAL_PORTS = ("sim", "emulated")  # those of drivers.robot_ports, which takes 50 ms to import
 ROBOT_HELP = "Robot file or name; default: chosen as in `run`."
 
 
@@ -119,12 +120,47 @@ def choice_option(name: str, choices: Sequence[str], help: str) -> Callable[[Com
     return click.option(name, type=kind, default=choices[0], show_default=True, help=help)
 
 
-def port_option(default: str, only_board: bool = False) -> Callable[[Command], Command]:
-    """`--port`; `only_board`: a simulated robot makes no sense for the command."""
+def port_option(
+    default: str, only_board: bool = False, is_checked: bool = True
+) -> Callable[[Command], Command]:
+    """`--port`; `only_board`: a simulated robot makes no sense for the command.
+
+    A device that is not there is refused, before anything is printed or asked, if `is_checked`.
+    """
     kinds = "A serial device, bluetooth:ADDRESS, or auto (the only board connected)."
     if not only_board:
         kinds = f"sim, emulated, {kinds[0].lower()}{kinds[1:]}"
-    return click.option("--port", metavar="PORT", default=default, show_default=True, help=kinds)
+    words = ("auto",) if only_board else (*VIRTUAL_PORTS, "auto")
+
+    def check(ctx: click.Context, param: click.Parameter, port: str) -> str:
+        if is_checked and port not in words and not ctx.resilient_parsing:
+            _check_port(port, words)
+        return port
+
+    return click.option(
+        "--port", metavar="PORT", default=default, show_default=True, help=kinds, callback=check
+    )
+
+
+def _check_port(port: str, words: Sequence[str]) -> None:
+    """Raises UserError for a device that is not there; `words` may be given in place of one."""
+    import os
+
+    if os.path.lexists(port):
+        return
+    if port in VIRTUAL_PORTS:
+        from diffbotctl.errors import Problem, UsageError
+
+        cause = "this command needs a board"
+        fix = "`diffbotctl emulate` starts a virtual one"
+        raise UsageError(Problem("E-PORT-KIND", f"port {port}", cause, fix))
+    from diffbotctl.drivers.socket_port import is_socket
+
+    if is_socket(port):
+        return  # may appear later; its name is checked when it is opened
+    from diffbotctl.drivers.serial_port import missing_port_error
+
+    raise missing_port_error(port, words)
 
 
 def output_option(help: str) -> Callable[[Command], Command]:

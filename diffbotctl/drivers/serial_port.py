@@ -8,6 +8,7 @@ import grp
 import os
 import stat
 import termios
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
@@ -20,6 +21,7 @@ from diffbotctl.ports.diagnosis import (
     PortReport,
     busy_problem,
     diagnose_name,
+    missing_problem,
     survey_ports,
 )
 
@@ -119,8 +121,15 @@ def disconnected_error(device: str, error: OSError) -> RunError:
     """The error for a device that is not there, or has disconnected."""
     if is_socket(device):
         return unreachable(device, error)
+    if not os.path.lexists(device):
+        return missing_port_error(device)
     fix = f"is the board plugged in, or the Bluetooth module paired and bound? {FIND_PORT}"
     return _port_error("E-PORT-OPEN", device, error.strerror or str(error), fix)
+
+
+def missing_port_error(device: str, words: Sequence[str] = ()) -> RunError:
+    """The error for a device that is not there; `words` could be given in place of one."""
+    return RunError(missing_problem(survey_ports(Path("/"), current_user()), device, words))
 
 
 def _open(device: str) -> int:
