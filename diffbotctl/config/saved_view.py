@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple, get_args
 
 from diffbotctl.config import yaml_reader
+from diffbotctl.config.editor_schemas import modeline
 from diffbotctl.config.section_reader import read_section
 from diffbotctl.errors import ConfigurationError, Problem
 from diffbotctl.params import Choice, Param, Section
@@ -106,7 +107,7 @@ def save_view(path: Path, view: ViewSettings) -> str:
     if path.exists() and not is_view(path):
         return f"{path} exists already and is no view: choose another name"
     try:
-        path.write_text(view_text(view), encoding="utf-8")
+        path.write_text(modeline("view", path) + view_text(view), encoding="utf-8")
     except OSError as error:
         return f"{path} cannot be written: {error.strerror}"
     return f"saved: `diffbotctl dash --view {path}` opens this view again"
