@@ -104,6 +104,11 @@ for_option = click.option(
 )
 
 
+view_option = click.option(
+    "--view", "view_file", metavar="FILE", type=FILE, help="Open with a saved view."
+)
+
+
 def number_option(
     name: str, default: float, minimum: float, maximum: float, help: str
 ) -> Callable[[Command], Command]:

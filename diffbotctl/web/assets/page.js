@@ -4,6 +4,7 @@ import { Connection } from "./connection.js";
 import { Inside } from "./inside.js";
 import { RunMap } from "./map.js";
 import { Pad } from "./pad.js";
+import { openSavedView, saveView } from "./saved_view.js";
 
 const NOTICE_MS = 6000;
 const VIEWS = ["drive", "map", "inside"];
@@ -166,6 +167,7 @@ element("zoom-out").addEventListener("click", () => zoom(1 / 1.4));
 element("fit").addEventListener("click", () => map.setMode("all"));
 element("follow").addEventListener("click", () => map.setMode("robot"));
 element("solid").addEventListener("click", switchSolid);
+element("save-view").addEventListener("click", () => saveView(map, inside.plots, inside.isShown));
 element("allow-yes").addEventListener("click", () => {
   element("allow").close();
   connection.send({ do: "allow_goals" });
@@ -182,4 +184,4 @@ addEventListener("keydown", (event) => {
   connection.send({ do: "stop" });
 });
 addEventListener("hashchange", () => location.hash.length > 1 && location.reload());
-connection.enter();
+connection.enter().then(() => openSavedView(map, inside.plots, showView));
