@@ -193,7 +193,7 @@ def test_a_new_driver_reads_its_device_and_is_replayed_without_it(tmp_path):
     assert "sonar           (driver) Read a distance sensor" in said, said
     line = ["run", folder / "sonar.yaml", "--quiet", "--for", "2s", "--record", "sonar.mcap"]
     code, said = python(*PROGRAM, *line, path=[target, ROOT])
-    assert code == 1 and "E-DEVICE" in said and "sonar.yaml:6:3" in said
+    assert code == 1 and "E-DEVICE" in said and "sonar.yaml:7:3" in said
     assert "source sonar (/dev/ttyUSB0): No such file or directory" in said
     master, slave = os.openpty()
     tty.setraw(slave)
