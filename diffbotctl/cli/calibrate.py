@@ -10,6 +10,7 @@ import click
 from diffbotctl.calibrate.runner import STEPS
 from diffbotctl.cli import calibrate_steps
 from diffbotctl.cli.calibrate_results import keep, show_results, undo
+from diffbotctl.cli.command_group import CommandGroup
 from diffbotctl.cli.options import robot_option, yes_option
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 A_FILE = click.Path(path_type=Path)
 
 
-@click.group(invoke_without_command=True)
+@click.group(cls=CommandGroup, invoke_without_command=True)
 @calibrate_steps.common
 @click.option("--skip", multiple=True, type=click.Choice(list(STEPS)), help="Leave a step out.")
 @click.pass_context

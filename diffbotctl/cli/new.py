@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl.cli.command_group import CommandGroup
+
 if TYPE_CHECKING:
     from typing import TextIO
 
@@ -54,7 +56,7 @@ PROGRAM_LINES = {  # language: how it runs, and what to do before
 }
 
 
-@click.group()
+@click.group(cls=CommandGroup)
 def command() -> None:
     """Write a new robot, pipeline, block, driver, message or program to start from."""
 

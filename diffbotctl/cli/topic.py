@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from diffbotctl.cli.command_group import CommandGroup
 from diffbotctl.cli.engine_client import WATCHER_NICENESS, attached, rate_text
 from diffbotctl.cli.options import engine_option, for_option, json_option
 from diffbotctl.cli.output import print_json
@@ -21,7 +22,7 @@ VELOCITY_PERIOD_S = 0.2  # a velocity published once holds this long; 0.3 s are 
 RATE_PERIOD_S = 1.0
 
 
-@click.group()
+@click.group(cls=CommandGroup)
 def command() -> None:
     """List, print, measure and publish the messages of a running engine."""
 
