@@ -44,7 +44,9 @@ function showPicture(picture) {
     const row = document.createElement("tr");
     const [head, value] = [document.createElement("th"), document.createElement("td")];
     head.textContent = `${name} `;
-    value.textContent = words;
+    // No line ends between a value and its name or its unit.
+    const joints = /\d (?=[a-z])|\b(?:x|y|heading) (?=[+\-\d])/g;
+    value.textContent = words.replace(joints, (joint) => joint.replace(" ", "\u00a0"));
     if (isAlert) value.className = "alert";
     row.append(head, value);
     return row;
