@@ -243,3 +243,41 @@ def test_a_virtual_board_answers(installed):
     finally:
         process.kill()
         process.communicate()
+
+
+# For each extra a command that needs it.
+NEEDS = {
+    "web": ("web",),
+    "foxglove": ("foxglove",),
+    "bluetooth": ("bluetooth", "scan"),
+    "ros2": ("bag", "export", "run.mcap", "--format", "rosbag2", "--output", "for_ros"),
+    "png": ("bag", "plot", "gate.wheels", "run.mcap", "--output", "wheels.png"),
+}
+
+
+@pytest.mark.parametrize("installed", [OWN], indirect=True)
+def test_the_extras_bring_what_their_commands_need(installed, distributions):
+    installed.run("run", "goal", "--fast", "--quiet", "--record", "run.mcap", "--force")
+
+    def lacks(extra):
+        done = subprocess.run(
+            [installed.folder / "bin" / "diffbotctl", *NEEDS[extra]],
+            cwd=installed.folder / "empty",
+            env=installed.environment,
+            capture_output=True,
+            text=True,
+        )
+        return "pip install" in done.stderr  # the fix
+
+    assert NEEDS.keys() == EXTRAS
+    assert [extra for extra in NEEDS if lacks(extra)] == list(NEEDS)
+    wanted = f"{distributions.wheel}[{','.join(EXTRAS)}]"
+    words = [installed.folder / "bin" / "python", "-m", "pip", "install", "-q", wanted]
+    done = subprocess.run(
+        [*words, "--disable-pip-version-check"],
+        capture_output=True,
+        text=True,
+        cwd=installed.folder,
+    )
+    assert done.returncode == 0, done.stderr
+    assert [extra for extra in NEEDS if lacks(extra)] == []
