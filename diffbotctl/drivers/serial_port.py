@@ -113,16 +113,16 @@ def open_port(device: str, baud: int) -> OpenPort:
         return connect_socket(device, baud)
     try:
         return SerialPortDevice(device, baud)
+    except FileNotFoundError as error:
+        raise missing_port_error(device) from error
     except OSError as error:
         raise disconnected_error(device, error) from error
 
 
 def disconnected_error(device: str, error: OSError) -> RunError:
-    """The error for a device that is not there, or has disconnected."""
+    """The error for a device that has disconnected."""
     if is_socket(device):
         return unreachable(device, error)
-    if not os.path.lexists(device):
-        return missing_port_error(device)
     fix = f"is the board plugged in, or the Bluetooth module paired and bound? {FIND_PORT}"
     return _port_error("E-PORT-OPEN", device, error.strerror or str(error), fix)
 
