@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from diffbotctl.cli.bag_live import record, save
-from diffbotctl.cli.command_group import CommandGroup
-from diffbotctl.cli.options import Quantity, force_option, json_option, output_option
+from diffbotctl.cli.options import CommandGroup, Quantity, force_option, json_option, output_option
 from diffbotctl.cli.output import (
     CSV_MARK,
     check_overwrite,

@@ -7,8 +7,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from diffbotctl.cli.command_group import CommandGroup
-from diffbotctl.cli.options import Quantity, json_option, port_option, robot_option, yes_option
+from diffbotctl.cli.options import (
+    CommandGroup,
+    Quantity,
+    json_option,
+    port_option,
+    robot_option,
+    yes_option,
+)
 from diffbotctl.cli.output import print_json
 
 if TYPE_CHECKING:

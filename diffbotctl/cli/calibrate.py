@@ -10,8 +10,7 @@ import click
 from diffbotctl.calibrate.runner import STEPS
 from diffbotctl.cli import calibrate_steps
 from diffbotctl.cli.calibrate_results import keep, show_results, undo
-from diffbotctl.cli.command_group import CommandGroup
-from diffbotctl.cli.options import robot_option, yes_option
+from diffbotctl.cli.options import CommandGroup, robot_option, yes_option
 
 if TYPE_CHECKING:
     from diffbotctl.calibrate.dead_reckoning import Geometry, RecordedDrive

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from diffbotctl.cli.command_group import CommandGroup
+from diffbotctl.cli.options import CommandGroup
 
 if TYPE_CHECKING:
     from typing import TextIO

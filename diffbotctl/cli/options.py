@@ -1,4 +1,7 @@
-"""Options and arguments that several commands share: each means the same everywhere."""
+"""Options and arguments that several commands share: each means the same everywhere.
+
+Also the class of groups of commands.
+"""
 
 from __future__ import annotations
 
@@ -19,6 +22,24 @@ if TYPE_CHECKING:
     FloatType = click.ParamType[float]
 else:  # before version 8.2 of click the class is not generic
     FloatType = click.ParamType
+
+
+SENTENCE_MAX = 1000  # characters; longer than that of any command
+
+
+class CommandGroup(click.Group):
+    """A group whose help folds the sentences of its commands; click cuts each to one line."""
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The section `Commands`: names and sentences."""
+        commands = [(name, self.get_command(ctx, name)) for name in self.list_commands(ctx)]
+        rows = [
+            (name, command.get_short_help_str(SENTENCE_MAX))
+            for name, command in commands
+            if command is not None and not command.hidden
+        ]
+        with formatter.section("Commands"):
+            formatter.write_dl(rows)
 
 
 class Quantity(FloatType):

@@ -8,9 +8,15 @@ from typing import Any
 
 import click
 
-from diffbotctl.cli.command_group import CommandGroup
 from diffbotctl.cli.engine_client import attached
-from diffbotctl.cli.options import FILE, Quantity, engine_option, force_option, json_option
+from diffbotctl.cli.options import (
+    FILE,
+    CommandGroup,
+    Quantity,
+    engine_option,
+    force_option,
+    json_option,
+)
 from diffbotctl.cli.output import check_overwrite, print_json
 
 NEW_PIPELINE = "format: 1\nkind: pipeline\ninclude: {}\nblocks: {{}}\n"

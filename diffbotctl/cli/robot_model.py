@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from diffbotctl.cli.command_group import CommandGroup
-from diffbotctl.cli.options import json_option, output_option, robot_object
+from diffbotctl.cli.options import CommandGroup, json_option, output_option, robot_object
 from diffbotctl.cli.output import load_robot_file, print_json, write_output
 from diffbotctl.printable import keep_lines
 

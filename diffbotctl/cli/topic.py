@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from diffbotctl.cli.command_group import CommandGroup
 from diffbotctl.cli.engine_client import WATCHER_NICENESS, attached, rate_text
-from diffbotctl.cli.options import engine_option, for_option, json_option
+from diffbotctl.cli.options import CommandGroup, engine_option, for_option, json_option
 from diffbotctl.cli.output import print_json
 
 if TYPE_CHECKING:
