@@ -31,7 +31,7 @@ AGAINST ?=
 OPTIODOM ?=
 SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 
-.PHONY: demo test pico ros2 prove bench packages clean
+.PHONY: demo test pico ros2 prove bench packages package clean
 
 demo: $(VENV)/installed
 	$(BIN)/diffbotctl run pipelines/goal.yaml
@@ -87,6 +87,11 @@ prove: packages pico $(VENV)/tested
 bench: $(VENV)/tested
 	$(BIN)/python -m prove.bench
 	$(if $(AGAINST),$(BIN)/python -m prove.bench --against $(AGAINST))
+
+# The source distribution and the wheel, in dist/.
+package: $(VENV)/tested
+	$(BIN)/python -m pip install -q build
+	$(BIN)/python -m build --outdir dist .
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV) 2>/dev/null || { \

@@ -81,6 +81,8 @@ class Problem:
         cause, fix = _safe_text(self.cause), _safe_text(self.fix)
         if isinstance(self.place, str):
             body = _wrapped(cause, "  ", width)
+            if fix and len(f"  {cause}; {fix}") <= width:
+                return f"{head[0]}\n  {cause}; {fix}"
         else:
             body = _quoted(self.place, cause, width)
         return "\n".join(head + body + _wrapped(fix, "  ", width))

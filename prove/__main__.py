@@ -6,9 +6,9 @@ import argparse
 import os
 import signal
 import tempfile
-from itertools import chain as joined
 from pathlib import Path
 
+from diffbotctl.emulator.program import cache
 from diffbotctl.testing.trials import (
     calibrated_values,
     calibration,
@@ -18,6 +18,7 @@ from diffbotctl.testing.trials import (
     rosserial,
     wander,
 )
+from diffbotctl.testing.trials.progress import ProofSection, SectionTimes, with_progress
 from diffbotctl.testing.trials.row import printed
 from prove import (
     chain,
@@ -39,8 +40,8 @@ from prove import (
 )
 
 
-def main() -> int:
-    """Print all rows. Returns the exit code: 1 when a row is missed."""
+def arguments() -> argparse.Namespace:
+    """The numbers of trials, from the command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--robots", type=int, default=300)
@@ -62,39 +63,72 @@ def main() -> int:
     parser.add_argument(
         "--optiodom", type=Path, nargs="*", default=[], help="folders of the OptiOdom data set"
     )
-    options = parser.parse_args()
+    return parser.parse_args()
+
+
+def sections_of(options: argparse.Namespace) -> list[ProofSection]:
+    """All sections in their order; nothing is measured yet."""
+    radio_trials = max(6, round(30 * options.board))
+    imu_robots = max(5, options.robots // 10)
+    trials = min(options.trials, 20)
+    return [
+        ProofSection(
+            "motion",
+            motion.rows(options.seed, options.robots, list(motion.ROBOTS)),
+            options.robots,
+        ),
+        ProofSection("plants", plants.rows(options.seed, options.goals), options.goals),
+        ProofSection("matrix", matrix.sample(options.seed, options.matrix), options.matrix),
+        ProofSection("rosserial", rosserial.rows(options.seed, options.starts), options.starts),
+        ProofSection("faults", faults.rows(options.seed, options.trials), options.trials),
+        ProofSection("firmware", firmware.rows(options.seed, options.board), options.board),
+        ProofSection("first goal", first_goal.rows()),
+        ProofSection("calibration", calibration.rows(options.optiodom)),
+        ProofSection(
+            "calibration from logs",
+            from_log.rows(options.seed, options.drives, options.optiodom),
+            options.drives,
+        ),
+        ProofSection(
+            "calibrated values",
+            calibrated_values.rows(options.seed, options.calibrated),
+            options.calibrated,
+        ),
+        ProofSection("ports", ports.rows()),
+        ProofSection("radio", radio.rows(options.seed, radio_trials), radio_trials),
+        ProofSection("model", model.rows()),
+        ProofSection("wander", wander.rows(options.seed, options.wander), options.wander),
+        ProofSection("operator", operator.rows(options.seed, trials, 2000), trials),
+        ProofSection("recordings", recordings.rows(options.seed, trials), trials),
+        ProofSection(
+            "chain",
+            chain.rows(options.seed, options.robots, options.faulty, options.emulated),
+            options.robots,
+        ),
+        ProofSection("range sensors", calibration.range_rows(options.seed)),
+        ProofSection(
+            "hostile files",
+            hostile.rows(options.seed, options.hostile, options.hours),
+            options.hostile,
+        ),
+        ProofSection("programs", extending.rows(options.failures), options.failures),
+        ProofSection("ROS 2", ros2.rows(options.bridge), options.bridge),
+        ProofSection("chain of ROS 2", ros2_chain.rows(50.0, 2)),
+        ProofSection("several robots", several_robots.rows(options.cuts), options.cuts),
+        ProofSection("IMU", imu.rows(options.seed, imu_robots), imu_robots),
+    ]
+
+
+def main() -> int:
+    """Print all rows. Returns the exit code: 1 when a row is missed."""
+    options = arguments()
     # A background shell may have had them ignored, and every program started here would be, too.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
     state = tempfile.TemporaryDirectory()
     os.environ["XDG_STATE_HOME"] = state.name  # keep the user's own black-box files
-    sections = (
-        motion.rows(options.seed, options.robots, list(motion.ROBOTS)),
-        plants.rows(options.seed, options.goals),
-        matrix.sample(options.seed, options.matrix),
-        rosserial.rows(options.seed, options.starts),
-        faults.rows(options.seed, options.trials),
-        firmware.rows(options.seed, options.board),
-        first_goal.rows(),
-        calibration.rows(options.optiodom),
-        from_log.rows(options.seed, options.drives, options.optiodom),
-        calibrated_values.rows(options.seed, options.calibrated),
-        ports.rows(),
-        radio.rows(options.seed, max(6, round(30 * options.board))),
-        model.rows(),
-        wander.rows(options.seed, options.wander),
-        operator.rows(options.seed, min(options.trials, 20), 2000),
-        recordings.rows(options.seed, min(options.trials, 20)),
-        chain.rows(options.seed, options.robots, options.faulty, options.emulated),
-        calibration.range_rows(options.seed),
-        hostile.rows(options.seed, options.hostile, options.hours),
-        extending.rows(options.failures),
-        ros2.rows(options.bridge),
-        ros2_chain.rows(50.0, 2),
-        several_robots.rows(options.cuts),
-        imu.rows(options.seed, max(5, options.robots // 10)),
-    )
-    missed = printed(joined.from_iterable(sections))
+    times = SectionTimes(cache() / "prove_times.json")
+    missed = printed(with_progress(sections_of(options), times))
     state.cleanup()
     print(f"{missed} rows missed")
     return 1 if missed else 0

@@ -38,7 +38,13 @@ def test_the_tone():
 
 def test_a_warning_says_so():
     problem = Problem("W-TEST", "robot.yaml", "unwise", "think", "warning")
-    assert problem.render() == "robot.yaml  W-TEST  (warning)\n  unwise\n  think"
+    assert problem.render() == "robot.yaml  W-TEST  (warning)\n  unwise; think"
+
+
+@pytest.mark.parametrize(("width", "lines"), [(17, 2), (16, 3)])
+def test_a_short_cause_and_its_fix_are_one_line(width, lines):
+    text = Problem("E-TEST", "port x", "absent", "plug in").render(width)  # 2 + 6 + 2 + 7 columns
+    assert len(text.split("\n")) == lines
 
 
 def caret_marks(text):

@@ -11,6 +11,7 @@ import os
 import re
 import shutil
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from difflib import unified_diff
 from hashlib import sha256
@@ -22,6 +23,7 @@ import yaml
 from diffbotctl.calibrate.result import Finding, Provenance, formatted_value
 from diffbotctl.config import lookup
 from diffbotctl.config.configuration import RobotFile
+from diffbotctl.config.editor_schemas import place_schemas
 from diffbotctl.config.load import load_robot
 from diffbotctl.config.yaml_edit import reads_as, with_entry
 from diffbotctl.errors import ConfigurationError, Problem, RunError, UsageError
@@ -104,6 +106,8 @@ def writable_copy(path: Path) -> tuple[Path, bool]:
         shutil.copyfile(path, copy)
     except OSError as error:
         raise _write_error(copy, f"cannot be written: {error.strerror}", "") from error
+    with suppress(OSError):  # the first line names a schema; a calibration does not need it
+        place_schemas()
     return copy, True
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from diffbotctl.cli.bag_live import record, save
-from diffbotctl.cli.options import Quantity, force_option, json_option, output_option
+from diffbotctl.cli.options import CommandGroup, Quantity, force_option, json_option, output_option
 from diffbotctl.cli.output import (
     CSV_MARK,
     check_overwrite,
@@ -19,7 +19,7 @@ from diffbotctl.cli.output import (
     print_json,
     write_output,
 )
-from diffbotctl.printable import PrintableStream, RawStream
+from diffbotctl.printable import PrintableStream, RawStream, keep_lines
 from diffbotctl.time import NEVER, SECOND
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 recording_argument = click.argument("file", type=click.Path(path_type=Path))
 
 
-@click.group()
+@click.group(cls=CommandGroup)
 def command() -> None:
     """Record a running engine; inspect recordings: content, plots, tables, differences."""
 
@@ -147,6 +147,7 @@ def export(
 
     if attachment is not None:
         return _write_attachment(file, attachment, output, force)
+    keep_lines(sys.stdout)  # a table, which a person may copy
     wires = recording_fields.column_wires(file)
     if fields:
         columns = recording_fields.choose_columns(fields, wires)
@@ -207,6 +208,8 @@ def plot(
     """
     from diffbotctl.recording.fields import read_series
 
+    if not file.exists() and Path(fields[0]).is_file():  # as `bag export` has it
+        file, fields = Path(fields[0]), (*fields[1:], str(file))
     first = 0 if begin is None else round(begin * SECOND)
     last = NEVER if until is None else round(until * SECOND)
     curves = read_series(file, fields, first, last)

@@ -27,7 +27,7 @@ def export_rosbag2(
         if error.name is None or error.name.partition(".")[0] != "rosbags":
             raise
         cause = "the package rosbags is not installed"
-        fix = "pip install 'diffbotctl[rosbag2]'"
+        fix = "pip install 'diffbotctl[ros2]'"
         raise UsageError(Problem("E-ROSBAG2", "--format", cause, fix)) from error
     _print_result(output, export_bag(file, output, robot, force))
     return 0

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from diffbotctl.cli.engine_client import attached, rate_text
-from diffbotctl.cli.options import engine_option, json_option
+from diffbotctl.cli.options import CommandGroup, engine_option, json_option
 from diffbotctl.cli.output import print_json
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ MEASURING_TIMEOUT_S = 3.0  # a load is measured over 1 s
 POLL_PERIOD_S = 0.1
 
 
-@click.group(invoke_without_command=True)
+@click.group(cls=CommandGroup, invoke_without_command=True)
 @click.option(
     "--running", "--live", is_flag=True, help="The blocks of a running engine: rate, load, errors."
 )
@@ -165,7 +165,7 @@ def block_lines(name: str, kind: type[Block] | type[DeviceDriver]) -> Iterator[s
     from diffbotctl.params import declared
 
     yield f"{name}\n"
-    yield cleandoc(kind.__doc__ or "")
+    yield "\n\n".join(map(_paragraph, cleandoc(kind.__doc__ or "").split("\n\n")))
     yield from _section("inputs", [_input_row(port, entry) for port, entry in inputs(kind).items()])
     yield from _section(
         "outputs",
@@ -179,6 +179,15 @@ def block_lines(name: str, kind: type[Block] | type[DeviceDriver]) -> Iterator[s
         "actions",
         [(action, (method.__doc__ or "").strip()) for action, method in actions(kind).items()],
     )
+
+
+def _paragraph(text: str) -> str:
+    """A paragraph of a docstring for the terminal; an example, which is indented, stays."""
+    if any(line.startswith(" ") for line in text.split("\n")):
+        return text
+    from diffbotctl.ui.text import fold_text
+
+    return fold_text(" ".join(text.split("\n")))
 
 
 def _section(title: str, rows: list[tuple[str, str]]) -> Iterator[str]:

@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from diffbotctl.cli.options import Quantity, json_option, port_option, robot_option, yes_option
+from diffbotctl.cli.options import (
+    CommandGroup,
+    Quantity,
+    json_option,
+    port_option,
+    robot_option,
+    yes_option,
+)
 from diffbotctl.cli.output import print_json
 
 if TYPE_CHECKING:
@@ -31,7 +38,7 @@ To drive over it:
     diffbotctl run goal --port {port}"""
 
 
-@click.group()
+@click.group(cls=CommandGroup)
 def command() -> None:
     """Find and pair a Bluetooth module, test its link, change its rate."""
 

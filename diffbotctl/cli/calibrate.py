@@ -10,7 +10,7 @@ import click
 from diffbotctl.calibrate.runner import STEPS
 from diffbotctl.cli import calibrate_steps
 from diffbotctl.cli.calibrate_results import keep, show_results, undo
-from diffbotctl.cli.options import robot_option, yes_option
+from diffbotctl.cli.options import CommandGroup, robot_option, yes_option
 
 if TYPE_CHECKING:
     from diffbotctl.calibrate.dead_reckoning import Geometry, RecordedDrive
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 A_FILE = click.Path(path_type=Path)
 
 
-@click.group(invoke_without_command=True)
+@click.group(cls=CommandGroup, invoke_without_command=True)
 @calibrate_steps.common
 @click.option("--skip", multiple=True, type=click.Choice(list(STEPS)), help="Leave a step out.")
 @click.pass_context

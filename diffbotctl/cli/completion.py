@@ -23,9 +23,12 @@ def command(ctx: click.Context, shell: str) -> None:
     """Print what SHELL needs to complete diffbotctl's words.
 
     \b
-    bash  diffbotctl completion bash > ~/.local/share/bash-completion/completions/diffbotctl
-    zsh   diffbotctl completion zsh > ~/.zfunc/_diffbotctl    (with ~/.zfunc in fpath)
-    fish  diffbotctl completion fish > ~/.config/fish/completions/diffbotctl.fish
+    bash  diffbotctl completion bash \\
+            > ~/.local/share/bash-completion/completions/diffbotctl
+    zsh   diffbotctl completion zsh > ~/.zfunc/_diffbotctl
+          (with ~/.zfunc in fpath)
+    fish  diffbotctl completion fish \\
+            > ~/.config/fish/completions/diffbotctl.fish
     """
     kind = get_completion_class(shell)
     assert kind is not None

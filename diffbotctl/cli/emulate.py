@@ -42,7 +42,7 @@ def command(
     from diffbotctl.cli.nonblocking_stderr import NonBlockingStderr
     from diffbotctl.config.load import load_robot
     from diffbotctl.drivers.robot_link import board_settings
-    from diffbotctl.emulator.process import CHIPS, EmulatorError, image_of
+    from diffbotctl.emulator.program import CHIPS, EmulatorError, image_of
     from diffbotctl.emulator.virtual_board import virtual_board
     from diffbotctl.flash.flasher import load
     from diffbotctl.runs.signals import Signals

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from diffbotctl.graph import Graph
 
+TREE_COLUMNS_MAX = 1000  # more than a pipeline has levels and names
 SILENCE_MESSAGES_MIN = 20  # after so many messages, a wire without a rate is marked as silent
 
 
@@ -104,15 +105,19 @@ def _write_picture(output: Path, force: bool, title: str, wires: list[Wire], gra
 def _print_tree(title: str, wires: list[Wire], graph: Graph) -> None:
     from shutil import get_terminal_size
 
-    from diffbotctl.errors import WIDTH
+    from rich.measure import Measurement
+
     from diffbotctl.ui.console import PrintableConsole
 
-    if get_terminal_size((WIDTH, 24)).columns < WIDTH:  # the branches of the tree would be broken
-        click.echo(title)
+    tree = wire_tree(wires, graph)
+    console = PrintableConsole(soft_wrap=True, highlight=False, width=TREE_COLUMNS_MAX)
+    width = Measurement.get(console, console.options, tree).maximum
+    click.echo(title)
+    if get_terminal_size((width, 24)).columns < width:  # its branches would be broken
         for wire in wires:
             click.echo(f"  {wire.source}.{wire.output} -> {wire.target}.{wire.port}")
         return
-    PrintableConsole(soft_wrap=True, highlight=False).print(wire_tree(title, wires, graph))
+    console.print(tree)
 
 
 def _draw_running(engine: str | None, as_json: bool) -> int:
@@ -146,15 +151,15 @@ def _command_wire(command: str, robot: str) -> Wire:
     return Wire(source, output, robot, output)
 
 
-def wire_tree(title: str, wires: list[Wire], graph: Graph) -> Tree:
-    """A tree that starts at the drivers; the wires of a node stand where it first appears."""
+def wire_tree(wires: list[Wire], graph: Graph) -> Tree:
+    """A tree that starts at the drivers; the wires of a node are below its first appearance."""
     from rich.markup import escape
     from rich.tree import Tree
 
     blocks = [node.name for node in graph.nodes]
     fed = {wire.target for wire in wires}
     drivers = [name for name in dict.fromkeys(wire.source for wire in wires) if name not in blocks]
-    tree = Tree(escape(title))
+    tree = Tree("", hide_root=True)
     drawn: set[str] = set()
     for name in [*drivers, *(name for name in blocks if name not in fed)]:
         drawn.add(name)

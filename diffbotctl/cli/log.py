@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from diffbotctl.cli.engine_client import WATCHER_NICENESS, attached
-from diffbotctl.cli.options import engine_option, for_option, json_option
+from diffbotctl.cli.options import CommandGroup, engine_option, for_option, json_option
 from diffbotctl.cli.output import print_json
 from diffbotctl.messages import LOG_LEVELS, LogLine
 from diffbotctl.printable import printable, write_raw
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 COLOURS = {"debug": "bright_black", "warning": "yellow", "error": "red"}
 
 
-@click.group(invoke_without_command=True)
+@click.group(cls=CommandGroup, invoke_without_command=True)
 @click.option(
     "--level",
     type=click.Choice(LOG_LEVELS),

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl.cli.options import CommandGroup
+
 if TYPE_CHECKING:
     from typing import TextIO
 
@@ -54,7 +56,7 @@ PROGRAM_LINES = {  # language: how it runs, and what to do before
 }
 
 
-@click.group()
+@click.group(cls=CommandGroup)
 def command() -> None:
     """Write a new robot, pipeline, block, driver, message or program to start from."""
 
@@ -159,7 +161,21 @@ def program(name: str, language: str) -> None:
     }
     for path, template in files.items():
         _write(Path(name) / path.format(name=name), template, fields)
+    _place_schemas()
     click.echo(f"{name}/ is a program; its README.md explains how to run it.")
+
+
+@command.command()
+def schemas() -> None:
+    """Write schemas/: with it editors check and complete robot, pipeline and view files.
+
+    The other commands of `new` do so too. The first line of a file in robots/ or pipelines/ names
+    its schema: `# yaml-language-server: $schema=../schemas/robot.schema.json`.
+    """
+    from diffbotctl.config.editor_schemas import FOLDER
+
+    _place_schemas()
+    click.echo(f"{FOLDER}/ is up to date")
 
 
 def _write_package(name: str, what: str, files: dict[str, str]) -> None:
@@ -183,6 +199,7 @@ def _write_package(name: str, what: str, files: dict[str, str]) -> None:
     }
     for path, template in files.items():
         _write(Path(name) / path.format(**fields), template, fields)
+    _place_schemas()
     click.echo(f"{name}/ is a package; its README.md explains how to install and run it.")
 
 
@@ -193,21 +210,24 @@ def write(kind: str, name: str, template: str = "") -> None:
     """
     _check_word(name, kind)
     path = Path(f"{kind}s") / f"{name}.yaml"
-    _write(
-        path, template or f"{kind}.yaml", {"name": name, "file": str(path), "schema": _schema(kind)}
-    )
+    _write(path, template or f"{kind}.yaml", {"name": name, "file": str(path)})
+    _place_schemas()
     also = f"diffbotctl wiring {path}" if kind == "robot" else f"diffbotctl graph {path}"
     click.echo(f"Now: diffbotctl check {path}\n     {also}")
 
 
-def _schema(kind: str) -> str:
-    """Path of the schema for an editor: relative in a checkout, else that of the installation."""
-    from diffbotctl.config.lookup import folder
+def _place_schemas() -> None:
+    """Write ./schemas, which the first lines of the templates name. Raises UsageError."""
+    from diffbotctl.config.editor_schemas import FOLDER, place_schemas
 
-    file = folder("schemas") / f"{kind}.schema.json"
-    if file.parent.parent.resolve() == Path.cwd():
-        return f"../schemas/{file.name}"
-    return file.as_uri()
+    try:
+        written = place_schemas()
+    except OSError as error:
+        cause = f"cannot be written: {error.strerror}"
+        fix = "use a writable folder on a disk with free space"
+        raise _refused("E-FILE-WRITE", str(FOLDER), cause, fix) from error
+    if written:
+        click.echo(f"written: {FOLDER}/, with which editors check and complete these files")
 
 
 def _check_word(name: str, what: str) -> None:

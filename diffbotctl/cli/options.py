@@ -1,4 +1,7 @@
-"""Options and arguments that several commands share: each means the same everywhere."""
+"""Options and arguments that several commands share: each means the same everywhere.
+
+Also the class of groups of commands.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,7 @@ import click
 
 Command = Callable[..., Any]
 
+VIRTUAL_PORTS = ("sim", "emulated")  # those of drivers.robot_ports, which takes 50 ms to import
 ROBOT_HELP = "Robot file or name; default: chosen as in `run`."
 
 
@@ -18,6 +22,24 @@ if TYPE_CHECKING:
     FloatType = click.ParamType[float]
 else:  # before version 8.2 of click the class is not generic
     FloatType = click.ParamType
+
+
+SENTENCE_MAX = 1000  # characters; longer than that of any command
+
+
+class CommandGroup(click.Group):
+    """A group whose help folds the sentences of its commands; click cuts each to one line."""
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The section `Commands`: names and sentences."""
+        commands = [(name, self.get_command(ctx, name)) for name in self.list_commands(ctx)]
+        rows = [
+            (name, command.get_short_help_str(SENTENCE_MAX))
+            for name, command in commands
+            if command is not None and not command.hidden
+        ]
+        with formatter.section("Commands"):
+            formatter.write_dl(rows)
 
 
 class Quantity(FloatType):
@@ -103,6 +125,11 @@ for_option = click.option(
 )
 
 
+view_option = click.option(
+    "--view", "view_file", metavar="FILE", type=FILE, help="Open with a saved view."
+)
+
+
 def number_option(
     name: str, default: float, minimum: float, maximum: float, help: str
 ) -> Callable[[Command], Command]:
@@ -119,12 +146,47 @@ def choice_option(name: str, choices: Sequence[str], help: str) -> Callable[[Com
     return click.option(name, type=kind, default=choices[0], show_default=True, help=help)
 
 
-def port_option(default: str, only_board: bool = False) -> Callable[[Command], Command]:
-    """`--port`; `only_board`: a simulated robot makes no sense for the command."""
+def port_option(
+    default: str, only_board: bool = False, is_checked: bool = True
+) -> Callable[[Command], Command]:
+    """`--port`; `only_board`: a simulated robot makes no sense for the command.
+
+    A device that is not there is refused, before anything is printed or asked, if `is_checked`.
+    """
     kinds = "A serial device, bluetooth:ADDRESS, or auto (the only board connected)."
     if not only_board:
         kinds = f"sim, emulated, {kinds[0].lower()}{kinds[1:]}"
-    return click.option("--port", metavar="PORT", default=default, show_default=True, help=kinds)
+    words = ("auto",) if only_board else (*VIRTUAL_PORTS, "auto")
+
+    def check(ctx: click.Context, param: click.Parameter, port: str) -> str:
+        if is_checked and port not in words and not ctx.resilient_parsing:
+            _check_port(port, words)
+        return port
+
+    return click.option(
+        "--port", metavar="PORT", default=default, show_default=True, help=kinds, callback=check
+    )
+
+
+def _check_port(port: str, words: Sequence[str]) -> None:
+    """Raises UserError for a device that is not there; `words` may be given in place of one."""
+    import os
+
+    if os.path.lexists(port):
+        return
+    if port in VIRTUAL_PORTS:
+        from diffbotctl.errors import Problem, UsageError
+
+        cause = "this command needs a board"
+        fix = "`diffbotctl emulate` starts a virtual one"
+        raise UsageError(Problem("E-PORT-KIND", f"port {port}", cause, fix))
+    from diffbotctl.drivers.socket_port import is_socket
+
+    if is_socket(port):
+        return  # may appear later; its name is checked when it is opened
+    from diffbotctl.drivers.serial_port import missing_port_error
+
+    raise missing_port_error(port, words)
 
 
 def output_option(help: str) -> Callable[[Command], Command]:

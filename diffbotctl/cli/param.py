@@ -9,13 +9,20 @@ from typing import Any
 import click
 
 from diffbotctl.cli.engine_client import attached
-from diffbotctl.cli.options import FILE, Quantity, engine_option, force_option, json_option
+from diffbotctl.cli.options import (
+    FILE,
+    CommandGroup,
+    Quantity,
+    engine_option,
+    force_option,
+    json_option,
+)
 from diffbotctl.cli.output import check_overwrite, print_json
 
 NEW_PIPELINE = "format: 1\nkind: pipeline\ninclude: {}\nblocks: {{}}\n"
 
 
-@click.group()
+@click.group(cls=CommandGroup)
 def param() -> None:
     """List, read, change and save the parameters of running blocks."""
 

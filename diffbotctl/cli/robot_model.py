@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from diffbotctl.cli.options import json_option, output_option, robot_object
+from diffbotctl.cli.options import CommandGroup, json_option, output_option, robot_object
 from diffbotctl.cli.output import load_robot_file, print_json, write_output
 from diffbotctl.printable import keep_lines
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 MOTION_TEXTS = {
     "odometry": "moves with odometry",
-    "wheel": "turns with the wheel",
+    "wheel": "turns",
     "": "fixed",
 }
 
@@ -58,7 +58,6 @@ def frames(robot: str | None, as_json: bool) -> int:
     """
     from shutil import get_terminal_size
 
-    from diffbotctl.errors import WIDTH
     from diffbotctl.model.frames import WORLD, robot_frames
 
     all_frames = list(robot_frames(load_robot_file(robot).robot))
@@ -66,12 +65,11 @@ def frames(robot: str | None, as_json: bool) -> int:
         for frame in all_frames:
             print_json(frame._asdict())
         return 0
-    if get_terminal_size((WIDTH, 24)).columns < WIDTH:
-        for line in frame_rows(all_frames):
-            click.echo(line)
-        return 0
-    click.echo(WORLD)
-    for line in branch_lines(all_frames, WORLD, ""):
+    lines = [WORLD, *branch_lines(all_frames, WORLD, "")]
+    width = max(map(len, lines))
+    if get_terminal_size((width, 24)).columns < width:  # a pipe has any number of columns
+        lines = list(frame_rows(all_frames))
+    for line in lines:
         click.echo(line)
     return 0
 
@@ -103,7 +101,7 @@ def frame_text(frame: RobotFrame) -> str:
     return f"x {x:+.4f}  y {y:+.4f}  z {z:+.4f}{heading}  {MOTION_TEXTS[frame.moves]}"
 
 
-@click.group()
+@click.group(cls=CommandGroup)
 def export() -> None:
     """Write a robot as a file for other programs."""
 

@@ -20,6 +20,7 @@ from diffbotctl.cli.options import (
     robot_option,
     seed_option,
     set_option,
+    view_option,
 )
 from diffbotctl.cli.output import check_overwrite, print_json
 from diffbotctl.cli.program_consent import allowed_programs
@@ -27,6 +28,7 @@ from diffbotctl.cli.web import CLOSED, check_options, lan_option, page_port_opti
 
 if TYPE_CHECKING:
     from diffbotctl.config.configuration import Configuration
+    from diffbotctl.config.saved_view import ViewSettings
     from diffbotctl.messages import Goal
     from diffbotctl.processes.screen import RunSnapshot
     from diffbotctl.runs.options import RunOptions, RunResult, SocketOptions
@@ -65,6 +67,7 @@ if TYPE_CHECKING:
 @click.option("--web", is_flag=True, help="Serve the page of the run to browsers and phones.")
 @lan_option
 @page_port_option
+@view_option
 @click.option(
     "--name",
     help="Name of this engine for `--engine`; default: the pipeline's name. With --fast there is a "
@@ -92,6 +95,7 @@ def command(
     web: bool,
     lan: bool,
     tcp_port: int,
+    view_file: Path | None,
     name: str | None,
     group: str | None,
     no_socket: bool,
@@ -118,6 +122,8 @@ def command(
         from diffbotctl.cli.choose_port import choose_port
 
         port = choose_port(radio=True)
+    view = None if view_file is None else _read_view(view_file)
+    dash = dash or (view is not None and not web)
     signals = Signals()  # from here on a signal is remembered, and ends the run when it has started
     from diffbotctl.config.load import load
     from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS
@@ -159,9 +165,9 @@ def command(
             f"`diffbotctl {'dash' if dash else 'web'} --engine {next(iter(configuration.robots))}`"
         )
     if dash:
-        return _run_with_dashboard(configuration, options, signals)
+        return _run_with_dashboard(configuration, options, signals, view)
     if web:
-        return _run_with_page(configuration, options, signals, show_page(lan, tcp_port))
+        return _run_with_page(configuration, options, signals, show_page(lan, tcp_port, view))
     stderr = NonBlockingStderr()
     show = None if quiet or as_json else screen(configuration, port, duration)
     run = Run(configuration, options, show, stderr.say, signals)
@@ -174,14 +180,23 @@ def _socket(name: str | None, group: str | None) -> SocketOptions:
     return SocketOptions(name, group)
 
 
-def _run_with_dashboard(configuration: Configuration, options: RunOptions, signals: Signals) -> int:
+def _read_view(path: Path) -> ViewSettings:
+    from diffbotctl.config.saved_view import read_view
+
+    return read_view(str(path))
+
+
+def _run_with_dashboard(
+    configuration: Configuration, options: RunOptions, signals: Signals, view: ViewSettings | None
+) -> int:
     """The run with the dashboard as its screen; messages are printed when it is closed."""
     from diffbotctl.cli.run_dash import SavedTerminal, check_terminal, show
     from diffbotctl.runs.run import Run
 
     check_terminal(options.socket is not None)
     terminal = SavedTerminal()
-    run = Run(configuration, options, show, terminal.words.append, signals, terminal.give_back)
+    screen = partial(show, view=view)
+    run = Run(configuration, options, screen, terminal.words.append, signals, terminal.give_back)
     code = _finish(run, NonBlockingStderr(), as_json=False)
     for text in terminal.words:
         click.echo(text, err=True)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
+    from diffbotctl.config.saved_view import ViewSettings
     from diffbotctl.control_socket.address import EngineAddress
     from diffbotctl.processes.screen import RunSnapshot
 
@@ -50,15 +51,18 @@ class SavedTerminal:
         os.write(sys.stdout.fileno(), f"{TERMINAL_BACK}{GONE}\r\n".encode())
 
 
-def show(pictures: Iterator[RunSnapshot]) -> None:
-    """What the child runs: a dashboard at its parent's socket. Leaving it ends the run."""
+def show(pictures: Iterator[RunSnapshot], view: ViewSettings | None = None) -> None:
+    """What the child runs: a dashboard at its parent's socket. Leaving it ends the run.
+
+    `view`: what it shows at first.
+    """
     from diffbotctl.errors import UserError
     from diffbotctl.ui.dash.app import Dashboard
     from diffbotctl.ui.engine_app import ScreenOptions
 
     parent = os.getppid()
     try:
-        dashboard = Dashboard(engine_of(parent), "diffbotctl run --dash", ScreenOptions())
+        dashboard = Dashboard(engine_of(parent), "diffbotctl run --dash", ScreenOptions(), view)
         dashboard.run_to_end()
         if dashboard.problem is not None:
             print(dashboard.problem, file=sys.stderr)

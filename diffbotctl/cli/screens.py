@@ -10,7 +10,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from diffbotctl.cli.engine_client import host
-from diffbotctl.cli.options import FILE, Quantity, choice_option, engine_option, number_option
+from diffbotctl.cli.options import (
+    Quantity,
+    choice_option,
+    engine_option,
+    number_option,
+    view_option,
+)
 
 if TYPE_CHECKING:
     from diffbotctl.ui.engine_app import EngineApp, ScreenOptions
@@ -82,9 +88,7 @@ def launch(app: EngineApp) -> int:
 @click.command()
 @click.option("--once", is_flag=True, help="Print the panels once and end, as in a pipe.")
 @click.option("--plot", "fields", multiple=True, metavar="FIELD", help="What to plot. Repeatable.")
-@click.option(
-    "--view", "view_file", metavar="FILE", type=FILE, help="Open a view that was saved with `v`."
-)
+@view_option
 @screen_options
 @engine_option
 def dash(

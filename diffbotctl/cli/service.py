@@ -57,7 +57,7 @@ WantedBy=multi-user.target
 @click.command()
 @click.argument("pipeline", default="standby")
 @robot_option
-@port_option("auto", only_board=True)
+@port_option("auto", only_board=True, is_checked=False)  # the service may start later
 @click.option("--user", help="User that runs the service; default: you.")
 @click.option(
     "--group", default="dialout", show_default=True, help="Group that may command the robot."

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from diffbotctl.cli.engine_client import WATCHER_NICENESS, attached, rate_text
-from diffbotctl.cli.options import engine_option, for_option, json_option
+from diffbotctl.cli.options import CommandGroup, engine_option, for_option, json_option
 from diffbotctl.cli.output import print_json
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ VELOCITY_PERIOD_S = 0.2  # a velocity published once holds this long; 0.3 s are 
 RATE_PERIOD_S = 1.0
 
 
-@click.group()
+@click.group(cls=CommandGroup)
 def command() -> None:
     """List, print, measure and publish the messages of a running engine."""
 

@@ -8,14 +8,16 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from diffbotctl.cli.options import engine_option
+from diffbotctl.cli.options import engine_option, view_option
 from diffbotctl.cli.tcp_server import require_packages, tcp_port_option
 
 if TYPE_CHECKING:
+    from diffbotctl.config.saved_view import ViewSettings
     from diffbotctl.control_socket.address import EngineAddress
     from diffbotctl.processes.screen import RunSnapshot
     from diffbotctl.web.certificate import ServerCertificate
@@ -37,18 +39,21 @@ page_port_option = tcp_port_option(TCP_PORT, "TCP port of the page.")
 @click.command()
 @lan_option
 @page_port_option
+@view_option
 @engine_option
-def web(lan: bool, tcp_port: int, engine: str | None) -> int:
+def web(lan: bool, tcp_port: int, view_file: Path | None, engine: str | None) -> int:
     """Serve a page of a running engine: map, driving, goals, parameters, log.
 
     Prints a link and a QR code. Each works once, for one device; the next one follows. Without
     --lan only browsers on this machine can open it. Leaving this program stops a robot that is
     driven from the page.
     """
+    from diffbotctl.config.saved_view import read_view
     from diffbotctl.control_socket.client import choose_engine
 
     _require_library()
-    _serve(choose_engine(engine), lan, tcp_port)
+    view = None if view_file is None else read_view(str(view_file))
+    _serve(choose_engine(engine), lan, tcp_port, view)
     click.echo("the run has ended")
     return 0
 
@@ -60,12 +65,16 @@ def check_options(has_socket: bool) -> None:
     _require_library()
 
 
-def show_page(lan: bool, tcp_port: int) -> Callable[[Iterator[RunSnapshot]], None]:
+def show_page(
+    lan: bool, tcp_port: int, view: ViewSettings | None
+) -> Callable[[Iterator[RunSnapshot]], None]:
     """What the child of `run --web` runs: the page's server, and the lines of the log."""
-    return partial(_show, lan, tcp_port)
+    return partial(_show, lan, tcp_port, view)
 
 
-def _show(lan: bool, tcp_port: int, snapshots: Iterator[RunSnapshot]) -> None:
+def _show(
+    lan: bool, tcp_port: int, view: ViewSettings | None, snapshots: Iterator[RunSnapshot]
+) -> None:
     from diffbotctl.cli.run_dash import engine_of
     from diffbotctl.errors import UserError
     from diffbotctl.ui.run_text import print_log
@@ -75,7 +84,7 @@ def _show(lan: bool, tcp_port: int, snapshots: Iterator[RunSnapshot]) -> None:
     try:
         engine = engine_of(parent)
         log.start()
-        _serve(engine, lan, tcp_port)
+        _serve(engine, lan, tcp_port, view)
     except UserError as error:
         print(error, file=sys.stderr)
         os.kill(parent, signal.SIGINT)
@@ -87,7 +96,7 @@ def _require_library() -> None:
     require_packages("E-WEB-LIBRARY", "the page", "web", "aiohttp", "cryptography", "segno")
 
 
-def _serve(engine: EngineAddress, lan: bool, tcp_port: int) -> None:
+def _serve(engine: EngineAddress, lan: bool, tcp_port: int, view: ViewSettings | None) -> None:
     """Serve the page until the run has ended."""
     import asyncio
 
@@ -104,7 +113,7 @@ def _serve(engine: EngineAddress, lan: bool, tcp_port: int) -> None:
         click.echo(f"{session.name} has joined. For the next device:")
         _print_link(server, addresses, is_first=False)
 
-    server = WebServer(engine, listener, certificate, joined)
+    server = WebServer(engine, listener, certificate, joined, view)
     asyncio.run(server.run(partial(_print_start, server, addresses, certificate)))
 
 

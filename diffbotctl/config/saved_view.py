@@ -6,15 +6,17 @@ from pathlib import Path
 from typing import Literal, NamedTuple, get_args
 
 from diffbotctl.config import yaml_reader
+from diffbotctl.config.editor_schemas import modeline
 from diffbotctl.config.section_reader import read_section
-from diffbotctl.errors import ConfigurationError, Problem
+from diffbotctl.config.yaml_tree import Value
+from diffbotctl.errors import ConfigurationError, Problem, Source
 from diffbotctl.params import Choice, Param, Section
 
 ScreenPanel = Literal["map", "plots", "parameters", "blocks", "log"]
 SCREEN_PANELS: tuple[ScreenPanel, ...] = get_args(ScreenPanel)  # in the order of their keys
 PLOT_SPAN_S, PLOT_SPAN_MIN_S, PLOT_SPAN_MAX_S = 30.0, 7.5, 120.0  # of the past
 MAP_WIDTH_MIN_M, MAP_WIDTH_MAX_M = 0.05, 5000.0
-FIRST_LINE = "# A view of diffbotctl: `diffbotctl dash --view FILE` opens it."
+FIRST_LINE = "# A view of diffbotctl: `run`, `dash` and `web` open it with --view FILE."
 
 
 class PlotsView(Section):
@@ -76,8 +78,17 @@ class ViewSettings(NamedTuple):
 
 def read_view(path: str) -> ViewSettings:
     """The view in the file at `path`. Raises ConfigurationError with every problem."""
+    return _view_of(yaml_reader.read(path))
+
+
+def parse_view(source: Source) -> ViewSettings:
+    """The view in a text. Raises ConfigurationError with every problem."""
+    return _view_of(yaml_reader.parse(source))
+
+
+def _view_of(tree: Value) -> ViewSettings:
     problems: list[Problem] = []
-    view = read_section(yaml_reader.read(path), SavedView, "view", problems)
+    view = read_section(tree, SavedView, "view", problems)
     if problems:
         raise ConfigurationError(problems)
     part = view.map
@@ -106,7 +117,7 @@ def save_view(path: Path, view: ViewSettings) -> str:
     if path.exists() and not is_view(path):
         return f"{path} exists already and is no view: choose another name"
     try:
-        path.write_text(view_text(view), encoding="utf-8")
+        path.write_text(modeline("view", path) + view_text(view), encoding="utf-8")
     except OSError as error:
         return f"{path} cannot be written: {error.strerror}"
     return f"saved: `diffbotctl dash --view {path}` opens this view again"

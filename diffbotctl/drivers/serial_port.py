@@ -8,6 +8,7 @@ import grp
 import os
 import stat
 import termios
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
@@ -20,6 +21,7 @@ from diffbotctl.ports.diagnosis import (
     PortReport,
     busy_problem,
     diagnose_name,
+    missing_problem,
     survey_ports,
 )
 
@@ -111,16 +113,23 @@ def open_port(device: str, baud: int) -> OpenPort:
         return connect_socket(device, baud)
     try:
         return SerialPortDevice(device, baud)
+    except FileNotFoundError as error:
+        raise missing_port_error(device) from error
     except OSError as error:
         raise disconnected_error(device, error) from error
 
 
 def disconnected_error(device: str, error: OSError) -> RunError:
-    """The error for a device that is not there, or has disconnected."""
+    """The error for a device that has disconnected."""
     if is_socket(device):
         return unreachable(device, error)
     fix = f"is the board plugged in, or the Bluetooth module paired and bound? {FIND_PORT}"
     return _port_error("E-PORT-OPEN", device, error.strerror or str(error), fix)
+
+
+def missing_port_error(device: str, words: Sequence[str] = ()) -> RunError:
+    """The error for a device that is not there; `words` could be given in place of one."""
+    return RunError(missing_problem(survey_ports(Path("/"), current_user()), device, words))
 
 
 def _open(device: str) -> int:

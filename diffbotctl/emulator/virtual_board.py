@@ -18,7 +18,8 @@ from diffbotctl.emulator.emulated_robot import (
     motor_pins,
     sonar_pins,
 )
-from diffbotctl.emulator.process import CHIPS, Emulator, Firmware, bootloader
+from diffbotctl.emulator.process import Emulator, Firmware
+from diffbotctl.emulator.program import CHIPS, bootloader
 from diffbotctl.plant.world import World
 from diffbotctl.processes.real_time import prefer
 from diffbotctl.time import SECOND

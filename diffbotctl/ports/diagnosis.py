@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import os
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from diffbotctl.errors import Problem
+from diffbotctl.errors import Problem, closest_match
 from diffbotctl.ports import access
 from diffbotctl.ports.access import HIDDEN_USER, PortUser, SystemUser, port_user, system_groups
 from diffbotctl.ports.sysfs import SerialPort, UsbDevice, real_path, serial_ports, usb_devices
@@ -42,6 +42,8 @@ PERMISSION_CODES = ("E-PORT-RIGHTS", "E-PORT-SESSION", "E-PORT-RULE")
 RFCOMM_PROGRAM = "rfcomm"  # keeps the port that it made open; others may use it
 BOARD_ROLES = (PortRole.BOARD, PortRole.CHIP)
 PTY_FOLDER = "/dev/pts/"
+CONNECT_FIX = "connect the board (a charging cable does not work)"
+DEVICES_NAMED = 2  # in place of a missing port, so that the error keeps to two lines
 
 
 class PortReport(NamedTuple):
@@ -277,14 +279,15 @@ def diagnose_name(root: Path, survey: PortSurvey, name: str) -> PortReport | Pro
             return report
     path = root / device[1:]
     if not os.path.lexists(path):
-        return _missing_problem(survey, name)
+        return missing_problem(survey, name)
     if device.startswith(PTY_FOLDER):
         return None
     kind = "a folder" if path.is_dir() else "not a serial port"
     return _port_problem(name, "E-PORT-KIND", f"it is {kind}", _alternatives(survey))
 
 
-def _missing_problem(survey: PortSurvey, name: str) -> Problem:
+def missing_problem(survey: PortSurvey, name: str, words: Sequence[str] = ()) -> Problem:
+    """Why there is no port `name`, and what to use; `words` could be given in place of a port."""
     boards = [report.port for report in survey.reports if report.port.role in BOARD_ROLES]
     is_usb = any(part in name for part in ("ttyUSB", "ttyACM", "by-id", "by-path"))
     if len(boards) == 1 and is_usb:
@@ -296,16 +299,22 @@ def _missing_problem(survey: PortSurvey, name: str) -> Problem:
         return _port_problem(name, "E-PORT-RENAMED", cause, fix)
     if "rfcomm" in name:
         cause = "no Bluetooth module is bound to it"
-        fix = (
-            "use --port bluetooth:ADDRESS, which needs no rfcomm; `diffbotctl "
-            "bluetooth scan` shows the address"
-        )
-        return _port_problem(name, "E-PORT-OPEN", cause, fix)
-    return _port_problem(name, "E-PORT-OPEN", "there is no such port", _alternatives(survey))
+        return _port_problem(name, "E-PORT-OPEN", cause, "use --port bluetooth:ADDRESS")
+    devices = [report.port.device for report in survey.reports if report.usable]
+    near = closest_match(name, [*words, *devices])
+    if near is not None:
+        fix = f"did you mean {near}?"
+    elif devices:
+        more = len(devices) - DEVICES_NAMED
+        fix = f"available: {', '.join(devices[:DEVICES_NAMED])}"
+        fix += f" and {more} more" if more > 0 else ""
+    else:
+        fix = CONNECT_FIX
+    return _port_problem(name, "E-PORT-OPEN", "there is no such port", fix)
 
 
 def _alternatives(survey: PortSurvey) -> str:
     names = [report.port.name for report in survey.reports if report.usable]
     if names:
         return f"available: {', '.join(names)}"
-    return "connect the board; a charging cable has no data wires and does not work"
+    return CONNECT_FIX

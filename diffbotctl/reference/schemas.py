@@ -1,8 +1,8 @@
 """JSON Schemas (draft 2020-12) of robot, pipeline and view files, for editors.
 
 `python -m diffbotctl.reference.schemas` writes them to schemas/. An editor sees a file before
-includes and variables are applied: a file with an include may be incomplete, and any value may be
-a `$name`.
+includes and variables are applied: with an include any mapping may be incomplete, because includes
+are merged, and any value may be a `$name`. The items of lists are complete: lists are replaced.
 """
 
 from __future__ import annotations
@@ -98,11 +98,43 @@ def _when_driver(kind: str) -> Schema:
 
 def _as_written(whole: Schema) -> Schema:
     relaxed: Schema = _with_variables(whole)
-    required = relaxed.pop("required", [])
+    complete = _take_required(relaxed, relaxed["$defs"])
+    relaxed["$defs"] = {name: entry for name, entry in sorted(relaxed["$defs"].items()) if entry}
     relaxed["required"] = ["format", "kind"]
     relaxed["if"] = {"not": {"required": ["include"]}}
-    relaxed["then"] = {"required": required}
+    relaxed["then"] = complete
     return relaxed
+
+
+COMPLETE = ".complete"  # ending of a definition that states which keys are required
+
+
+def _take_required(schema: Schema, definitions: Schema) -> Schema:
+    """Make every mapping of `schema` optional, in place; returns a schema that requires its keys.
+
+    Only mappings, not the items of lists. Definitions are changed and added in `definitions`.
+    """
+    reference = schema.get("$ref")
+    if reference is not None:
+        name = reference.rsplit("/", 1)[1]
+        if name + COMPLETE not in definitions:
+            definitions[name + COMPLETE] = {}  # a place, so that a section may contain its like
+            definitions[name + COMPLETE] = _take_required(definitions[name], definitions)
+        return {"$ref": f"{reference}{COMPLETE}"} if definitions[name + COMPLETE] else {}
+    complete: Schema = {}
+    for option in schema.get("anyOf", []):  # a section or none: the keywords below skip a none
+        complete |= _take_required(option, definitions)
+    if "required" in schema:
+        complete["required"] = schema.pop("required")
+    required = {
+        key: _take_required(entry, definitions)
+        for key, entry in schema.get("properties", {}).items()
+    }
+    if any(required.values()):
+        complete["properties"] = {key: entry for key, entry in required.items() if entry}
+    entries = schema.get("additionalProperties")
+    below = _take_required(entries, definitions) if isinstance(entries, dict) else {}
+    return {**complete, "additionalProperties": below} if below else complete
 
 
 def _with_variables(schema: Any) -> Any:

@@ -11,7 +11,7 @@ from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
 
-from diffbotctl.emulator.process import BOOTLOADERS
+from diffbotctl.emulator.program import BOOTLOADERS
 
 START = 0x7E00
 OPTIONS = (

@@ -53,10 +53,10 @@ def info_lines(info: RecordingInfo) -> Iterator[str]:
     if info.attachments:
         yield f"attached   {', '.join(info.attachments)}"
     yield ""
-    yield f"{'topic':28} {'type':24} {'messages':>8} {'rate':>10}  from"
+    yield f"{'topic':26} {'type':23} {'messages':>8} {'rate':>10}  from"
     for topic in info.topics:
         rate = "" if topic.rate is None else f"{topic.rate:.2f} Hz"
-        yield f"{topic.name:28} {topic.kind:24} {topic.messages:8d} {rate:>10}  {topic.origin}"
+        yield f"{topic.name:26} {topic.kind:23} {topic.messages:8d} {rate:>10}  {topic.origin}"
 
 
 def difference_lines(topics: list[TopicDifference], names: tuple[str, str]) -> Iterator[str]:

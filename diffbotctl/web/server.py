@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 from aiohttp import web
 
+from diffbotctl.config.saved_view import ViewSettings
 from diffbotctl.control_socket.address import EngineAddress
 from diffbotctl.control_socket.connection import TokenBucket
 from diffbotctl.control_socket.protocol import RefusalError
@@ -23,6 +24,7 @@ from diffbotctl.web.deadman import BEAT_PERIOD_S, BeatNumbers
 from diffbotctl.web.engine_feed import EngineFeed
 from diffbotctl.web.link import EVERY_ADDRESS, LOOPBACK, host_names
 from diffbotctl.web.page_connection import PageConnection
+from diffbotctl.web.page_view import FILE_NAME, requested_view, view_record
 from diffbotctl.web.request_check import RequestRefusalError, ServerOrigin, check_origin
 from diffbotctl.web.sessions import Session, Sessions
 
@@ -74,7 +76,8 @@ def load_assets() -> dict[str, Asset]:
 class WebServer:
     """Serves the page of `engine` on `listener`. `report` is called when a device has joined.
 
-    Without a `certificate` the listener must be on the loopback address.
+    Without a `certificate` the listener must be on the loopback address. `view`: what a page shows
+    when it is opened.
     """
 
     def __init__(
@@ -83,8 +86,10 @@ class WebServer:
         listener: socket.socket,
         certificate: ServerCertificate | None,
         report: Callable[[Session], None],
+        view: ViewSettings | None = None,
     ) -> None:
         self.engine = engine
+        self.view = view
         self.listener = listener
         self.certificate = certificate
         self.report = report
@@ -109,6 +114,8 @@ class WebServer:
         application.router.add_post("/session", self._enter)
         application.router.add_get("/session", self._show_session)
         application.router.add_get("/robot.urdf", self._send_urdf)
+        application.router.add_get("/view.json", self._send_view)
+        application.router.add_get(f"/{FILE_NAME}", self._send_view_file)
         application.router.add_get("/{file:.*}", self._send_asset)
         context = None if self.certificate is None else self.certificate.context
         async with serving(application, self.listener, context, self._is_page, KEEPALIVE_S):
@@ -165,6 +172,18 @@ class WebServer:
         if not text:
             raise RequestRefusalError(404, "this run has no robot")
         return web.Response(text=text, content_type="application/xml", headers=HEADERS)
+
+    async def _send_view(self, request: web.Request) -> web.StreamResponse:
+        """The view that a page opens with, for a device with a session."""
+        self._require_session(request)
+        return web.json_response(view_record(self.view), headers=HEADERS)
+
+    async def _send_view_file(self, request: web.Request) -> web.StreamResponse:
+        """The file of the view that the query describes, for a device with a session."""
+        self._require_session(request)
+        text = requested_view(request.query)
+        headers = {**HEADERS, "Content-Disposition": f'attachment; filename="{FILE_NAME}"'}
+        return web.Response(text=text, content_type="application/yaml", headers=headers)
 
     async def _enter(self, request: web.Request) -> web.StreamResponse:
         """A device presents a code, and gets a session."""

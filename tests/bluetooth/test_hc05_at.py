@@ -5,12 +5,14 @@ bootloader; the module is a double on the board's radio port.
 """
 
 import subprocess
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
 from diffbotctl.bluetooth.hc05_at import AtModeError, AtReplyReader, BaudChange, set_baud
 from diffbotctl.config.lookup import folder
+from diffbotctl.emulator.pseudo_terminal import PseudoTerminal
 from diffbotctl.flash.intel_hex import read_hex
 from diffbotctl.testing.hc05 import Hc05
 from diffbotctl.testing.virtual_board import board, diffbotctl, flat
@@ -143,9 +145,9 @@ def test_a_module_in_data_mode_leaves_the_firmware_on_the_board():
 
 
 def test_without_a_terminal_yes_is_required():
-    code, said = diffbotctl(
-        "bluetooth", "baud", 9600, "--port", "/dev/ttyACM9", "--robot", "book_2wd"
-    )
+    with closing(PseudoTerminal()) as port:
+        words = ("bluetooth", "baud", 9600, "--port", port.name, "--robot", "book_2wd")
+        code, said = diffbotctl(*words)
     assert code == 2 and "--yes" in said
 
 

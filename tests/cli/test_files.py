@@ -115,8 +115,8 @@ def test_the_graph_of_the_smallest_pipeline():
     _, output = invoke(graph.command, "hello")
     assert output.splitlines() == [
         "pipelines/hello.yaml",
-        "└── talker",
-        "    └── text Text -> listener.text",
+        "talker",
+        "└── text Text -> listener.text",
     ]
 
 

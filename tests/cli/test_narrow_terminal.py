@@ -2,11 +2,15 @@
 
 import io
 import re
+from importlib import import_module
 
 import pytest
+from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
+from diffbotctl.cli import main
+from diffbotctl.config.lookup import folder
 from diffbotctl.printable import fold_line, fold_lines, keep_lines, printable_stream, write_raw
 from diffbotctl.testing.running import command
 from diffbotctl.testing.terminal import Terminal
@@ -80,3 +84,36 @@ def test_no_word_of_a_command_is_broken(tmp_path, words):
     assert not broken, narrow
     drawing = set("│├└╭╮╰╯━●") & set(narrow)
     assert not drawing, narrow
+
+
+LONG_NAME = "a_robot_with_a_long_name_that_its_owner_gave_it_to_describe_it"
+AT_80 = [  # with the robot of the long name
+    ("frames", LONG_NAME),
+    ("graph", "goal", "--robot", LONG_NAME),
+    ("blocks", "show", "scan_stop"),
+    ("completion", "bash", "--help"),
+]
+
+
+@pytest.mark.parametrize("words", AT_80, ids=lambda words: " ".join(words[:2]))
+def test_at_80_columns_no_word_is_broken_or_cut(tmp_path, monkeypatch, words):
+    (tmp_path / "robots").mkdir()
+    shipped = folder("robots") / "book_2wd.yaml"
+    (tmp_path / "robots" / f"{LONG_NAME}.yaml").write_text(shipped.read_text())
+    monkeypatch.chdir(tmp_path)
+    at_80, wide = (shown(tmp_path, columns, words) for columns in (80, 300))
+    assert at_80.split() == wide.split(), at_80
+
+
+GROUPS = ("bag", "bluetooth", "calibrate", "export", "log", "new", "param", "topic")
+
+
+@pytest.mark.parametrize("group", GROUPS)
+def test_the_help_of_a_group_has_whole_sentences(group):
+    program = import_module(f"diffbotctl.cli.{main.COMMANDS[group].module}")
+    command = getattr(program, group, None) or program.command
+    text = CliRunner().invoke(command, ["--help"]).output
+    _, _, listed = " ".join(text.split()).partition("Commands: ")
+    for name in command.commands:
+        sentence = " ".join((command.commands[name].help or "").split("\n\n")[0].split())
+        assert f"{name} {sentence.partition('. ')[0].rstrip('.')}" in listed

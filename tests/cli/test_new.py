@@ -1,5 +1,6 @@
 """New files work as they stand, and a new block is found where its package is installed."""
 
+import json
 import os
 import re
 import resource
@@ -10,8 +11,11 @@ import tty
 from pathlib import Path
 
 import pytest
+import yaml
+from jsonschema import Draft202012Validator
 
-from diffbotctl.cli import check, new
+from diffbotctl.calibrate.robot_file import writable_copy
+from diffbotctl.cli import check, kits, new
 from diffbotctl.config.load import load, load_robot
 from diffbotctl.errors import UserError
 from diffbotctl.recording.reader import RecordingReader
@@ -21,6 +25,7 @@ from diffbotctl.testing.command_process import MAIN, command_line
 from tests.command_result import invoke
 
 ROOT = Path(__file__).parents[2]
+MODELINE = "# yaml-language-server: $schema=../schemas/robot.schema.json\n"
 
 
 pytestmark = pytest.mark.usefixtures("empty_folder")
@@ -49,10 +54,44 @@ def test_a_new_pipeline_drives_a_new_robot_to_its_goal():
     assert (result.reached, result.goals) == (1, 1)
 
 
-def test_the_editor_s_line_leads_to_a_schema():
-    invoke(new.command, "robot", "mine")
-    uri = Path("robots/mine.yaml").read_text().splitlines()[0].partition("$schema=")[2]
-    assert Path(uri.removeprefix("file://")).is_file()
+@pytest.mark.parametrize("what", ["robot", "pipeline", "block", "driver", "message", "program"])
+def test_an_editor_finds_the_schema_of_a_new_file_and_no_mistake(what, tmp_path_factory):
+    invoke(new.command, what, "mine")
+    elsewhere = tmp_path_factory.mktemp("another") / "machine"
+    shutil.copytree(".", elsewhere)
+    (path,) = elsewhere.rglob("*.yaml")
+    text = path.read_text()
+    named = re.match(r"# yaml-language-server: \$schema=(.*)\n", text)[1]
+    schema = json.loads((path.parent / named).read_text())
+    assert schema["title"] == f"A {'robot' if what == 'robot' else 'pipeline'} of diffbotctl"
+    assert not list(Draft202012Validator(schema).iter_errors(yaml.safe_load(text)))
+
+
+@pytest.mark.parametrize("kit", kits.KITS)
+def test_an_editor_finds_no_mistake_in_a_kit(kit):
+    invoke(new.command, "robot", "--kit", kit)
+    schema = json.loads(Path("schemas/robot.schema.json").read_text())
+    content = yaml.safe_load(Path(f"robots/{kit}.yaml").read_text())
+    assert not list(Draft202012Validator(schema).iter_errors(content))
+
+
+def test_schemas_of_another_version_are_replaced_and_files_of_others_kept():
+    others = {"title": "Robots of a museum"}
+    Path("schemas").mkdir()
+    Path("schemas/robot.schema.json").write_text(json.dumps(others))
+    Path("schemas/view.schema.json").write_text('{"title": "A saved view of diffbotctl"}')
+    _, output = invoke(new.command, "schemas")
+    assert "schemas/ is up to date" in output
+    assert json.loads(Path("schemas/robot.schema.json").read_text()) == others
+    for name in ("view", "pipeline"):
+        file = f"{name}.schema.json"
+        assert Path("schemas", file).read_text() == (ROOT / "schemas" / file).read_text()
+
+
+def test_a_copied_robot_has_its_schema():
+    path, was_copied = writable_copy(ROOT / "robots" / "book_2wd.yaml")
+    assert was_copied and path.read_text().startswith(MODELINE)
+    assert (path.parent / "../schemas/robot.schema.json").is_file()
 
 
 @pytest.mark.parametrize(
@@ -154,7 +193,7 @@ def test_a_new_driver_reads_its_device_and_is_replayed_without_it(tmp_path):
     assert "sonar           (driver) Read a distance sensor" in said, said
     line = ["run", folder / "sonar.yaml", "--quiet", "--for", "2s", "--record", "sonar.mcap"]
     code, said = python(*PROGRAM, *line, path=[target, ROOT])
-    assert code == 1 and "E-DEVICE" in said and "sonar.yaml:6:3" in said
+    assert code == 1 and "E-DEVICE" in said and "sonar.yaml:7:3" in said
     assert "source sonar (/dev/ttyUSB0): No such file or directory" in said
     master, slave = os.openpty()
     tty.setraw(slave)

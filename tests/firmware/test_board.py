@@ -6,7 +6,8 @@ from itertools import pairwise
 import pytest
 
 from diffbotctl.emulator.emulated_robot import motor_pins
-from diffbotctl.emulator.process import LINE, Emulator, bootloader, build
+from diffbotctl.emulator.process import LINE, Emulator
+from diffbotctl.emulator.program import bootloader, build
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.testing.board_bench import BOOK, RADIO, UNO, USB, BoardBench, speed
 from diffbotctl.testing.trials import (

@@ -7,8 +7,9 @@ import pytest
 
 from diffbotctl.config.board_pins import PICO as PINS
 from diffbotctl.config.checks.pins import pins_for, serial_pins
-from diffbotctl.emulator import process
-from diffbotctl.emulator.process import BROWNOUT, POWER, Emulator, EmulatorError, PinTransition
+from diffbotctl.emulator import program
+from diffbotctl.emulator.process import BROWNOUT, POWER, Emulator, PinTransition
+from diffbotctl.emulator.program import EmulatorError
 from diffbotctl.flash.uf2 import is_rp2040
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_settings import RangeInput
@@ -239,7 +240,7 @@ def test_range_is_on_the_scale_of_the_other_boards():
 
 
 def test_a_program_whose_boot_code_is_damaged_is_not_started(tmp_path):
-    image = bytearray(process.image_of(frames.BoardCode.RP2040).read_bytes())
+    image = bytearray(program.image_of(frames.BoardCode.RP2040).read_bytes())
     image[40] ^= 1
     damaged = tmp_path / "damaged.uf2"
     damaged.write_bytes(image)
@@ -249,7 +250,8 @@ def test_a_program_whose_boot_code_is_damaged_is_not_started(tmp_path):
 
 
 def test_what_its_emulator_misses_is_said(monkeypatch, tmp_path):
-    monkeypatch.setattr(process, "RP2040", tmp_path)
+    monkeypatch.setattr(program, "RP2040", tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     with pytest.raises(EmulatorError) as raised:
         Emulator([], board=frames.BoardCode.RP2040)
     assert "npm ci" in raised.value.problems[0].fix

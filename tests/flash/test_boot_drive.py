@@ -15,7 +15,7 @@ from diffbotctl.drivers.board_ports import (
     NoProgrammerError,
     SeveralBoardsError,
 )
-from diffbotctl.emulator.process import image_of
+from diffbotctl.emulator.program import image_of
 from diffbotctl.flash import boot_drive
 from diffbotctl.flash.boot_drive import INFO, DriveFullError, choose_drive, drives, flash_drive
 from diffbotctl.flash.flasher import flash, load

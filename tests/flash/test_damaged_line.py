@@ -7,7 +7,8 @@ import tty
 import pytest
 
 from diffbotctl.drivers.board_ports import RefusedError, VerifyMismatchError
-from diffbotctl.emulator.process import IMAGE, Emulator, bootloader
+from diffbotctl.emulator.process import Emulator
+from diffbotctl.emulator.program import IMAGE, bootloader
 from diffbotctl.flash.flasher import flash, load
 from diffbotctl.flash.intel_hex import PAGE_BYTES, write_hex
 from diffbotctl.links.stk500_frames import message, parity

@@ -15,7 +15,8 @@ from diffbotctl.drivers.board_ports import (
     SeveralBoardsError,
     VerifyMismatchError,
 )
-from diffbotctl.emulator.process import IMAGE, Emulator, bootloader
+from diffbotctl.emulator.process import Emulator
+from diffbotctl.emulator.program import IMAGE, bootloader
 from diffbotctl.flash import stk500
 from diffbotctl.flash.bootloaders import find_bootloader
 from diffbotctl.flash.flasher import flash, load

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from diffbotctl.drivers.board_ports import BadImageError
-from diffbotctl.emulator.process import IMAGE
+from diffbotctl.emulator.program import IMAGE
 from diffbotctl.flash.intel_hex import (
     FLASH_BYTES_MAX,
     MONITOR_CALL,

@@ -3,7 +3,8 @@
 import pytest
 
 from diffbotctl.drivers.board_ports import BadImageError, WrongSignatureError
-from diffbotctl.emulator.process import Emulator, bootloader, image_of
+from diffbotctl.emulator.process import Emulator
+from diffbotctl.emulator.program import bootloader, image_of
 from diffbotctl.flash.flasher import flash, load
 from diffbotctl.flash.intel_hex import chip_of, write_hex
 from diffbotctl.links.diffbot_frames import BoardCode

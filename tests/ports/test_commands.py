@@ -11,7 +11,9 @@ from click.testing import CliRunner
 
 from diffbotctl.bluetooth.errors import adapter_status
 from diffbotctl.cli.main import program
+from diffbotctl.cli.options import VIRTUAL_PORTS
 from diffbotctl.diagnostics.doctor import Verdict, doctor_findings
+from diffbotctl.drivers import robot_ports
 from diffbotctl.drivers.serial_port import open_port
 from diffbotctl.errors import RunError
 from diffbotctl.ports.access import SystemUser
@@ -125,6 +127,51 @@ def test_a_real_port_refuses_a_user_without_permission():
     assert without_rights(act) == (0, "")
     os.close(master)
     os.close(slave)
+
+
+ON_A_PORT = (
+    ("run", "goal"),
+    ("run", "goal", "--dash"),
+    ("flash", "firmware"),
+    ("blink",),
+    ("calibrate", "encoders"),
+    ("bluetooth", "baud", "9600"),
+    ("start",),
+)
+
+
+@pytest.mark.parametrize("words", ON_A_PORT, ids=" ".join)
+@pytest.mark.parametrize(
+    ("port", "fix"),
+    [("/dev/ttyUSB987", "connect"), ("/dev/rfcomm98", "use --port bluetooth:ADDRESS")],
+)
+def test_a_port_that_is_not_there_is_two_lines(words, port, fix):
+    command = command_line(*words, "--port", port)
+    done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL)
+    head, reason, *more = done.stderr.splitlines()
+    assert not more and not done.stdout and done.returncode == 1
+    assert head == f"error: port {port}  E-PORT-OPEN"
+    assert len(reason) <= 80 and fix in reason
+
+
+def test_a_near_word_is_suggested_in_place_of_a_missing_port():
+    code, said = run("run", "goal", "--port", "emulate")
+    assert code == 1 and said.endswith("there is no such port; did you mean emulated?")
+
+
+@pytest.mark.parametrize("port", VIRTUAL_PORTS)
+def test_a_command_for_boards_refuses_a_simulated_robot(port):
+    code, said = run("blink", "--port", port)
+    assert code == 2 and "this command needs a board" in said
+
+
+def test_the_virtual_ports_of_the_command_line_are_those_of_the_drivers():
+    assert tuple(robot_ports.VIRTUAL_PORTS) == VIRTUAL_PORTS
+
+
+def test_a_service_may_name_a_port_that_appears_later():
+    code, said = run("service", "--port", "/dev/ttyUSB987", "--user", "root")
+    assert code == 0 and "--port /dev/ttyUSB987" in said
 
 
 def test_what_fix_prints_are_whole_commands(machine):

@@ -196,6 +196,10 @@ def test_the_command_draws_on_a_terminal_of_80_by_24(goal):
     assert lines[0] == "odometry.odometry.x [m]" and lines[-1].endswith("s")
 
 
+def test_the_recording_may_be_named_before_the_fields(goal):
+    assert plotted(goal, "gate.wheels") == plotted("gate.wheels", goal)
+
+
 @pytest.mark.parametrize("words, charset", [(["--ascii"], "utf-8"), ([], "ascii"), ([], "latin-1")])
 def test_where_there_is_no_braille_plain_characters_draw(goal, words, charset):
     lines = plotted(*words, "odometry.odometry.x", goal, charset=charset)

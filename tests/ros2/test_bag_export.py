@@ -223,7 +223,7 @@ def test_wrong_words_and_a_missing_library_are_named(recording, tmp_path, monkey
         monkeypatch.delitem(sys.modules, module, raising=False)
     monkeypatch.setitem(sys.modules, "rosbags", None)
     error = exported(*words, "--output", tmp_path / "x").exception
-    assert isinstance(error, UsageError) and "pip install 'diffbotctl[rosbag2]'" in str(error)
+    assert isinstance(error, UsageError) and "pip install 'diffbotctl[ros2]'" in str(error)
 
 
 def test_a_recording_of_a_running_engine_needs_the_robot_file_for_frames(tmp_path):

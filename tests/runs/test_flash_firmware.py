@@ -7,12 +7,13 @@ import select
 import signal
 import termios
 import time
-from contextlib import suppress
+from contextlib import closing, suppress
 
 import pytest
 
 from diffbotctl.drivers import board_ports
 from diffbotctl.drivers.serial_port import SerialPortDevice
+from diffbotctl.emulator.pseudo_terminal import PseudoTerminal
 from diffbotctl.errors import RunError
 from diffbotctl.flash.flasher import flash as job
 from diffbotctl.flash.intel_hex import write_hex
@@ -99,7 +100,8 @@ def on_a_terminal(words, answer):
 
 
 def test_nobody_to_ask_is_no_consent():
-    code, said = diffbotctl("flash", "firmware", "--port", "/dev/ttyACM9", "--robot", "book_2wd")
+    with closing(PseudoTerminal()) as port:
+        code, said = diffbotctl("flash", "firmware", "--port", port.name, "--robot", "book_2wd")
     assert code == 2
     assert "--yes" in said
 
@@ -127,7 +129,7 @@ def test_a_port_that_is_not_there():
     for words in (("flash", "firmware", "--yes"), ("blink",)):
         code, said = diffbotctl(*words, "--robot", "book_2wd", "--port", "/dev/ttyACM99")
         assert code == 1
-        assert "E-PORT-OPEN" in said and "No such file" in said
+        assert "E-PORT-OPEN" in said and "there is no such port" in said
 
 
 def refused(forbid):

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from diffbotctl.board.jobs import blink
-from diffbotctl.emulator.process import IMAGE
+from diffbotctl.emulator.program import IMAGE
 from diffbotctl.errors import RunError
 from diffbotctl.flash.intel_hex import write_hex
 from diffbotctl.links import diffbot_frames as frames

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from diffbotctl.config.load import load_robot
-from diffbotctl.emulator.process import IMAGE
+from diffbotctl.emulator.program import IMAGE
 from diffbotctl.testing.command_process import command_line
 from diffbotctl.testing.terminal import Terminal
 from diffbotctl.testing.virtual_board import START_ANSWERS, board, diffbotctl

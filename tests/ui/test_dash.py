@@ -218,6 +218,19 @@ def test_a_view_is_saved_and_opened_again(engine, tmp_path):
         terminal.until(lambda text: bar(text) == zoomed, "the same zoom")
 
 
+def test_a_run_begins_with_a_saved_view(tmp_path):
+    (tmp_path / "mine.yaml").write_text(
+        "format: 1\nkind: view\npanel: plots\n"
+        "plots: {fields: [odometry.odometry.heading], span: 15 s}\n"
+    )
+    words = ("run", "standby", "--view", str(tmp_path / "mine.yaml"))
+    line, environment = command(tmp_path, *words)
+    with Terminal(line, environment) as terminal:
+        terminal.until(lambda text: "odometry.odometry.heading 0" in text, "the plot of the view")
+        terminal.type("\x03")
+        assert terminal.ended() == 130
+
+
 def test_the_log_level_of_a_block_is_set(engine, tmp_path):
     client, _ = engine
     with dash(tmp_path) as terminal:

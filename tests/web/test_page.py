@@ -125,6 +125,24 @@ def test_nothing_is_cut_and_nothing_comes_from_elsewhere(open_page, parts, is_ph
     }
 
 
+PHONE_WITH_BARS = (390, 664)  # CSS pixels; what an address bar and a tool bar leave of PHONE
+
+
+def test_on_a_phone_the_bars_of_the_browser_cover_no_key(open_page):
+    page = open_page(True)
+    page.emulate_phone(PHONE_WITH_BARS)
+    page.until(f"innerHeight === {PHONE_WITH_BARS[1]}")
+    box = page.evaluate("document.getElementById('map-box').getBoundingClientRect().toJSON()")
+    keys = page.evaluate(
+        "[...document.querySelectorAll('#map-keys button')].filter(e => e.checkVisibility())"
+        ".map(e => e.getBoundingClientRect().toJSON())"
+    )
+    assert keys and all(key["bottom"] <= box["bottom"] for key in keys)
+    for name in ("stop", "resume", "pad"):
+        place = page.evaluate(f"document.getElementById('{name}').getBoundingClientRect().toJSON()")
+        assert place["top"] >= 0 and place["bottom"] <= PHONE_WITH_BARS[1], name
+
+
 def test_what_a_person_sees_is_what_the_engine_says(open_page, parts):
     page, client = open_page(False), parts[1]
     press(page, "#stop")

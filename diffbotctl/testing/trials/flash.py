@@ -11,7 +11,8 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from diffbotctl.board.session import JobMessage
-from diffbotctl.emulator.process import Emulator, bootloader, image_of
+from diffbotctl.emulator.process import Emulator
+from diffbotctl.emulator.program import bootloader, image_of
 from diffbotctl.flash import stk500v1
 from diffbotctl.flash.flasher import flash, load
 from diffbotctl.flash.intel_hex import write_hex

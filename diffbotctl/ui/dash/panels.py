@@ -29,9 +29,11 @@ def title_line(view: RunView) -> Text:
     out.append(view.scene.title or view.engine, "bold")
     out.append(f"  {view.snapshot.time / SECOND:.1f} s")
     if view.scene.simulated:
-        out.append(f"  {view.scene.simulated}", "black on yellow")
+        out.append("  ")
+        out.append(f" {view.scene.simulated} ", "black on yellow")
     if view.ended:
-        out.append("  the run has ended", STOP_STYLE)
+        out.append("  ")
+        out.append(" the run has ended ", STOP_STYLE)
     return out
 
 

@@ -28,6 +28,8 @@ export class RunMap {
     this.state = {};
     this.camera = { x: 0, y: 0, scale: 200 };
     this.mode = "all"; // all, robot or free
+    this.shownWidth = 0; // m, from edge to edge, when it was painted last
+    this.wantedWidth = 0; // m; the scale follows when the size of the canvas is known
     this.pointers = new Map();
     this.draft = null; // a goal that is being dragged
     this.isDue = false;
@@ -120,6 +122,19 @@ export class RunMap {
     this.draw();
   }
 
+  /** Show the floor around a place; `width` is from edge to edge. All in m. */
+  showPart(x, y, width, follows) {
+    [this.camera.x, this.camera.y, this.wantedWidth] = [x, y, width];
+    this.setMode(follows ? "robot" : "free");
+  }
+
+  /** What is shown: `x`, `y`, `width` (m) and `follow`; empty when everything is kept in view. */
+  shownPart() {
+    if (this.mode === "all") return {};
+    const { x, y } = this.camera;
+    return { x, y, width: this.wantedWidth || this.shownWidth, follow: this.mode === "robot" };
+  }
+
   follow() {
     const { pose } = this.state;
     if (this.draft || this.pointers.size || !pose) return; // the floor must not move under a finger
@@ -208,7 +223,10 @@ export class RunMap {
 
   paint() {
     const { context, colours } = this;
+    if (this.wantedWidth) this.camera.scale = Math.min(Math.max(this.width / this.wantedWidth, SCALE_MIN), SCALE_MAX);
+    this.wantedWidth = 0;
     this.follow();
+    this.shownWidth = this.width / this.camera.scale; // of a new camera when all is kept in view
     const ratio = this.canvas.width / this.width;
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     context.fillStyle = colours.back;

@@ -4,6 +4,7 @@ import { Connection } from "./connection.js";
 import { Inside } from "./inside.js";
 import { RunMap } from "./map.js";
 import { Pad } from "./pad.js";
+import { openSavedView, saveView } from "./saved_view.js";
 
 const NOTICE_MS = 6000;
 const VIEWS = ["drive", "map", "inside"];
@@ -43,7 +44,9 @@ function showPicture(picture) {
     const row = document.createElement("tr");
     const [head, value] = [document.createElement("th"), document.createElement("td")];
     head.textContent = `${name} `;
-    value.textContent = words;
+    // No line ends between a value and its name or its unit.
+    const joints = /\d (?=[a-z])|\b(?:x|y|heading) (?=[+\-\d])/g;
+    value.textContent = words.replace(joints, (joint) => joint.replace(" ", "\u00a0"));
     if (isAlert) value.className = "alert";
     row.append(head, value);
     return row;
@@ -166,6 +169,7 @@ element("zoom-out").addEventListener("click", () => zoom(1 / 1.4));
 element("fit").addEventListener("click", () => map.setMode("all"));
 element("follow").addEventListener("click", () => map.setMode("robot"));
 element("solid").addEventListener("click", switchSolid);
+element("save-view").addEventListener("click", () => saveView(map, inside.plots, inside.isShown));
 element("allow-yes").addEventListener("click", () => {
   element("allow").close();
   connection.send({ do: "allow_goals" });
@@ -182,4 +186,4 @@ addEventListener("keydown", (event) => {
   connection.send({ do: "stop" });
 });
 addEventListener("hashchange", () => location.hash.length > 1 && location.reload());
-connection.enter();
+connection.enter().then(() => openSavedView(map, inside.plots, showView));

@@ -35,6 +35,7 @@ export class Plots {
     this.pausedAt = null;
     this.isShown = false;
     this.isDue = false;
+    this.chosen = null; // names of the saved view
     element("plot-topic").addEventListener("change", () => this.showFields());
     element("plot-add").addEventListener("click", () => this.add());
     element("plot-span").addEventListener("change", () => this.draw());
@@ -66,14 +67,35 @@ export class Plots {
     const isFirst = !this.topics.length;
     this.topics = topics;
     element("plot-topic").replaceChildren(...topics.map((topic) => new Option(topic)));
-    if (isFirst) {
-      const names = keptNames().filter((name) => topics.includes(topicOf(name)));
-      names.forEach((name) => this.addLine(name));
-      for (const topic of new Set(names.map(topicOf))) this.describe(topic);
-      if (names.length) element("plot-topic").value = topicOf(names[0]);
-      this.ask();
-    }
+    if (isFirst) this.begin();
     this.showFields();
+  }
+
+  /** Show the fields of the saved view, or those that the browser has kept. */
+  begin() {
+    const names = (this.chosen ?? keptNames()).filter((name) => this.topics.includes(topicOf(name)));
+    this.lines = [];
+    names.forEach((name) => this.addLine(name));
+    for (const topic of new Set(names.map(topicOf))) this.describe(topic);
+    if (names.length) element("plot-topic").value = topicOf(names[0]);
+    this.ask();
+  }
+
+  /** Show these fields, the first ones for none, over the last `span` s. */
+  choose(names, span) {
+    this.chosen = (names.length ? names : FIRST).slice(0, STYLES_COUNT);
+    const list = element("plot-span");
+    if (![...list.options].some((option) => Number(option.value) === span)) {
+      list.append(new Option(`${span} s`, span));
+    }
+    list.value = span;
+    if (this.topics.length) this.begin(); // they were known before the saved view
+  }
+
+  /** What is shown: `fields`, separated by commas, and `span` (s). */
+  choice() {
+    const names = this.topics.length ? this.lines.map((line) => line.name) : this.chosen ?? keptNames();
+    return { fields: names.join(), span: element("plot-span").value };
   }
 
   /** The fields of a topic, with their units. */
