@@ -21,7 +21,7 @@ from diffbotctl.testing.trials.hostile_yaml import odd_value
 
 NAME = "test"
 FLOOD_CLIENTS = 20
-FAR_GOAL = ("goal", "--goal", "900 0", "--set", "follower.patience=1000 s", "--stay")
+FAR_GOAL = ("goal", "--goal", "900m 0", "--set", "follower.patience=1000 s", "--stay")
 FIELDS = (
     *("topic", "x", "y", "heading", "linear", "angular", "reason", "parameter", "value", "last"),
     *("action", "arguments", "block", "level", "message", "take_over", "time", "lease"),
