@@ -104,6 +104,13 @@ class Encoders(NamedTuple):
         None
     )
     boot: Annotated[int, Field("", "Changes each time the board restarts.")] = 0
+    skipped_left_command: Annotated[
+        float, Field("see kind", "Left command that was replaced before a frame showed it.")
+    ] = 0.0
+    skipped_right_command: Annotated[float, Field("see kind", "The same, right.")] = 0.0
+    skipped_command_time: Annotated[
+        int | None, Field("ns", "When that command took effect; none when none was skipped.")
+    ] = None
     turn: Annotated[
         float | None,
         Field("rad", "Sum of the gyro's rate since the start, uncorrected; none without a gyro."),

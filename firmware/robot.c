@@ -74,6 +74,7 @@ static void use_wheel(wheel_t *wheel, const uint8_t *pins, const gains_t *gains,
     speed->proportional = gains->proportional;
     speed->integral = gains->integral;
     speed->pitch = speed_pitch(slots);
+    speed->lag = settings.lag;
     wheel->motor.inverted = settings.enable_inverted;
     wheel->motor.brake = settings.brake;
     wheel->motor.driver = settings.driver;

@@ -24,13 +24,16 @@
 #define FULL ((int32_t)DUTY_FULL << 8)
 /* After a reversal the duty grows by at most 0.05 per period, to protect the gears. */
 #define SLEW 1638
-/* A stall: 0.95 s without an edge, or 0.6 s of a wheel that was turning or should have turned by ten
-   pitches, and 0.25 s more than the time for 2.2 pitches at the target. */
+/* A stall: 0.95 s without an edge, or 0.6 s and the lag of a wheel that was turning or should have
+   turned by ten pitches; and 0.25 s and the lag more than the time for 2.2 pitches at the target. The
+   lag counts with at most 0.3 s; where it is unknown, the longer of two times is allowed that suits
+   every lag. */
 #define STALL_PERIODS 95
 #define STALL_PERIODS_CLEAR 60
 #define STALL_PITCHES(pitch) ((pitch) / 5 * 11)
 #define STALL_PITCHES_CLEAR 10
 #define STALL_EXCESS 25
+#define STALL_LAG_MOST 30
 #define STALL_DUTY 9830 /* of raw duty; above it a turning wheel gives edges */
 /* Largest angle that is kept; no product with it overflows. */
 #define ANGLE_MOST 0x10000000L
@@ -295,9 +298,11 @@ bool speed_stalled(speed_t *speed, bool raw_duty)
         speed->stall_periods++;
     if (speed->stall_angle < STALL_PITCHES_CLEAR * speed->pitch)
         speed->stall_angle += (raw_duty ? speed_of(speed) : magnitude(speed->target)) << 8;
-    if (speed->stall_angle >= STALL_PITCHES(speed->pitch) && speed->stall_excess < STALL_EXCESS)
+    uint8_t lag = speed->lag < STALL_LAG_MOST ? speed->lag : STALL_LAG_MOST;
+    uint8_t excess = STALL_EXCESS + lag;
+    if (speed->stall_angle >= STALL_PITCHES(speed->pitch) && speed->stall_excess < excess)
         speed->stall_excess++;
     bool is_clear = speed->measured == MEASURED || speed->stall_angle >= STALL_PITCHES_CLEAR * speed->pitch;
-    uint8_t least = is_clear && !raw_duty ? STALL_PERIODS_CLEAR : STALL_PERIODS;
-    return speed->stall_periods >= least && speed->stall_excess >= STALL_EXCESS;
+    uint8_t least = is_clear && !raw_duty ? STALL_PERIODS_CLEAR + (lag ? lag : STALL_LAG_MOST) : STALL_PERIODS;
+    return speed->stall_periods >= least && speed->stall_excess >= excess;
 }

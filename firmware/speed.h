@@ -20,6 +20,7 @@ typedef struct {
        1/32768; duty per rad of error, in 1/INTEGRAL_ONE. */
     int16_t start, gain, proportional, integral;
     int32_t pitch; /* angle of one slot, in 1/65536 rad/s times a period */
+    uint8_t lag; /* of the motor, periods; 0: unknown */
     int16_t target;
     int16_t duty;
     bool slewing;

@@ -157,6 +157,10 @@ class OdometryBlock(Block):
         if since is None:
             since = self._command_start(last_time, time)
         is_duty = encoders.command_kind == "duty"
+        skipped = encoders.skipped_command_time
+        if skipped is not None:
+            left.skipped_command(encoders.skipped_left_command, is_duty, skipped)
+            right.skipped_command(encoders.skipped_right_command, is_duty, skipped)
         left.update(time, encoders.left, encoders.left_edge, encoders.left_command, is_duty, since)
         right.update(
             time, encoders.right, encoders.right_edge, encoders.right_command, is_duty, since

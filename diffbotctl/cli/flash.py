@@ -68,12 +68,12 @@ def flash(
     from diffbotctl.drivers.robot_link import board_settings
     from diffbotctl.flash.flasher import flash, load
 
-    if load_robot(robot).robot.board.type == "pico":
-        _flash_pico(port, robot, programmer, backup, image, yes)
+    file = load_robot(robot)
+    if file.robot.board.type == "pico":
+        _flash_pico(port, file.file, programmer, backup, image, yes)
         return
     device = choose_port() if port == "auto" else port
     refuse_radio(device)
-    file = load_robot(robot)
     ours = image is None
     settings = board_settings(file.robot)
     program = folder("firmware") / BOARDS[file.robot.board.type].image if image is None else image
@@ -97,7 +97,7 @@ def flash(
 
 def _flash_pico(
     port: str,
-    robot: str | None,
+    robot: Path,
     programmer: str,
     backup: Path | None,
     image: Path | None,
@@ -105,7 +105,6 @@ def _flash_pico(
 ) -> None:
     """A Pico has no serial bootloader: the program is copied onto its drive."""
     from diffbotctl.config.board_pins import PICO
-    from diffbotctl.config.load import load_robot
     from diffbotctl.config.lookup import folder
     from diffbotctl.drivers.board_ports import NoBackupError, NoProgrammerError
     from diffbotctl.flash.boot_drive import check_drive, choose_drive, flash_drive
@@ -116,7 +115,7 @@ def _flash_pico(
         raise NoProgrammerError("it does not flash a Pico", "leave --programmer out")
     drive = choose_drive(port)
     check_drive(drive)
-    click.echo(f"robot {load_robot(robot).file}, drive {drive}")
+    click.echo(f"robot {robot}, drive {drive}")
     click.echo(LIFT)
     if not yes and not _agreed():
         raise click.Abort

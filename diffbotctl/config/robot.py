@@ -548,6 +548,13 @@ class Robot(Section):
     )
 
 
+def measured_lag(robot: Robot) -> float | None:
+    """Lag (s) of the slower motor; None when it has not been measured, and may be any."""
+    if not all(f"drive.{side}.motor.lag" in robot.calibration for side in SIDES):
+        return None
+    return max(robot.drive.left.motor.lag, robot.drive.right.motor.lag)
+
+
 def fill_glitch(robot: Robot) -> None:
     """Set the glitch time of each encoder that does not state one.
 

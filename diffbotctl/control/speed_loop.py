@@ -38,14 +38,16 @@ KICK_SHARE = 0.5  # of the integral that is kept at the first edge after it
 STUCK_RATIO = 0.5
 WEIGHT_MIN = 0.125  # of a measurement, which is halved when a turning wheel has to be kicked
 SLEW_MAX = 0.05  # duty per period during a reversal, to protect the gears
-# A stall: no edge for 0.95 s, or 0.6 s of a wheel that was turning or should have turned by ten
-# pitches, and 0.25 s more than the time for 2.2 pitches at the target. The largest distance from
-# rest to the first edge is one pitch, at a lag of up to 0.4 s. A wheel that was turning has no
-# start before it; its kick reaches full duty 0.4 s after the edge was due, and that of a fine
-# encoder 0.4 s after the start.
+# A stall: no edge for 0.95 s, or 0.6 s and the motor's lag of a wheel that was turning or should
+# have turned by ten pitches; and 0.25 s and the lag more than the time for 2.2 pitches at the
+# target. The largest distance from rest to the first edge is one pitch. A wheel that was turning
+# has no start before it; its kick reaches full duty 0.4 s after the edge was due, and that of a
+# fine encoder 0.4 s after the start: the lag is left to turn. An unknown lag is 0.3 s in the first
+# time, which ends within 1 s for every lag, and 0 in the second, which must end within the lag.
 STALL_PERIODS, STALL_PERIODS_CLEAR = 95, 60
 STALL_PITCHES, STALL_PITCHES_CLEAR = 2.2, 10.0
 STALL_EXCESS_PERIODS = 25
+STALL_LAG_PERIODS_MAX = 30
 STALL_DUTY_MIN = 0.3  # of raw duty; above it a turning wheel gives edges
 PROPORTIONAL_SHARE = 1.0  # default of the proportional gain, of the slope of the feed-forward
 INTEGRAL_TIME_S = 0.1  # default of the integral gain: the slope of the feed-forward over this time
@@ -293,14 +295,21 @@ class WheelSpeedLoop(SpeedLoop):
         "_is_slewing",
         "_stall_angle",
         "_stall_excess",
+        "_stall_excess_most",
         "_stall_periods",
+        "_stall_periods_clear",
         "direction",
         "duty",
         "fault",
     )
 
-    def __init__(self, gains: SpeedGains, slots: int) -> None:
+    def __init__(self, gains: SpeedGains, slots: int, lag: float | None = None) -> None:
+        """`lag` (s) of the motor, for which a wheel that starts has more time to turn; None:
+        unknown."""
         super().__init__(gains, slots)
+        periods = min(round((lag or 0.0) / LOOP_PERIOD_S), STALL_LAG_PERIODS_MAX)
+        self._stall_excess_most = STALL_EXCESS_PERIODS + periods
+        self._stall_periods_clear = STALL_PERIODS_CLEAR + (periods or STALL_LAG_PERIODS_MAX)
         self.direction = 1
         self.duty = 0.0
         self.fault = self._is_slewing = False
@@ -343,7 +352,7 @@ class WheelSpeedLoop(SpeedLoop):
             self._add_to_stall(abs(self.target))
             has_turned = self._measured_edges == 2
             is_clear = has_turned or self._stall_angle >= STALL_PITCHES_CLEAR * self.pitch
-            self._check_stall(STALL_PERIODS_CLEAR if is_clear else STALL_PERIODS)
+            self._check_stall(self._stall_periods_clear if is_clear else STALL_PERIODS)
         self._apply(SLEW_MAX)
         return self.duty
 
@@ -376,7 +385,7 @@ class WheelSpeedLoop(SpeedLoop):
 
     def _check_stall(self, periods: int) -> None:
         """A stall that has lasted for `periods` is a fault."""
-        if self._stall_periods >= periods and self._stall_excess >= STALL_EXCESS_PERIODS:
+        if self._stall_periods >= periods and self._stall_excess >= self._stall_excess_most:
             self.fault = True
 
     def _apply(self, growth: float) -> None:

@@ -8,7 +8,14 @@ from math import pi
 from diffbotctl.config.board_pins import BOARDS, BoardPins
 from diffbotctl.config.imu_chips import IMU_CHIPS, imu_address
 from diffbotctl.config.motor_drivers import driver_facts
-from diffbotctl.config.robot import ImuSection, Robot, SensorSection, SideSection, line_baud
+from diffbotctl.config.robot import (
+    ImuSection,
+    Robot,
+    SensorSection,
+    SideSection,
+    line_baud,
+    measured_lag,
+)
 from diffbotctl.control.speed_loop import speed_gains
 from diffbotctl.drivers.board_ports import is_usb
 from diffbotctl.errors import ConfigurationError, Problem, join_words
@@ -65,6 +72,7 @@ def board_settings(robot: Robot) -> BoardSettings:
         glitch=round(left.encoder.glitch * SECOND),
         deadman=round(board.deadman * SECOND),
         telemetry=round(board.telemetry),
+        lag=measured_lag(robot),
         edge_times=board.edge_times,
         driver=frames.DriverCode[driver_facts(left.motor.driver).mode.upper()],
         standby=_number(pins, left.motor.standby),

@@ -32,7 +32,13 @@ class CommandedWheelOdometer:
         self._motor, self._circumference = side.motor, pi * side.wheel.diameter
         self.pitch = self._circumference
         self.speed = self.travel = self._rolled = 0.0
+        self._settled = 0.0  # m/s, with the command in effect
         self._time = time
+
+    def skipped_command(self, command: float, is_duty: bool, since: int) -> None:
+        """Take a command that was replaced in the next frame; in effect since `since` (ns)."""
+        self._roll(since)
+        self._settled = self._settled_speed(command, is_duty)
 
     def update(
         self,
@@ -44,17 +50,25 @@ class CommandedWheelOdometer:
         command_since: int,
     ) -> None:
         """Apply one frame. `command`, in effect since `command_since` (ns), is a duty or rad/s."""
+        self._roll(min(command_since, time))
+        self._settled = self._settled_speed(command, is_duty)
+        self._roll(time)
+
+    def _settled_speed(self, command: float, is_duty: bool) -> float:
         motor = self._motor
-        settled = settled_speed(command, motor.loop.static, motor.rated) if is_duty else command
-        settled *= self._circumference / (2.0 * pi)
-        span = (time - self._time) * 1e-9
-        # A command that came during the frame: the one before had nearly been reached.
-        under_way = min(max((time - command_since) * 1e-9, 0.0), span)
-        self._rolled += self.speed * (span - under_way)
-        decay = exp(-under_way / motor.lag)
-        self._rolled += settled * under_way + (self.speed - settled) * motor.lag * (1.0 - decay)
+        speed = settled_speed(command, motor.loop.static, motor.rated) if is_duty else command
+        return speed * self._circumference / (2.0 * pi)
+
+    def _roll(self, until: int) -> None:
+        """Roll until `until` (ns) with the command in effect."""
+        span = (until - self._time) * 1e-9
+        if span <= 0.0:
+            return
+        lag, settled = self._motor.lag, self._settled
+        decay = exp(-span / lag)
+        self._rolled += settled * span + (self.speed - settled) * lag * (1.0 - decay)
         self.speed = settled + (self.speed - settled) * decay
-        self._time = time
+        self._time = until
 
     def unobserved_travel(self, count: int) -> float:
         """Metres during a gap in the telemetry: the board has stopped the motors."""

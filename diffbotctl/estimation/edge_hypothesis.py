@@ -48,6 +48,14 @@ OUTSIDE_MIN_MOVING = 0.001  # each frame carries new information
 OUTSIDE_MIN_EDGE_TIMES = 0.6
 
 
+class DriveChange(NamedTuple):
+    """A command of a wheel and when it took effect; as in a WheelFrame."""
+
+    time: int
+    drive: float
+    duty: float
+
+
 class WheelFrame(NamedTuple):
     """One frame of the board, for one wheel."""
 
@@ -62,6 +70,8 @@ class WheelFrame(NamedTuple):
     """ns, when that command took effect, if known"""
     duty: float
     """of that command, without its sign"""
+    skipped: DriveChange | None = None
+    """the command before, where no frame showed it"""
 
 
 class _Branch(NamedTuple):
@@ -151,14 +161,18 @@ class EdgeHypothesis:
 
     def update(self, frame: WheelFrame) -> list[EdgeHypothesis]:
         """Apply one frame. Returns this hypothesis, or those into which it has split."""
-        time, count, edge_time, drive, drive_since, duty = frame
+        time, count, edge_time, drive, drive_since, duty, skipped = frame
         steps = abs(count - self.count)
         self.count = count
         begin = self.time
         has_edge = edge_time is not None and steps != 0
-        is_changing = drive != self.drive
-        change_time = self._clamp(drive_since, time) if is_changing else time
         passed_time = self._clamp(edge_time, time) if has_edge else time
+        if skipped is not None and skipped.time <= passed_time:
+            self._advance(skipped.time)
+            self._set_drive(skipped.drive, skipped.duty)
+            skipped = None
+        is_changing = skipped is not None or drive != self.drive
+        change_time = self._clamp(drive_since, time) if is_changing else time
         if is_changing and change_time <= passed_time:
             self._advance(change_time)
             self._set_drive(drive, duty)
@@ -178,6 +192,9 @@ class EdgeHypothesis:
                 motion.update_edge(
                     hypothesis.edge_place, hypothesis.edge_slot, hypothesis.edge_direction > 0
                 )
+            if skipped is not None:
+                hypothesis._advance(skipped.time)
+                hypothesis._set_drive(skipped.drive, skipped.duty)
             if is_changing:
                 hypothesis._advance(change_time)
                 hypothesis._set_drive(drive, duty)

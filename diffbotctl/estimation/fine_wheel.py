@@ -99,6 +99,9 @@ class FineWheelOdometer:
         """What is wrong with the encoder, or an empty text."""
         return self.faults.text
 
+    def skipped_command(self, command: float, is_duty: bool, since: int) -> None:
+        """A command that was replaced in the next frame: the counts show what it did."""
+
     def update(
         self,
         time: int,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import copysign, pi, sqrt
 
 from diffbotctl.control.speed_loop import SpeedLoopMirror, speed_gains
-from diffbotctl.estimation.edge_hypothesis import WheelFrame
+from diffbotctl.estimation.edge_hypothesis import DriveChange, WheelFrame
 from diffbotctl.estimation.fine_wheel import FineWheelOdometer
 from diffbotctl.estimation.priors import Priors
 from diffbotctl.estimation.slot_errors import EdgeErrors, SlotEstimate
@@ -43,6 +43,7 @@ class WheelOdometer:
         self.filter = WheelFilter(priors, time, count, slots, edges)
         self.mirror = SpeedLoopMirror(speed_gains(motor), slots, time)
         self.counting = FineWheelOdometer(side, time, count, timing)
+        self.skipped: DriveChange | None = None  # in the next frame
         self.travel = 0.0  # m, since the last report
         # Variances in m2: of that travel; of all travel, if the best hypothesis is right; of the
         # present position in the slot, which the model of a usual motor includes; and between the
@@ -68,6 +69,12 @@ class WheelOdometer:
         """What is wrong with the encoder, or an empty text."""
         return self.filter.fault
 
+    def skipped_command(self, command: float, is_duty: bool, since: int) -> None:
+        """Take a command that was replaced in the next frame; in effect since `since` (ns)."""
+        if not is_duty:
+            command = self.mirror.update(since, 0, since, command, since)
+        self.skipped = DriveChange(since, self._drive(command), abs(command))
+
     def update(
         self,
         time: int,
@@ -86,8 +93,15 @@ class WheelOdometer:
                 edge = self.filter.hypotheses[0].estimated_edge_time(time, steps)
             command = self.mirror.update(time, steps, edge, command, command_since)
         self.count = count
-        drive = settled_speed(command, self.static, self.rated) * self.pitches_per_rad
-        self.filter.update(WheelFrame(time, count, edge_time, drive, command_since, abs(command)))
+        frame = WheelFrame(
+            time, count, edge_time, self._drive(command), command_since, abs(command), self.skipped
+        )
+        self.skipped = None
+        self.filter.update(frame)
+
+    def _drive(self, duty: float) -> float:
+        """Pitches/s at which the motor settles."""
+        return settled_speed(duty, self.static, self.rated) * self.pitches_per_rad
 
     def _variance(self, is_unusual: bool) -> float:
         """Variance of the travel, pitches2, if the best hypothesis is right.

@@ -291,6 +291,7 @@ class SettingsFrame(NamedTuple):
     input_4: Uint8  # its echo pin or analog channel, counted from 1; 0: no sensor
     gyro_address: Uint8  # I2C address of the gyro; 0: none
     gyro_axis: Uint8  # its axis that is read: 0 x, 1 y, 2 z; those of an LSM6 from GYRO_LSM6 on
+    lag: Uint8  # of the slower motor, 10 ms; 0: unknown
 
 
 class StateFrame(NamedTuple):

@@ -8,12 +8,13 @@ from typing import NamedTuple
 
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import checksum, pack
-from diffbotctl.time import MICROSECOND, MILLISECOND
+from diffbotctl.time import MICROSECOND, MILLISECOND, SECOND
 
 UINT16_MAX = 0xFFFF
 BAUDS = {int(code.meaning): code for code in frames.BaudCode}
 FIRST_BAUD = 9600  # of UART1, before the board has settings
 REFERENCE_V = 5.0  # full scale of an analog input
+LAG_UNIT, LAG_MAX = 10 * MILLISECOND, 255
 
 
 class RangeInput(NamedTuple):
@@ -109,6 +110,8 @@ class BoardSettings:
     """ns without a valid command after which the board stops the motors"""
     telemetry: int = 40
     """state frames a second"""
+    lag: float | None = None
+    """time constant (s) of the slower motor; None: unknown"""
     edge_times: bool = True
     """whether frames carry the ages of the last edges"""
     driver: frames.DriverCode = frames.DriverCode.ENABLE_IN1_IN2
@@ -175,6 +178,7 @@ class BoardSettings:
             standby=_from_one(self.standby),
             gyro_address=self.gyro.address if self.gyro else 0,
             gyro_axis=self.gyro.axis_code() if self.gyro else 0,
+            lag=min(round((self.lag or 0.0) * SECOND / LAG_UNIT), LAG_MAX),
             **wheels,
             **self._range_pins(),
         )

@@ -79,6 +79,8 @@ class Telemetry:
         self._raw_turn = self._turn = 0
         self._edges: list[_Edge | None] = [None, None]
         self._in_force: tuple[int, SentCommand] | None = None
+        self._shown_command: int | None = None  # by the last frame
+        self._frame_time = 0  # ns, host, of the last frame
 
     def restarted(self) -> None:
         """The board has restarted since the last frame."""
@@ -109,6 +111,14 @@ class Telemetry:
             right_edge = self._edge_time(1, board_time, frame.right_age)
         sent, since = self._command_in_force(board_time, frame)
         encoders = Encoders(time, left, right, left_edge, right_edge, *sent[1:], since, self.boots)
+        skipped = self._skipped_command(frame, sent, since)
+        self._shown_command, self._frame_time = frame.command, time
+        if skipped is not None:
+            encoders = encoders._replace(
+                skipped_command_time=skipped.time,
+                skipped_left_command=skipped.left,
+                skipped_right_command=skipped.right,
+            )
         if isinstance(frame, frames.InertialFrame):
             return encoders._replace(turn=self._unwrap_turn(frame.turn))
         return encoders
@@ -203,6 +213,21 @@ class Telemetry:
             since = self._command_start(board_time, frame)
         self._in_force = (since, sent)
         return sent, since
+
+    def _skipped_command(self, frame: State, sent: SentCommand, since: int) -> SentCommand | None:
+        """The command between those of the last frame and of this one, with the time at which it
+        took effect: as much earlier as it was written earlier."""
+        number = (frame.command - 1) % COMMAND_NUMBERS
+        shown_number = self._shown_command
+        before = self._sent.get(number)
+        shown = None if shown_number is None else self._sent.get(shown_number)
+        if before is None or shown is None or shown_number in (number, frame.command):
+            return None
+        time = since - (sent.time - before.time)
+        is_between = shown.time < before.time < sent.time and self._frame_time < since
+        if not is_between or before.kind != sent.kind or before[1:] in (shown[1:], sent[1:]):
+            return None
+        return before._replace(time=max(time, self._frame_time))
 
     def _command_start(self, board_time: int, frame: State) -> int:
         return self.clock.to_host(board_time - frame.command_age * COMMAND_AGE)

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from diffbotctl.config.board_pins import SIMULATED
 from diffbotctl.config.motor_drivers import MOTOR_DRIVERS
-from diffbotctl.config.robot import Robot
+from diffbotctl.config.robot import Robot, measured_lag
 from diffbotctl.control.speed_loop import SpeedGains, speed_gains
 from diffbotctl.plant.motor_bridge import IDEAL_BRIDGE, BridgeModel, bridge_model
 from diffbotctl.plant.simulated_board import BoardKind
@@ -38,6 +38,7 @@ class PlantParameters(NamedTuple):
     glitch: int  # ns
     deadman: int  # ns
     gains: tuple[SpeedGains, SpeedGains]  # of the board's speed loops, left and right
+    lag: float | None = None  # s; of the slower motor, as the board knows it; None: unknown
     reversed: tuple[bool, bool] = (False, False)  # setting of the motor leads
     sensors: tuple[MountedSensor, ...] = ()
     falling: bool = False  # the encoders count falling edges instead of rising ones
@@ -90,6 +91,7 @@ def plant_parameters(robot: Robot, nominal: Robot | None = None) -> PlantParamet
         glitch=round(left.encoder.glitch * SECOND),
         deadman=round(board.deadman * SECOND),
         gains=(speed_gains(left.motor), speed_gains(right.motor)),
+        lag=measured_lag(robot),
         reversed=(left.motor.reversed, right.motor.reversed),
         period=round(SECOND / board.telemetry),
         falling=left.encoder.edge == "falling",

@@ -69,9 +69,11 @@ class BoardSide:
         "direction",
         "duty",
         "is_duty",
+        "is_shown",
         "last_edge",
         "loop",
         "pending",
+        "skipped",
     )
 
     def __init__(self, loop: WheelSpeedLoop | None) -> None:
@@ -82,11 +84,17 @@ class BoardSide:
         self.duty = 0.0
         self.command = 0.0  # in force: rad/s, or a duty if `is_duty`
         self.command_time: int | None = None
+        self.is_shown = True  # a frame has shown the command
+        # A command that no frame has shown, and when it took effect.
+        self.skipped: tuple[int, float] | None = None
         self.is_duty = loop is None
         self.pending: deque[PendingCommand] = deque()
 
     def apply(self, command: PendingCommand) -> None:
         """Put a command into force."""
+        if not self.is_shown and self.command_time is not None:
+            self.skipped = self.command_time, self.command
+        self.is_shown = False
         self.command, self.command_time = command.value, command.time
         loop = self.loop
         if loop is None:
@@ -118,6 +126,7 @@ class SimulatedBoard:
         model: BoardModel,
         gains: tuple[SpeedGains, SpeedGains],
         slots: tuple[int, int],
+        lag: float | None,
         glitch: int,
         deadman: int,
         rng: Random,
@@ -125,7 +134,8 @@ class SimulatedBoard:
         now: int = 0,
         has_encoders: bool = True,
     ) -> None:
-        """`glitch`, `deadman` in ns; `gains` and `slots` left and right; started at `now`.
+        """`glitch`, `deadman` in ns; `gains` and `slots` left and right; `lag` (s) of
+        the slower motor, None if unknown; started at `now`.
 
         Without encoders no stall is noticed.
         """
@@ -136,7 +146,7 @@ class SimulatedBoard:
         self.button_pressed = False
         self._glitch, self._deadman, self._rng = glitch, deadman, rng
         self.sides = tuple(
-            BoardSide(WheelSpeedLoop(gain, count) if model.has_speed_loop else None)
+            BoardSide(WheelSpeedLoop(gain, count, lag) if model.has_speed_loop else None)
             for gain, count in zip(gains, slots, strict=True)
         )
         self._deadman_due = NEVER
@@ -215,7 +225,7 @@ class SimulatedBoard:
         since = left.command_time
         if since is None or (right.command_time is not None and right.command_time > since):
             since = right.command_time
-        return Encoders(
+        frame = Encoders(
             now,
             left.count,
             right.count,
@@ -226,6 +236,20 @@ class SimulatedBoard:
             "duty" if left.is_duty else "wheels",
             since if times else None,
             self.boot,
+        )
+        return self._with_skipped(frame) if times else frame
+
+    def _with_skipped(self, frame: Encoders) -> Encoders:
+        """`frame` with the command that no frame has shown, as the host knows it."""
+        left, right = (side.skipped for side in self.sides)
+        for side in self.sides:
+            side.skipped, side.is_shown = None, True
+        if left is None or right is None:
+            return frame
+        return frame._replace(
+            skipped_left_command=left[1],
+            skipped_right_command=right[1],
+            skipped_command_time=max(left[0], right[0]),
         )
 
     def _stock_sample(self, now: int) -> Encoders:

@@ -294,6 +294,7 @@ class SimulatedRobot:
             self._model,
             parameters.gains,
             parameters.slots,
+            parameters.lag,
             parameters.glitch,
             parameters.deadman,
             self._board_rng,

@@ -199,6 +199,7 @@ ADDED: dict[str, dict[str, Any]] = {
         "fault_share": 0.0,
         "late_corrections": (),
         "disagreement_frames": 0,
+        "skipped": None,
     },
 }
 

@@ -24,8 +24,8 @@ SLOTS = 20
 PITCH = 2 * pi / SLOTS
 
 
-def loop(gains=FORWARD, slots=SLOTS):
-    return WheelSpeedLoop(gains, slots)
+def loop(gains=FORWARD, slots=SLOTS, lag=None):
+    return WheelSpeedLoop(gains, slots, lag)
 
 
 def turn(wheel, speed, seconds, start=0):
@@ -165,18 +165,22 @@ def test_a_reversal_is_slewed():
 
 
 @pytest.mark.parametrize(
-    ("slots", "target", "seconds"),
+    ("slots", "target", "lag", "seconds"),
     [
-        (20, 3.0, 0.95),  # 2.2 pitches take 0.23 s
-        (20, 5.0, 0.63),  # as long as 10 pitches
-        (20, 8.0, 0.60),
-        (20, 0.5, 1.64),  # 2.2 x 0.314 / 0.5 = 1.38, and 0.25
-        (8, -0.5, 3.71),  # 2.2 x 0.785 / 0.5 = 3.46, and 0.25
-        (4096, 0.5, 0.60),
+        (20, 3.0, 0.05, 0.95),  # 2.2 pitches take 0.23 s
+        (20, 5.0, 0.02, 0.63),  # as long as 10 pitches
+        (20, 8.0, 0.01, 0.61),  # 0.6 and the lag
+        (20, 8.0, 0.2, 0.80),
+        (20, 8.0, None, 0.90),
+        (20, 8.0, 2.0, 0.90),
+        (20, 0.5, None, 1.64),  # 2.2 x 0.314 / 0.5 = 1.38, and 0.25
+        (20, 0.5, 0.2, 1.84),  # and the lag
+        (8, -0.5, 0.4, 4.01),  # 2.2 x 0.785 / 0.5 = 3.46, and 0.25, and 0.3
+        (4096, 0.5, 0.1, 0.70),
     ],
 )
-def test_a_wheel_without_edges_is_a_stall(slots, target, seconds):
-    wheel = loop(slots=slots)
+def test_a_wheel_without_edges_is_a_stall(slots, target, lag, seconds):
+    wheel = loop(slots=slots, lag=lag)
     wheel.command(0, target)
     ticks = 0
     while not wheel.fault:
@@ -195,12 +199,12 @@ def test_a_wheel_without_edges_is_a_stall(slots, target, seconds):
     ("edges", "seconds"),
     [
         (1, 0.95),  # it may have rested just before a slot
-        (2, 0.60),
-        (30, 0.60),
+        (2, 0.65),
+        (30, 0.65),
     ],
 )
 def test_a_wheel_that_was_turning_stalls_sooner(edges, seconds):
-    wheel = loop()
+    wheel = loop(lag=0.05)
     wheel.command(0, 3.0)
     ticks = 0
     for _ in range(edges):  # a pitch takes 105 ms

@@ -2,7 +2,7 @@
 
    pure codec           lines of hex bytes of a wire  ->  `frame HEX` or `damaged` for each delimiter
    pure settings        lines of hex payloads         ->  `REFUSAL FIELD`
-   pure speed           `gains START GAIN P I SLOTS`, then `command TARGET NOW` or
+   pure speed           `gains START GAIN P I SLOTS LAG`, then `command TARGET NOW` or
                         `step NOW EDGES LAST` (ticks) ->  `DUTY STALLED`
    pure pins                                         ->  `PWM INTERRUPT` of each pin from 0 on
    pure fuzz SEED N     N random or half-random inputs to every part; prints `fuzzed N`
@@ -88,14 +88,15 @@ static void speed_lines(void)
 {
     static char line[LINE];
     speed_t speed = {0};
-    unsigned slots, count;
+    unsigned slots, lag, count;
     ticks_t now, last;
     int target;
     bool stalled = false;
     while (fgets(line, sizeof line, stdin)) {
-        if (sscanf(line, "gains %hd %hd %hd %hd %u", &speed.start, &speed.gain,
-                   &speed.proportional, &speed.integral, &slots) == 5) {
+        if (sscanf(line, "gains %hd %hd %hd %hd %u %u", &speed.start, &speed.gain,
+                   &speed.proportional, &speed.integral, &slots, &lag) == 6) {
             speed.pitch = speed_pitch((uint16_t)slots);
+            speed.lag = (uint8_t)lag;
             continue;
         }
         if (sscanf(line, "command %d %u", &target, &now) == 2) {
@@ -124,6 +125,7 @@ static void fuzz_speed(speed_t *speed, ticks_t *now)
     speed->proportional = (int16_t)(random_bits() % (GAIN_MAXIMUM + 1));
     speed->integral = (int16_t)(random_bits() % (GAIN_MAXIMUM + 1));
     speed->pitch = speed_pitch((uint16_t)(1 + random_bits() % 10000));
+    speed->lag = (uint8_t)random_bits();
     if (random_bits() % 8 == 0)
         speed_command(speed, (int16_t)random_bits(), *now);
     if (random_bits() & 1)

@@ -121,10 +121,11 @@ def test_the_plant_models_the_speed_loop(seed, slots):
     rated = chance.uniform(4.0, 30.0)
     slope = 0.88 / rated
     gains = SpeedGains(0.12, slope, chance.uniform(0.0, 1.0) * slope, slope / 0.1)
-    model = WheelSpeedLoop(gains, slots)
+    lag = chance.choice((0, chance.randrange(256)))  # periods; 0: unknown
+    model = WheelSpeedLoop(gains, slots, lag * 0.01)
     ones = (GAIN_ONE, GAIN_ONE, GAIN_ONE, INTEGRAL_ONE)
     units = [round(gain * one) for gain, one in zip(gains, ones, strict=True)]
-    lines = ["gains {} {} {} {} {}".format(*units, slots)]
+    lines = ["gains {} {} {} {} {} {}".format(*units, slots, lag)]
     wanted: list[tuple[float, bool]] = []
     now, angle, speed, last = 0, 0.0, 0.0, 0
     for _ in range(600):

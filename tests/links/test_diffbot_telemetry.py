@@ -62,3 +62,34 @@ def test_latency_is_that_of_our_commands(written, seen, latency):
         assert isnan(telemetry.latency)
     else:
         assert telemetry.latency == pytest.approx(latency / 1000)
+
+
+@pytest.mark.parametrize(
+    ("shown", "written", "command", "skipped"),
+    [
+        # (number, ms, rad/s) of the commands; the last frame is at 75 ms, its command of 65 ms.
+        (4, [(4, 0, 0.0), (5, 40, 1.0), (6, 50, 2.0)], 6, (55, 1.0)),
+        (4, [(4, 0, 0.0), (5, 30, 1.0)], 5, None),  # the frames show each command
+        (4, [(4, 0, 0.0), (5, 30, 0.0), (6, 50, 2.0)], 6, None),  # a repetition
+        (4, [(5, -300, 1.0), (4, 0, 0.0), (6, 50, 2.0)], 6, None),  # of the round before
+        # Of three, the last: the frame before is its earliest time.
+        (4, [(4, 0, 0.0), (5, 1, 1.0), (6, 2, 1.5), (7, 50, 2.0)], 7, (50, 1.5)),
+        (15, [(15, 0, 0.0), (0, 40, -1.0), (1, 50, 2.0)], 1, (55, -1.0)),
+    ],
+)
+def test_a_command_that_no_frame_shows(shown, written, command, skipped):
+    telemetry = Telemetry(115200)
+    for number, time, speed in written:
+        telemetry.wrote(number, SentCommand(time * MILLISECOND, speed, speed, "wheels"))
+    wire_time = 2 * MILLISECOND  # 21 bytes; the clock takes the rest of the delay for an offset
+    offset = FRAME_DELAY * MILLISECOND - wire_time
+    for board in (25, 50):
+        frame = telemetry.read((board + FRAME_DELAY) * MILLISECOND, state(board, shown, 20))
+        assert frame.skipped_command_time is None
+    frame = telemetry.read((75 + FRAME_DELAY) * MILLISECOND, state(75, command, 10))
+    if skipped is None:
+        assert frame.skipped_command_time is None
+        return
+    time, speed = skipped
+    assert frame.skipped_left_command == frame.skipped_right_command == speed
+    assert frame.skipped_command_time == pytest.approx(time * MILLISECOND + offset, abs=MILLISECOND)

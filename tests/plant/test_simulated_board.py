@@ -17,7 +17,7 @@ HELD = 14_900_000  # ns; 10.4 ms on the wire and 4.5 ms by radio
 
 def board(kind="edges", glitch=2 * MS, deadman=300 * MS, seed=1):
     return SimulatedBoard(
-        BOARD_MODELS[kind], (GAINS, GAINS), (20, 20), glitch, deadman, Random(seed)
+        BOARD_MODELS[kind], (GAINS, GAINS), (20, 20), 0.1, glitch, deadman, Random(seed)
     )
 
 
