@@ -229,7 +229,13 @@ def digest(items: Iterable[RecordedMessage]) -> str:
 
 LATER_FIELDS = {
     Odometry: ("warning", "geometry_sd"),
-    Encoders: ("turn", "turn_fault"),
+    Encoders: (
+        "turn",
+        "turn_fault",
+        "skipped_left_command",
+        "skipped_right_command",
+        "skipped_command_time",
+    ),
 }  # added after version 0.1
 
 

@@ -98,7 +98,7 @@ def test_the_source_distribution_has_everything_that_is_tracked(distributions):
         str(path.relative_to(ROOT))
         for folder in ("diffbotctl", "docs", "firmware", "pipelines", "prove", "robots", "schemas")
         for path in (ROOT / folder).rglob("*")
-        if path.is_file() and not {"node_modules", "__pycache__"} & set(path.parts)
+        if path.is_file() and not {"node_modules", "__pycache__", "build"} & set(path.parts)
     }
     tests = {str(path.relative_to(ROOT)) for path in (ROOT / "tests").rglob("*.py")}
     tops = {"Makefile", "README.md", "CHANGELOG.md", "LICENSE", "setup.cfg", "pyproject.toml"}
