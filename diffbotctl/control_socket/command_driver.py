@@ -172,7 +172,10 @@ class ControlClientDriver:
             case requests.ReleaseRequest():
                 return self._release(now, command)
             case requests.OperatorLostRequest():
-                if self.lease.client in (command.client, None):
+                # Without a lease the robot has been stopped already, and only the cause is better
+                # known; after a resume the report of the same loss is out of date.
+                is_held = self.lease.client is None and self._is_stopping()
+                if self.lease.client == command.client or is_held:
                     self.lost_client = command.client
                     self.lost_cause = f"{command.who} was driving and {request.reason}"
                     self._stop_lost(now, self.lost_cause)
@@ -274,6 +277,12 @@ class ControlClientDriver:
 
     def _stop_gone(self, now: int) -> None:
         self._stop_lost(now, f"{self.lease.who} was driving and disconnected")
+
+    def _is_stopping(self) -> bool:
+        """Whether a latched stop is in force, or waits to be delivered."""
+        stop = self.operator.stops_in_force.get(GATE_STOP)
+        waits = any(wire == "operator.halt" for wire, _ in self.outbox)
+        return waits or (stop is not None and stop.latched)
 
     def _stop_lost(self, now: int, cause: str) -> None:
         self._queue("twist", now, Twist(now, 0.0, 0.0))

@@ -114,6 +114,29 @@ def test_a_dead_server_counts_as_a_lost_operator_only_while_a_client_drives():
     assert driven.instant(11)["operator.halt"].code == "operator_lost"
 
 
+def test_a_loss_that_is_reported_after_resume_does_not_stop_the_robot_again():
+    desk, report = Desk(), OperatorLostRequest("its terminal was closed")
+    desk.send(DriveRequest(0.2, 0.0))
+    desk.idle(0)
+    desk.instant(1)
+    assert desk.instant(DRIVE_TIMEOUT)["operator.halt"].code == "operator_lost"
+    desk.send(report, number=2)
+    desk.idle(DRIVE_TIMEOUT + 5)
+    better = desk.instant(DRIVE_TIMEOUT + 6)["operator.halt"]
+    assert better.cause == "ann was driving and its terminal was closed"
+    desk.send(ResumeRequest(), client=2, number=3)
+    desk.idle(DRIVE_TIMEOUT + 10)
+    assert "operator.resume" in desk.instant(DRIVE_TIMEOUT + 11)
+    desk.send(report, number=4)
+    assert desk.idle(DRIVE_TIMEOUT + 20) == [""]
+    assert "operator.halt" not in desk.instant(DRIVE_TIMEOUT + 21)
+    desk.send(DriveRequest(0.0, 0.0), number=5)
+    desk.send(DriveRequest(0.2, 0.0), number=6)
+    desk.send(report, number=7)
+    desk.idle(DRIVE_TIMEOUT + 30)
+    assert desk.instant(DRIVE_TIMEOUT + 31)["operator.halt"].code == "operator_lost"
+
+
 def test_a_goal_is_paused_until_resume_while_a_client_drives_and_after_it_is_lost():
     desk = Desk([Goal(0, 0, 1.0, 0.0)])
     assert desk.instant(1)["operator.goal"].number == 1
