@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from math import atan2, cos, hypot, pi, sin
+from math import atan2, cos, hypot, sin
 
 from diffbotctl.block import Block, In, Out
+from diffbotctl.control.motion_profile import shortest_turn
 from diffbotctl.geometry.footprint import arc_motion
 from diffbotctl.messages import Odometry, Stop, TurtleGoal, TurtlePlacement, TurtlePose, Twist
 from diffbotctl.params import FromRobot, Param
@@ -89,7 +90,7 @@ class Turtle(Block):
         ahead, left, turn = arc_motion(*self.velocity, seconds)
         c, s = cos(heading), sin(heading)
         place = self._on_canvas(x + c * ahead - s * left, y + s * ahead + c * left)
-        self.at = (*place, wrapped(heading + turn))
+        self.at = (*place, shortest_turn(heading + turn))
 
     def _on_canvas(self, x: float, y: float) -> tuple[float, float]:
         return min(max(x, 0.0), self.width), min(max(y, 0.0), self.height)
@@ -113,7 +114,7 @@ class Turtle(Block):
             self.log.info(f"turtle {self.number} has reached {x:.2f}, {y:.2f}")
             self.target = None
             return 0.0, 0.0
-        turn = wrapped(atan2(left, ahead) - at[2])
+        turn = shortest_turn(atan2(left, ahead) - at[2])
         speed = min(APPROACH * distance, self.speed) * max(cos(turn), 0.0)
         return speed, min(max(TURNING * turn, -self.turn_rate), self.turn_rate)
 
@@ -121,8 +122,3 @@ class Turtle(Block):
         """The velocity within the limits that keeps the radius of the arc."""
         excess = max(abs(linear) / self.speed, abs(angular) / self.turn_rate, 1.0)
         return linear / excess, angular / excess
-
-
-def wrapped(angle: float) -> float:
-    """The angle between -pi and pi."""
-    return (angle + pi) % (2.0 * pi) - pi

@@ -174,8 +174,8 @@ class ControlClientDriver:
             case requests.OperatorLostRequest():
                 # Without a lease the robot has been stopped already, and only the cause is better
                 # known; after a resume the report of the same loss is out of date.
-                is_held = self.lease.client is None and self._is_stopping()
-                if self.lease.client == command.client or is_held:
+                is_stopped = self.lease.client is None and self._is_stopping()
+                if self.lease.client == command.client or is_stopped:
                     self.lost_client = command.client
                     self.lost_cause = f"{command.who} was driving and {request.reason}"
                     self._stop_lost(now, self.lost_cause)
@@ -233,8 +233,7 @@ class ControlClientDriver:
         if request.linear == 0.0 and request.angular == 0.0:
             self.lease.begin_afresh(command.client)
         has_expired = self.lease.refuses(now, command.client)
-        stop = self.operator.stops_in_force.get(GATE_STOP)
-        if stop is not None and stop.latched:
+        if self._is_held():
             return ResultCode.STOPPED
         if has_expired:
             return ResultCode.EXPIRED
@@ -280,9 +279,13 @@ class ControlClientDriver:
 
     def _is_stopping(self) -> bool:
         """Whether a latched stop is in force, or waits to be delivered."""
-        stop = self.operator.stops_in_force.get(GATE_STOP)
         waits = any(wire == "operator.halt" for wire, _ in self.outbox)
-        return waits or (stop is not None and stop.latched)
+        return waits or self._is_held()
+
+    def _is_held(self) -> bool:
+        """Whether a latched stop is in force at the safety gate."""
+        stop = self.operator.stops_in_force.get(GATE_STOP)
+        return stop is not None and stop.latched
 
     def _stop_lost(self, now: int, cause: str) -> None:
         self._queue("twist", now, Twist(now, 0.0, 0.0))

@@ -161,27 +161,20 @@ class EdgeHypothesis:
 
     def update(self, frame: WheelFrame) -> list[EdgeHypothesis]:
         """Apply one frame. Returns this hypothesis, or those into which it has split."""
-        time, count, edge_time, drive, drive_since, duty, skipped = frame
+        time, count, edge_time = frame.time, frame.edge_count, frame.edge_time
         steps = abs(count - self.count)
         self.count = count
         begin = self.time
         has_edge = edge_time is not None and steps != 0
         passed_time = self._clamp(edge_time, time) if has_edge else time
-        if skipped is not None and skipped.time <= passed_time:
-            self._advance(skipped.time)
-            self._set_drive(skipped.drive, skipped.duty)
-            skipped = None
-        is_changing = skipped is not None or drive != self.drive
-        change_time = self._clamp(drive_since, time) if is_changing else time
-        if is_changing and change_time <= passed_time:
-            self._advance(change_time)
-            self._set_drive(drive, duty)
-            is_changing = False
+        changes = self._drive_changes(frame)
+        while changes and changes[0].time <= passed_time:
+            self._change_drive(changes.pop(0))
         self._advance(passed_time)
         hypotheses = [self]
         self.is_timed = has_edge
-        if steps and self.motion.speed == 0.0 and drive * self.edge_direction > 0.0:
-            self.motion.release(abs(drive), (time - begin) * 1e-9)
+        if steps and self.motion.speed == 0.0 and frame.drive * self.edge_direction > 0.0:
+            self.motion.release(abs(frame.drive), (time - begin) * 1e-9)
         if steps:
             window = 0.0 if has_edge else abs(self.motion.speed) * (time - begin) * 1e-9
             hypotheses = self._pass_edges(steps, window)
@@ -192,12 +185,8 @@ class EdgeHypothesis:
                 motion.update_edge(
                     hypothesis.edge_place, hypothesis.edge_slot, hypothesis.edge_direction > 0
                 )
-            if skipped is not None:
-                hypothesis._advance(skipped.time)
-                hypothesis._set_drive(skipped.drive, skipped.duty)
-            if is_changing:
-                hypothesis._advance(change_time)
-                hypothesis._set_drive(drive, duty)
+            for change in changes:
+                hypothesis._change_drive(change)
             hypothesis._advance(time)
             if steps and hypothesis.is_reversed:
                 hypothesis.coasting_speed = min(
@@ -282,6 +271,17 @@ class EdgeHypothesis:
         if not twin.motion.priors.has_edge_times:
             twin.motion.update_bounds(low + direction, high + direction)
         return twin
+
+    def _drive_changes(self, frame: WheelFrame) -> list[DriveChange]:
+        """The commands that took effect since the last frame, in their order."""
+        if frame.skipped is None and frame.drive == self.drive:
+            return []
+        last = DriveChange(self._clamp(frame.drive_since, frame.time), frame.drive, frame.duty)
+        return [last] if frame.skipped is None else [frame.skipped, last]
+
+    def _change_drive(self, change: DriveChange) -> None:
+        self._advance(change.time)
+        self._set_drive(change.drive, change.duty)
 
     def _clamp(self, moment: int | None, time: int) -> int:
         return self.time if moment is None else min(max(moment, self.time), time)
