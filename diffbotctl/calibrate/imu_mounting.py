@@ -90,22 +90,21 @@ def _lift_once(session: RobotSession, axis: str, side: str) -> Generator[Event, 
         lift=(side, LIFT_RAD),
     )
     held = session.listen(HELD_TIME_S).encoders
-    up = _turn_between(floor, held, floor)
+    refuse_faulty([*floor, *held])
+    up = turn_between(floor, held, rest_rate(floor))
     read_axis(session, "xyz"[(vertical + 2) % 3])
     held = session.listen(HELD_TIME_S).encoders
     yield ManualAction(f"imu.put_down_{side}", "Put it down again.", lift=(side, 0.0))
     floor = session.listen(FLOOR_TIME_S).encoders
-    return up, -_turn_between(held, floor, floor)
+    refuse_faulty([*held, *floor])
+    # The rate at rest is that on the floor: a hand is not as still.
+    return up, -turn_between(held, floor, rest_rate(floor))
 
 
-def _turn_between(
-    before: Sequence[Encoders], after: Sequence[Encoders], rest: Sequence[Encoders]
-) -> float:
-    """The turn (rad) from one rest to another, without the rate that the gyro measures at `rest`,
-    on the floor: a hand is not as still."""
-    refuse_faulty([*before, *after])
+def turn_between(before: Sequence[Encoders], after: Sequence[Encoders], bias: float) -> float:
+    """The turn (rad) from one rest to another, of a gyro that measures `bias` (rad/s) at rest."""
     first, last = before[-1], after[0]
-    return turn_of(last) - turn_of(first) - rest_rate(rest) * (last.time - first.time) * NS
+    return turn_of(last) - turn_of(first) - bias * (last.time - first.time) * NS
 
 
 def read_axis(session: RobotSession, axes: str) -> None:

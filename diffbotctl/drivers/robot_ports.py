@@ -9,8 +9,8 @@ from diffbotctl.config.robot import Robot
 from diffbotctl.control.speed_loop import limit_duty, speed_gains
 from diffbotctl.messages import Duty, Wheels
 
-# Ports without a real robot, each with how screens mark it
 GYRO_REST = 1_000_000_000  # ns; wheels with few slots coast unseen in the first third of it
+# Ports without a real robot, each with how screens mark it
 VIRTUAL_PORTS = {"sim": "SIMULATED", "emulated": "SIMULATED robot, EMULATED board"}
 
 

@@ -5,6 +5,7 @@ import pytest
 from diffbotctl.config.load import load_robot
 from diffbotctl.drivers.robot_link import board_settings
 from diffbotctl.errors import ConfigurationError
+from tests.pico_robot import PICO
 
 TWO = ["robot.drive.encoder.channels=2"]
 PINS = ["robot.drive.left.encoder.pin_b=22", "robot.drive.right.encoder.pin_b=23"]
@@ -57,18 +58,6 @@ def test_refused(sets, code, part):
 def test_4096_counts_up_to_the_limit():
     sets = ["robot.drive.encoder.slots=4096", "robot.drive.motor.rated=175 rpm"]
     assert problems(*TWO, *PINS, *sets) == []
-
-
-PICO = [
-    "robot.board.type=pico",
-    "robot.board.supply=usb",
-    "robot.link.uart=0",
-    "robot.drive.left.motor.in1=7",
-    "robot.drive.left.motor.in2=8",
-    "robot.drive.right.motor.enable=11",
-    "robot.drive.left.encoder.pin_b=14",
-    "robot.drive.right.encoder.pin_b=15",
-]
 
 
 def test_a_pico_makes_four_counts_of_a_slot():

@@ -9,6 +9,7 @@ from diffbotctl.messages import Encoders
 from diffbotctl.plant.quadrature import edges_of_two, levels_of_two
 from diffbotctl.plant.simulated_robot import draw_robot
 from diffbotctl.time import SECOND
+from tests.pico_robot import PICO
 
 HALL = [
     "robot.drive.encoder.channels=2",
@@ -35,18 +36,6 @@ def test_b_is_in_the_middle_between_the_edges_of_a():
         (0.0, 0.2, 0.4, 0.7, 1.0, 1.3, 1.6, 1.8)
     )
     assert [levels_of_two(index) for index in range(5)] == [(0, 0), (1, 0), (1, 1), (0, 1), (0, 0)]
-
-
-PICO = [
-    "robot.board.type=pico",
-    "robot.board.supply=usb",
-    "robot.link.uart=0",
-    "robot.drive.left.motor.in1=7",
-    "robot.drive.left.motor.in2=8",
-    "robot.drive.right.motor.enable=11",
-    "robot.drive.left.encoder.pin_b=14",
-    "robot.drive.right.encoder.pin_b=15",
-]
 
 
 @pytest.mark.parametrize(("board", "counts_of_slot"), [([], 1), (PICO, 4)], ids=["mega", "pico"])

@@ -21,7 +21,7 @@ from diffbotctl.calibrate.imu_mounting import (
     read_axis,
     refuse_faulty,
     rest_rate,
-    turn_of,
+    turn_between,
 )
 from diffbotctl.calibrate.result import GYRO_AXES, GYRO_SCALE, Finding
 from diffbotctl.calibrate.session import RobotSession
@@ -42,7 +42,6 @@ AXIS_SHARE_MIN = 0.5  # of the commanded turn; about a horizontal axis a gyro me
 SCALE_ERROR_MAX = 0.03  # of a gyro that is mounted level (data sheets)
 ASKEW_MIN_DEG = 8.0  # a module on its screws is level within 5
 LIFTS_MAX = 2
-NS = 1e-9  # s
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,8 +220,7 @@ def _turn_on_the_spot(session: RobotSession, angle: float) -> float:
 def measured_turn(before: Sequence[Encoders], after: Sequence[Encoders]) -> float:
     """The turn (rad) between two rests, without the mean of their rates."""
     bias = 0.5 * (rest_rate(before) + rest_rate(after))
-    first, last = before[-1], after[0]
-    return turn_of(last) - turn_of(first) - bias * (last.time - first.time) * NS
+    return turn_between(before, after, bias)
 
 
 def refuse_wrong_axis(measured: float, commanded: float, axes: str) -> None:

@@ -81,8 +81,7 @@ def check_radio(context: CheckContext) -> None:
 
 def check_led_pin(context: CheckContext) -> None:
     """Warn of a motor or button on the pin of the board's LED."""
-    kinds = context.values("board.type")
-    board = BOARDS.get(kinds[0]) if kinds else None
+    board = context.board
     if board is None or board.led is None:
         return
     for side in SIDES:
@@ -171,8 +170,7 @@ def _check_input(
 
 def check_voltages(context: CheckContext) -> None:
     """Refuse what puts more than its pins take on a board of 3.3 V, or too much on its supply."""
-    kinds = context.values("board.type")
-    board = BOARDS.get(kinds[0]) if kinds else None
+    board = context.board
     if board is None or context.robot is None or board.volts > MODULE_V:
         return
     most = f"{board.volts:g} V"

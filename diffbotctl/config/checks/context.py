@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from diffbotctl.block import Block
+from diffbotctl.config.board_pins import BOARDS, BoardPins
 from diffbotctl.config.configuration import InputUse, Pipeline, ProgramUse, SourceUse
 from diffbotctl.config.robot import Robot, field_value
 from diffbotctl.config.yaml_tree import Value
@@ -73,6 +74,12 @@ class CheckContext:
     def values(self, *paths: str) -> tuple[Any, ...] | None:
         """The robot's fields at `paths`, or None when any of them could not be read."""
         return _values(self.robot, paths)
+
+    @property
+    def board(self) -> BoardPins | None:
+        """What the table says of the robot's board; None for none, or where it is not readable."""
+        (kind,) = self.values("board.type") or (None,)
+        return BOARDS.get(kind) if isinstance(kind, str) else None
 
     def nominal_values(self, *paths: str) -> tuple[Any, ...] | None:
         """As `values`, before calibration: what was measured with a ruler."""

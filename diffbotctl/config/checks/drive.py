@@ -165,11 +165,7 @@ def check_speed(context: CheckContext) -> None:
     rated = context.values(*RATED)
     if rated is not None and max(rated) > RATED_SPEED_MAX_RAD_S:
         _warn_of_rated_speed(context, max(rated))
-    wheels = [
-        (values[0] * values[1] / 2, values[0])
-        for paths in zip(RATED, DIAMETERS, strict=True)
-        if (values := context.values(*paths))
-    ]
+    wheels = _rim_speeds(context)
     limit = context.values("limits.speed")
     if not wheels or limit is None or limit[0] <= min(wheels)[0]:
         return
@@ -186,14 +182,12 @@ def check_speed(context: CheckContext) -> None:
 
 def check_turn_rate(context: CheckContext) -> None:
     """Warn of a turning speed far beyond that of both wheels at their rated speed."""
-    rims = [
-        values for paths in zip(RATED, DIAMETERS, strict=True) if (values := context.values(*paths))
-    ]
+    wheels = _rim_speeds(context)
     values = context.values("limits.turn_rate", "drive.track")
-    if len(rims) < len(SIDES) or values is None:
+    if len(wheels) < len(SIDES) or values is None:
         return
     rate, track = values
-    top_rate = 2.0 * min(rated * diameter / 2 for rated, diameter in rims) / track
+    top_rate = 2.0 * min(wheels)[0] / track
     if rate <= TURN_RATE_RATIO_MAX * top_rate:
         return
     cause = (
@@ -203,6 +197,15 @@ def check_turn_rate(context: CheckContext) -> None:
     fix = f"set limits.turn_rate to at most {floor(top_rate * 10) / 10:g} rad/s, or write its unit"
     place = context.error_place("limits.turn_rate", "drive.track", *_rated_and_diameters())
     context.warn("W-LIMIT-TURN", place, cause, fix)
+
+
+def _rim_speeds(context: CheckContext) -> list[tuple[float, float]]:
+    """Speed of the rim (m/s) at the rated speed (rad/s), and that, of each wheel with both."""
+    return [
+        (values[0] * values[1] / 2, values[0])
+        for paths in zip(RATED, DIAMETERS, strict=True)
+        if (values := context.values(*paths))
+    ]
 
 
 def _warn_of_rated_speed(context: CheckContext, rated: float) -> None:

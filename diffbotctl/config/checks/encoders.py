@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from diffbotctl.config.board_pins import BOARDS, SIMULATED
+from diffbotctl.config.board_pins import SIMULATED
 from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.robot import SIDES
 
@@ -46,8 +46,7 @@ def _check_pin(context: CheckContext, side: str, has_two: bool) -> None:
 
 
 def _suitable_for_b(context: CheckContext) -> str:
-    (kind,) = context.values("board.type") or (None,)
-    board = BOARDS.get(kind) if isinstance(kind, str) else None
+    board = context.board
     if board is None or board.counts_of_slot == 1:
         return "any digital pin"
     return f"any from {board.interrupts[0]} to {board.interrupts[-1]}"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from math import ceil, floor, pi
 
-from diffbotctl.config.board_pins import BOARDS
 from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.robot import SIDES
 from diffbotctl.errors import Place
@@ -52,8 +51,7 @@ def check_proportions(context: CheckContext) -> None:
 
 def _rate_limit(context: CheckContext, side: str) -> int:
     """Slots per second that the board counts of this encoder."""
-    (kind,) = context.values("board.type") or (None,)
-    board = BOARDS.get(kind) if isinstance(kind, str) else None
+    board = context.board
     has_two = context.values(f"drive.{side}.encoder.channels") == (2,)
     return board.slot_rate if board and has_two else EDGE_RATE_MAX_HZ
 
