@@ -1,6 +1,7 @@
-"""Speed against duty of both motors on a battery whose voltage drops under load.
+"""Speed against duty of both motors, of either kind of PWM driver, for one battery.
 
-A wheel that friction brakes with the duty `static` settles at
+Where the driver shorts the windings between two pulses (slow decay), the speed is linear in the
+duty. A wheel that friction brakes with the duty `static` settles at
 
     speed = gain * (duty * (1 - sag * duty) - static)
 
@@ -8,21 +9,34 @@ if both motors run at the same duty: the current, and with it the drop of the ba
 the duty. A straight line through such points hits the axis too low, and ends too low at full duty:
 at a sag of 4 % by 9 % of `static` and 4 % of the full speed. So the sag, which both motors share,
 is fitted with the rest.
+
+Where the driver opens between two pulses (fast decay, as an L298N with the PWM on its enable pin),
+no current brakes the motor there. With `viscous`, the friction that grows with the speed in shares
+of the stall torque at the no-load speed, it settles at
+
+    speed = gain * (duty - static) / (duty + viscous)
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from diffbotctl.calibrate.dead_reckoning import Floats
 
-SAG_MIN, SAG_MAX = -0.02, 0.30  # beyond, the motors follow another law: a line is as good
-SAG_STEP = 0.001
+Decay = Literal["slow", "fast"]
+# The parameter that both motors share: sag or viscous friction. Beyond these limits the motors
+# follow another law: a line is as good.
+SHARED_MIN: dict[Decay, float] = {"slow": -0.02, "fast": -0.02}
+SHARED_MAX: dict[Decay, float] = {"slow": 0.30, "fast": 0.30}
+SHARED_STEP = 0.001
 SPEED_SD_RATIO_MIN = 0.0007  # of a mean speed: ripple of the gears over the last, unfinished turn
 DERIVATIVE_STEP = 1e-5
+# The sum of the squared errors of the law that is chosen, over that of the other one, at most. The
+# simulated motors of both kinds are below 0.1.
+CERTAIN_RATIO_MAX = 0.25
 
 
 class MotorCurve(NamedTuple):
@@ -34,6 +48,30 @@ class MotorCurve(NamedTuple):
     """rad/s at full duty and the battery's voltage at rest"""
     static_sd: float
     rated_sd: float
+    decay: Decay | None = None
+    """of the current between two pulses; None: the speeds do not show it"""
+    viscous: float = 0.0
+    """with fast decay: friction that grows with the speed, in stall torques at the no-load speed"""
+
+    def fast_duty(self, speed: float) -> float:
+        """Duty at which a motor with fast decay settles at `speed` (rad/s, below `rated`)."""
+        gain = self.rated * (1.0 + self.viscous) / (1.0 - self.static)
+        return (gain * self.static + self.viscous * speed) / (gain - speed)
+
+
+class _CurveFit(NamedTuple):
+    """Both motors by one law."""
+
+    decay: Decay
+    shared: float
+    error: float
+    """sum of the squared relative errors"""
+
+    @property
+    def is_within(self) -> bool:
+        """Whether the shared parameter is between its limits."""
+        low, high = SHARED_MIN[self.decay], SHARED_MAX[self.decay]
+        return low + SHARED_STEP / 2 < self.shared < high - SHARED_STEP / 2
 
 
 def fit_curves(points: Mapping[str, Sequence[tuple[float, float]]]) -> dict[str, MotorCurve]:
@@ -43,58 +81,86 @@ def fit_curves(points: Mapping[str, Sequence[tuple[float, float]]]) -> dict[str,
     """
     tables = [np.abs(np.array(rows, dtype=float)) for rows in points.values()]
     tables = [table[table[:, 1] > 0.0] for table in tables]
-    sags = np.arange(SAG_MIN, SAG_MAX + SAG_STEP, SAG_STEP)
-    errors = [sum(float(_line(table, sag)[1]) for table in tables) for sag in sags]
-    best = int(np.argmin(errors))
-    if best in (0, len(sags) - 1):
+    better, other = sorted(
+        (_best_fit(tables, "slow"), _best_fit(tables, "fast")), key=lambda fit: fit.error
+    )
+    is_certain = better.error < CERTAIN_RATIO_MAX * other.error
+    if not is_certain and better.decay == "fast":
+        better = other  # of motors that show no difference the simpler law is as good
+    if not better.is_within:
         return {}
-    sag = float(sags[best])
-    covariance = _covariance(tables, sag, errors[best])
+    return _curves(list(points), tables, better, better.decay if is_certain else None)
+
+
+def _best_fit(tables: Sequence[Floats], decay: Decay) -> _CurveFit:
+    fits = [
+        _CurveFit(
+            decay,
+            float(shared),
+            sum(float(_line(table, shared, decay)[1]) for table in tables),
+        )
+        for shared in np.arange(SHARED_MIN[decay], SHARED_MAX[decay] + SHARED_STEP, SHARED_STEP)
+    ]
+    return min(fits, key=lambda fit: fit.error)
+
+
+def _curves(
+    names: Sequence[str], tables: Sequence[Floats], fit: _CurveFit, decay: Decay | None
+) -> dict[str, MotorCurve]:
+    covariance = _covariance(tables, fit)
+    full = 1.0 if fit.decay == "slow" else 1.0 + fit.shared
     curves = {}
-    for number, (name, table) in enumerate(zip(points, tables, strict=True)):
-        gain, offset = (float(value) for value in _line(table, sag)[0])
-        rows = [1 + 2 * number, 2 + 2 * number]
-        # static = -offset / gain, rated = gain + offset
+    for number, (name, table) in enumerate(zip(names, tables, strict=True)):
+        gain, offset = (float(value) for value in _line(table, fit.shared, fit.decay)[0])
+        rows = [0, 1 + 2 * number, 2 + 2 * number]
+        # static = -offset / gain, rated = (gain + offset) / full
         block = covariance[np.ix_(rows, rows)]
-        by_static = np.array([offset / gain**2, -1 / gain])
-        by_rated = np.ones(2)
+        rated = (gain + offset) / full
+        by_static = np.array([0.0, offset / gain**2, -1 / gain])
+        by_rated = np.array([0.0 if fit.decay == "slow" else -rated / full, 1 / full, 1 / full])
         curves[name] = MotorCurve(
             -offset / gain,
-            gain + offset,
+            rated,
             float(np.sqrt(by_static @ block @ by_static)),
             float(np.sqrt(by_rated @ block @ by_rated)),
+            decay,
+            fit.shared if fit.decay == "fast" else 0.0,
         )
     return curves
 
 
-def _line(table: Floats, sag: float) -> tuple[Floats, float]:
-    """Gain and offset (rad/s) for a given sag, and the sum of the squared relative errors."""
-    matrix, speeds = _system(table, sag)
+def _line(table: Floats, shared: float, decay: Decay) -> tuple[Floats, float]:
+    """Gain and offset (rad/s) for a given shared parameter, and the sum of the squared relative
+    errors."""
+    matrix, speeds = _system(table, shared, decay)
     solution = np.linalg.lstsq(matrix, speeds, rcond=None)[0]
     residuals = speeds - matrix @ solution
     return np.asarray(solution), float(residuals @ residuals)
 
 
-def _system(table: Floats, sag: float) -> tuple[Floats, Floats]:
+def _system(table: Floats, shared: float, decay: Decay) -> tuple[Floats, Floats]:
     """Rows are divided by the speed: its error is relative."""
     duty, speed = table.T
-    matrix = np.stack([duty * (1 - sag * duty), np.ones_like(duty)], axis=1)
-    return np.asarray(matrix / speed[:, None]), np.ones_like(speed)
+    if decay == "slow":
+        columns = [duty * (1 - shared * duty), np.ones_like(duty)]
+    else:
+        columns = [duty / (duty + shared), 1 / (duty + shared)]
+    return np.asarray(np.stack(columns, axis=1) / speed[:, None]), np.ones_like(speed)
 
 
-def _covariance(tables: Sequence[Floats], sag: float, error: float) -> Floats:
-    """Of the sag, and of gain and offset of each motor."""
+def _covariance(tables: Sequence[Floats], fit: _CurveFit) -> Floats:
+    """Of the shared parameter, and of gain and offset of each motor."""
     count = sum(len(table) for table in tables)
     size = 1 + 2 * len(tables)
     jacobian = np.zeros((count, size))
     first = 0
     for number, table in enumerate(tables):
-        matrix, _ = _system(table, sag)
-        solution = _line(table, sag)[0]
-        changed = _system(table, sag + DERIVATIVE_STEP)[0]
+        matrix, _ = _system(table, fit.shared, fit.decay)
+        solution = _line(table, fit.shared, fit.decay)[0]
+        changed = _system(table, fit.shared + DERIVATIVE_STEP, fit.decay)[0]
         rows = slice(first, first + len(table))
         jacobian[rows, 0] = (changed - matrix) @ solution / DERIVATIVE_STEP
         jacobian[rows, 1 + 2 * number : 3 + 2 * number] = matrix
         first += len(table)
-    variance = max(error / max(count - size, 1), SPEED_SD_RATIO_MIN**2)
+    variance = max(fit.error / max(count - size, 1), SPEED_SD_RATIO_MIN**2)
     return np.asarray(np.linalg.inv(jacobian.T @ jacobian) * variance)

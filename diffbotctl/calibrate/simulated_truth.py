@@ -49,8 +49,9 @@ def compare_findings(findings: Iterable[Finding], plant: SimulatedRobot) -> Iter
 def true_values(plant: SimulatedRobot) -> dict[str, float]:
     """Actual values by field path, in SI.
 
-    `rated` is the speed at full duty with the full battery voltage at the motor; `loop.static` the
-    duty at which friction just stops a wheel that turns.
+    `rated` is the speed at full duty with the full battery voltage at the motor; `friction` the
+    duty at which friction just stops a wheel that turns. So is `loop.static` where the speed is
+    linear in the duty.
     """
     chassis = plant.chassis
     values = {
@@ -72,7 +73,7 @@ def true_values(plant: SimulatedRobot) -> dict[str, float]:
         values |= {
             f"drive.{side}.motor.rated": motor.speed,
             f"drive.{side}.motor.lag": motor.lag,
-            f"drive.{side}.motor.loop.static": motor.keep,
+            f"drive.{side}.motor.friction": motor.keep,
             f"drive.{side}.encoder.slots": slots,
             f"drive.{side}.encoder.open_share": 1 - open_share
             if plant.parameters.falling

@@ -46,6 +46,7 @@ MotorDriver = Literal[
     "none",
 ]
 IdleMode = Literal["coast", "brake"]
+Decay = Literal["slow", "fast"]
 CountedEdge = Literal["rising", "falling"]
 Polarity = Literal["unproven", "checked_by_hand", "calibrated"]
 SensorType = Literal[
@@ -249,6 +250,22 @@ class MotorSection(Section):
     )
     lag = Param(
         float, unit="s", default=0.1, above=0.0, below=2.0, help="Time constant from duty to speed."
+    )
+    decay: Decay | None = Choice(
+        Decay,
+        none=True,
+        default=None,
+        help="Current between two pulses of the driver: `slow`, the windings are shorted and the "
+        "speed is linear in the duty; `fast`, they are open; none: unknown, odometry finds out.",
+    )
+    friction = Param(
+        float,
+        unit="1",
+        none=True,
+        default=None,
+        minimum=0.0,
+        maximum=0.75,
+        help="Duty at which friction just stops a turning wheel; none: as loop.static.",
     )
     loop = Param(SpeedLoopSection, default=SpeedLoopSection(), help="Speed loop of the wheel.")
 

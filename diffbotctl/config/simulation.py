@@ -129,6 +129,13 @@ class EncoderTruth(Section):
         maximum=0.01,
         help="Longest bounce of an edge; 0: none.",
     )
+    covered = Param(
+        int,
+        default=0,
+        minimum=0,
+        maximum=1000,
+        help="Slots of each one-channel disc that are covered by dirt: they give no pulse.",
+    )
     bounce_share = Param(
         float,
         default=1.0,

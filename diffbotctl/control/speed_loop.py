@@ -13,6 +13,8 @@ that is too slow or does not turn at all. The duty of a wheel that does not turn
 before the stall is reported, so that stiff gears and weak batteries are no stall.
 """
 
+from collections import deque
+from collections.abc import Iterable
 from math import copysign, pi
 from typing import NamedTuple, Protocol
 
@@ -420,41 +422,45 @@ class SpeedLoopMirror(SpeedLoop):
         super().__init__(gains, slots)
         self.time = time
 
-    def update(self, time: int, steps: int, edge: int, target: float, since: int) -> float:
-        """Apply one frame and return the duty.
+    def update(
+        self, time: int, steps: int, edge: int, changes: Iterable[tuple[int, float]]
+    ) -> list[float]:
+        """Apply one frame. Returns the duty after each change, and that at the frame's time.
 
-        `steps`: counts since the previous frame, the last of them at time `edge`; `target` (rad/s)
-        is in effect since time `since`.
+        `steps`: counts since the previous frame, the last of them at time `edge`; `changes`: the
+        targets (rad/s) that took effect in this order, each with its time.
         """
-        if target != self.target and since <= edge:
-            self._run(since)
-            self.set_target(target, since)
-        if steps:
-            self._run_to_edge(edge, abs(steps))
-        if target != self.target:
-            self._run(since)
-            self.set_target(target, since)
-        self._run(time)
-        return self.limited_duty()
+        edges = self._edge_times(edge, abs(steps))
+        duties = []
+        for since, target in changes:
+            if target != self.target:
+                self._run(since, edges)
+                self.set_target(target, since)
+            duties.append(self.limited_duty())
+        self._run(time, edges)
+        return [*duties, self.limited_duty()]
 
-    def _run_to_edge(self, edge: int, steps: int) -> None:
-        """Run the loop to `edge`, the last of `steps` edges, which are evenly spaced."""
-        start, done = self._last_edge, 0
-        while steps > 1 and self.target and start < edge and self.time + LOOP_PERIOD <= edge:
-            passed = steps * (self.time + LOOP_PERIOD - start) // (edge - start)
-            if passed > done:
-                self.add_edges(start + (edge - start) * passed // steps, passed - done)
-                done = passed
-            self._run(self.time + LOOP_PERIOD)
-        self._run(edge)
-        self.add_edges(edge, steps - done)
+    def _edge_times(self, last: int, number: int) -> deque[int]:
+        """Times of `number` edges until `last`: they are taken as evenly spaced."""
+        start = min(self._last_edge, last)
+        return deque(start + (last - start) * (index + 1) // number for index in range(number))
 
-    def _run(self, until: int) -> None:
-        """Run the loop each LOOP_PERIOD until then. The phase of the board's timer is unknown, but
-        one period changes the duty by too little to matter."""
-        if not self.target:
+    def _run(self, until: int, edges: deque[int]) -> None:
+        """Run the loop each LOOP_PERIOD until then, past its edges. The phase of the board's timer
+        is unknown, but one period changes the duty by too little to matter."""
+        if self.target:
+            for time in range(self.time + LOOP_PERIOD, until + 1, LOOP_PERIOD):
+                self.time = time
+                self._pass_edges(time, edges)
+                self.run_period(time)
+        else:
             self.time = max(until, self.time)
-            return
-        for time in range(self.time + LOOP_PERIOD, until + 1, LOOP_PERIOD):
-            self.time = time
-            self.run_period(time)
+        self._pass_edges(until, edges)
+
+    def _pass_edges(self, until: int, edges: deque[int]) -> None:
+        passed, last = 0, 0
+        while edges and edges[0] <= until:
+            last = edges.popleft()
+            passed += 1
+        if passed:
+            self.add_edges(last, passed)

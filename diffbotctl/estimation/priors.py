@@ -39,6 +39,7 @@ class Priors(NamedTuple):
     command_time: float = 0.0  # s; of the time at which a command takes effect
     has_edge_times: bool = False  # whether the board reports edge times
     brakes: bool = False  # whether the driver shorts the motor at duty 0
+    decay: str | None = None  # of the current between two pulses: slow, fast, or None: not known
 
     def widened(self) -> Priors:
         """The priors of a motor that is not of the usual kind, or geared or supplied otherwise."""

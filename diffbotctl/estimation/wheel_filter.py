@@ -16,12 +16,24 @@ from diffbotctl.estimation.slot_errors import LEARNABLE_SLOTS_MAX, EdgeErrors, K
 from diffbotctl.estimation.wheel_kalman import MotorKind, Response, WheelKalman
 
 HYPOTHESES_MAX = 8
-# Natural log of the ratio to linear motors: as many free-wheel, one in ten is neither.
-OTHER_KINDS = (
+# The kinds of a motor by the decay of its current, with the natural log of their ratio to usual
+# ones: where the decay is not known as many free-wheel, and one in ten is unusual.
+UNUSUAL_LOG_PRIOR = -2.3
+LINEAR_KINDS = (MotorKind.LINEAR, 0.0), (MotorKind.UNUSUAL_LINEAR, UNUSUAL_LOG_PRIOR)
+FREE_WHEELING_KINDS = (
     (MotorKind.FREE_WHEELING, 0.0),
-    (MotorKind.UNUSUAL_LINEAR, -2.3),
-    (MotorKind.UNUSUAL_FREE_WHEELING, -2.3),
+    (MotorKind.UNUSUAL_FREE_WHEELING, UNUSUAL_LOG_PRIOR),
 )
+KINDS = {
+    None: (
+        LINEAR_KINDS[0],
+        FREE_WHEELING_KINDS[0],
+        LINEAR_KINDS[1],
+        FREE_WHEELING_KINDS[1],
+    ),
+    "slow": LINEAR_KINDS,
+    "fast": FREE_WHEELING_KINDS,
+}
 # Natural log; a motor is surely unusual if a usual one is less likely by more (about 1:20).
 UNUSUAL_LOG_RATIO = 3.0
 LOG_RATIO_MAX = (
@@ -42,15 +54,16 @@ class WheelFilter:
     ) -> None:
         """`slots` of the disc; their errors are estimated if the board reports edge times.
         `known_edges`: errors of a measured disc."""
+        kinds = KINDS[priors.decay]
         is_fine = slots > LEARNABLE_SLOTS_MAX
         if is_fine:  # its counts alone are accurate, and a motor model cannot tell its slots apart
             priors = priors._replace(change_cost=inf)
-        self.hypotheses = [EdgeHypothesis(WheelKalman(priors, slots), time, count)]
-        if not is_fine:
-            for kind, log_prior in OTHER_KINDS:
-                motion = WheelKalman(priors, slots, kind)
-                motion.log_likelihood = log_prior
-                self.hypotheses.append(EdgeHypothesis(motion, time, count))
+            kinds = kinds[:1]
+        self.hypotheses = []
+        for kind, log_prior in kinds:
+            motion = WheelKalman(priors, slots, kind)
+            motion.log_likelihood = log_prior
+            self.hypotheses.append(EdgeHypothesis(motion, time, count))
         self.known_edges = known_edges
         self.alignment: DiscAlignment | None = None
 

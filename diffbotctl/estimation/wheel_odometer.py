@@ -28,11 +28,15 @@ class WheelOdometer:
         self.pitch = pi * side.wheel.diameter / slots
         self.pitches_per_rad = 0.5 * slots / pi
         self.rated = motor.rated
-        self.static = motor.loop.static
+        self.static = motor.loop.static if motor.friction is None else motor.friction
         self.count = self.first_count = count
         friction = self.static / (1.0 - self.static) * motor.rated
         priors = Priors(
-            lag=motor.lag, friction=friction, brakes=motor.idle == "brake", **timing._asdict()
+            lag=motor.lag,
+            friction=friction,
+            brakes=motor.idle == "brake",
+            decay=motor.decay,
+            **timing._asdict(),
         )
         if side.encoder.open_share is not None:
             priors = priors._replace(
@@ -43,7 +47,7 @@ class WheelOdometer:
         self.filter = WheelFilter(priors, time, count, slots, edges)
         self.mirror = SpeedLoopMirror(speed_gains(motor), slots, time)
         self.counting = FineWheelOdometer(side, time, count, timing)
-        self.skipped: DriveChange | None = None  # in the next frame
+        self.skipped: tuple[int, float] | None = None  # command in the next frame: ns, value
         self.travel = 0.0  # m, since the last report
         # Variances in m2: of that travel; of all travel, if the best hypothesis is right; of the
         # present position in the slot, which the model of a usual motor includes; and between the
@@ -71,9 +75,7 @@ class WheelOdometer:
 
     def skipped_command(self, command: float, is_duty: bool, since: int) -> None:
         """Take a command that was replaced in the next frame; in effect since `since` (ns)."""
-        if not is_duty:
-            command = self.mirror.update(since, 0, since, command, since)
-        self.skipped = DriveChange(since, self._drive(command), abs(command))
+        self.skipped = since, command
 
     def update(
         self,
@@ -86,18 +88,24 @@ class WheelOdometer:
     ) -> None:
         """Apply one frame. `command`, in effect since `command_since` (ns), is a duty or rad/s."""
         self.counting.update(time, count, edge_time, command, is_duty, command_since)
+        changes = [(command_since, command)]
+        if self.skipped is not None:
+            changes.insert(0, self.skipped)
+        duties = [value for _, value in changes]
         if not is_duty:
             steps = count - self.count
             edge = edge_time
             if edge is None:
                 edge = self.filter.hypotheses[0].estimated_edge_time(time, steps)
-            command = self.mirror.update(time, steps, edge, command, command_since)
+            *before, _, last = self.mirror.update(time, steps, edge, changes)
+            duties = [*before, last]
         self.count = count
-        frame = WheelFrame(
-            time, count, edge_time, self._drive(command), command_since, abs(command), self.skipped
-        )
-        self.skipped = None
-        self.filter.update(frame)
+        skipped = None
+        if self.skipped is not None:
+            skipped = DriveChange(self.skipped[0], self._drive(duties[0]), abs(duties[0]))
+            self.skipped = None
+        drive, duty = self._drive(duties[-1]), abs(duties[-1])
+        self.filter.update(WheelFrame(time, count, edge_time, drive, command_since, duty, skipped))
 
     def _drive(self, duty: float) -> float:
         """Pitches/s at which the motor settles."""

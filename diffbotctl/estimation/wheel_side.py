@@ -10,10 +10,13 @@ from diffbotctl.control.speed_loop import MotorSettings
 
 
 class MotorConfig(MotorSettings, Protocol):
-    """The motor section of a side; `lag` in s, `idle` coast or brake."""
+    """The motor section of a side; `lag` in s, `idle` coast or brake, `decay` slow, fast or None,
+    `friction` a duty or None."""
 
     lag: float
     idle: str
+    decay: str | None
+    friction: float | None
 
 
 class WheelConfig(Protocol):

@@ -38,6 +38,7 @@ class EncoderDisc(NamedTuple):
     bounce_share: float = 1.0  # of the edges that bounce
     missed: float = 0.0  # probability that a slot's pulse does not reach the board
     doubled: float = 0.0  # probability that a counted edge is followed by a second one
+    covered: frozenset[int] = frozenset()  # slots that give no pulse
     channels: int = 1
     every_edge: bool = False  # two channels: all four edges of a slot count, not one
 
@@ -58,6 +59,9 @@ def draw_disc(truth: EncoderTruth, slots: int, rng: Random) -> EncoderDisc:
         end = slot + duty + _within(rng.gauss(0.0, truth.slot_spread), -0.12, 0.12)
         edges += [place * pitch, end * pitch]
     start = rng.uniform(0.0, 2 * pi) if truth.phase == "random" else 0.0
+    # Dirt changes nothing else of the robot: its draw does not advance `rng`.
+    dirt = Random(f"{edges} {start}")
+    covered = frozenset(dirt.sample(range(slots), min(truth.covered, slots - 1)))
     return EncoderDisc(
         tuple(edges),
         start,
@@ -66,6 +70,7 @@ def draw_disc(truth: EncoderTruth, slots: int, rng: Random) -> EncoderDisc:
         truth.bounce_share,
         truth.missed,
         truth.doubled,
+        covered,
     )
 
 
@@ -136,6 +141,8 @@ class EncoderPin:
         """The disc goes past edge number `index` at `time` (ns)."""
         level = (index + is_forward) % 2
         disc, rng, is_counted = self._disc, self._rng, level == self.counted_level
+        if disc.covered and (index % len(disc.edges)) // 2 in disc.covered:
+            return
         if disc.missed:
             if is_counted:
                 self._is_missing = rng.random() < disc.missed

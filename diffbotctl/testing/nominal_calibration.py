@@ -111,17 +111,23 @@ def _settling_time(plant: SimulatedRobot) -> int:
 
 
 def _lag(plant: SimulatedRobot, number: int) -> float:
-    """The area between a step of the duty and the speed of a wheel over the step's height, s."""
+    """The area between steps of the duty, one up and one down, and the speed of a wheel, over their
+    height, s."""
     drive, battery = _bare_drive(plant)
     settling = _settling_time(plant)
-    _spin(drive, battery, settling, STEP_LOW)
     wheel = drive.wheels[number]
-    slow, start = wheel.speed, wheel.angle
-    _spin(drive, battery, 2 * settling, STEP_HIGH)
-    fast, way = wheel.speed, wheel.angle - start
+    speeds, ways = [], []
+    for count, duty in enumerate((STEP_LOW, STEP_HIGH, STEP_LOW), 1):
+        start = wheel.angle
+        _spin(drive, battery, count * settling, duty)
+        speeds.append(wheel.speed)
+        ways.append(wheel.angle - start)
+    slow, fast, slow_again = speeds
     if fast - slow < 0.1:
         return fmean(motor.lag for motor in plant.motors)
-    return (fast * settling / SECOND - way) / (fast - slow)
+    _, way_up, way_down = ways
+    seconds = settling / SECOND
+    return 0.5 * (fast * seconds - way_up + way_down - slow_again * seconds) / (fast - slow)
 
 
 def _spin(drive: DriveTrain, battery: SimulatedBattery, until: int, duty: float) -> None:

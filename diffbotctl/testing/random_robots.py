@@ -176,6 +176,10 @@ def _doubled(simulation: Tree, design: RobotDesign, rng: Random) -> None:
     simulation["encoder"]["doubled"] = rng.uniform(0.005, 0.03)
 
 
+def _covered(simulation: Tree, design: RobotDesign, rng: Random) -> None:
+    simulation["encoder"]["covered"] = rng.choice((1, 1, 2))
+
+
 def _chatter(simulation: Tree, design: RobotDesign, rng: Random) -> None:
     simulation["encoder"]["bounce"] = min(rng.uniform(1.5, 4.0) * design.glitch, 0.01)
     simulation["encoder"]["bounce_share"] = rng.uniform(0.01, 0.1)
@@ -239,6 +243,7 @@ PERTURBATIONS: dict[str, Perturbation] = {
     "missed_1": Perturbation(_missed(0.01)),
     "missed_5": Perturbation(_missed(0.05)),
     "doubled": Perturbation(_doubled),
+    "covered": Perturbation(_covered),
     "chatter": Perturbation(_chatter),
     "jitter": Perturbation(_jitter),
     "battery_step": Perturbation(_battery_step),

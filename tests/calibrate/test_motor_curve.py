@@ -1,4 +1,4 @@
-"""Motor curves under a sagging battery."""
+"""Motor curves under a sagging battery, and of drivers that open between two pulses."""
 
 from random import Random
 
@@ -8,6 +8,7 @@ from diffbotctl.calibrate.motor_curve import fit_curves
 from diffbotctl.calibrate.motor_fit import fit_line
 
 DUTIES = (0.3, 0.45, 0.6, 0.75, 0.9)
+ERRORS = (0.15, -0.15, 0.15, -0.15, 0.15)  # relative; too large to tell one law from another
 
 
 def points(gain, static, sag, noise=0.0, seed=0):
@@ -49,7 +50,46 @@ def test_two_standard_deviations_contain_the_truth(sag):
     assert sum(inside) >= 0.9 * len(inside)
 
 
+@pytest.mark.parametrize("viscous", [0.0, 0.05, 0.1])
+def test_exact_points_of_a_fast_decay_give_friction_and_speed(viscous):
+    # gain 12 rad/s, static 0.1: 10.8 rad/s over 1 + viscous at full duty.
+    rows = [(duty, 12.0 * (duty - 0.1) / (duty + viscous)) for duty in DUTIES * 2]
+    for curve in fit_curves({"left": rows, "right": rows}).values():
+        assert curve.decay == "fast"
+        assert curve.static == pytest.approx(0.1, abs=1e-6)
+        assert curve.rated == pytest.approx(10.8 / (1.0 + viscous), abs=1e-5)
+
+
+def test_two_standard_deviations_contain_the_truth_of_a_fast_decay():
+    inside = []
+    for seed in range(40):
+        rng = Random(seed)
+        static, viscous = rng.uniform(0.04, 0.14), rng.uniform(0.02, 0.1)
+        rows = [
+            (duty, 12.0 * (duty - static) / (duty + viscous) * (1 + rng.gauss(0.0, 0.001)))
+            for duty in DUTIES * 2
+        ]
+        curve = fit_curves({"left": rows, "right": rows})["left"]
+        inside.append(abs(curve.static - static) <= 2 * curve.static_sd)
+        rated = 12.0 * (1 - static) / (1 + viscous)
+        inside.append(abs(curve.rated - rated) <= 2 * curve.rated_sd)
+    assert sum(inside) >= 0.9 * len(inside)
+
+
+def test_a_slow_decay_is_recognised():
+    curves = fit_curves({"left": points(10.0, 0.1, 0.04, 0.003), "right": points(9.0, 0.1, 0.04)})
+    assert [curve.decay for curve in curves.values()] == ["slow", "slow"]
+
+
+def test_speeds_that_both_laws_explain_leave_the_decay_open():
+    # Without friction both are proportional to the duty at a large viscous friction.
+    rows = [(duty, 10.0 * duty * (1 + error)) for duty, error in zip(DUTIES, ERRORS, strict=True)]
+    assert all(
+        curve.decay is None for curve in fit_curves({"left": rows, "right": rows}).values()
+    )
+
+
 def test_motors_of_another_law_are_left_to_the_line():
-    # speed = w0 - friction / duty bends far more than any battery.
-    other = [(duty, 12.0 - 1.2 / duty) for duty in DUTIES * 2]
+    # A speed that grows with the square of the duty bends the other way.
+    other = [(duty, 12.0 * duty * duty) for duty in DUTIES * 2]
     assert fit_curves({"left": other, "right": other}) == {}

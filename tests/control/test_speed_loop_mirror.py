@@ -21,17 +21,17 @@ FRAME = 25_000_000  # ns
 LAG_S = 0.1
 
 
-def run(targets, factors, slots=SLOTS, offset=0):
+def run(targets, factors, slots=SLOTS, offset=0, delay=5_000_000):
     """Run both loops on a wheel that follows its targets times `factors`; both duties per frame.
 
-    `offset` (ns): phase of the board's timer.
+    `offset` (ns): phase of the board's timer; `delay` (ns): of a target, in its frame.
     """
     board, mirror = WheelSpeedLoop(GAINS, slots), SpeedLoopMirror(GAINS, slots, 0)
     pitch, angle, now, tick = 2 * pi / slots, 0.3, 0, LOOP_PERIOD - offset
     last, speed = 0, 0.0
     for target, factor in zip(targets, factors, strict=True):
         frame_start = now
-        since = frame_start + 5_000_000
+        since = frame_start + delay
         steps, commanded = 0, False
         while now < frame_start + FRAME:
             now += 100_000
@@ -47,7 +47,7 @@ def run(targets, factors, slots=SLOTS, offset=0):
             if now >= tick:
                 board.tick(now)
                 tick += LOOP_PERIOD
-        yield board.duty, mirror.update(now, steps, last, target, since)
+        yield board.duty, mirror.update(now, steps, last, [(since, target)])[-1]
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -67,6 +67,14 @@ def test_the_mirror_agrees_with_the_board(seed, slots):
     differences = sorted(abs(board - mirror) for board, mirror in pairs)
     assert differences[len(pairs) // 2] < 0.02
     assert differences[int(0.95 * len(pairs))] < 0.06
+
+
+@pytest.mark.parametrize("slots", [20, 51, 374])
+def test_the_mirror_agrees_when_every_frame_has_a_new_target(slots):
+    """Of several edges in a frame some come before the change, and some after it."""
+    targets = [min(0.3 * frame, 9.0 + 0.05 * (frame % 2)) for frame in range(200)]
+    pairs = list(run(targets, [1.0] * 200, slots, delay=20_000_000))
+    assert max(abs(board - mirror) for board, mirror in pairs) < 0.08
 
 
 def test_a_stop_resets_the_integral():

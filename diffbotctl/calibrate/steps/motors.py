@@ -59,6 +59,11 @@ class MotorFit(NamedTuple):
     curve: MotorCurve
     """for both directions, at the battery's voltage at rest"""
 
+    @property
+    def full_speed(self) -> float:
+        """Speed at full duty under the load of both motors, rad/s."""
+        return self.curve.rated if self.curve.decay == "fast" else self.line.rated
+
 
 @dataclass(frozen=True, slots=True)
 class MotorStep:
@@ -145,33 +150,60 @@ def _fit_motor(
     return MotorFit(starts, lines, line, lag, curve or line.curve())
 
 
-def _static(motor: MotorFit) -> float:
-    """The static part of the feed-forward."""
-    return min(max(motor.curve.static, 0.0), STATIC_DUTY_MAX)
+class FeedForward(NamedTuple):
+    """Duty of the speed loop for a target: `static`, and `slope` for each rad/s; with standard
+    deviations."""
+
+    static: float
+    static_sd: float
+    slope: float
+    slope_sd: float
+
+
+def _feed_forward(motor: MotorFit, top: float) -> FeedForward:
+    """A line, whatever the law of the motor; `top`: the largest speed (rad/s) that it is for.
+
+    With fast decay a line through the speeds at all duties would start the wheel with no duty at
+    all, and at low speeds its slope would be several times too large.
+    """
+    line, curve = motor.line, motor.curve
+    static = min(max(curve.static, 0.0), STATIC_DUTY_MAX)
+    if curve.decay != "fast":
+        return FeedForward(static, curve.static_sd, *line.slope_above(static))
+    top = min(top, SPEED_LIMIT_RATIO * curve.rated)
+    slope = (curve.fast_duty(top) - static) / top
+    slope_sd = hypot(curve.static_sd / top, slope * curve.rated_sd / curve.rated)
+    return FeedForward(static, curve.static_sd, slope, slope_sd)
 
 
 def motor_findings(robot: Robot, motors: dict[str, MotorFit]) -> list[Finding]:
     """The motor and the loop of each side, and a speed limit that both motors can keep."""
-    statics = {side: _static(motor) for side, motor in motors.items()}
-    slopes = [motors[side].line.slope_above(static)[0] for side, static in statics.items()]
+    sections = drive_sides(robot)
+    lines = {
+        side: _feed_forward(motor, 2.0 * robot.limits.speed / sections[side].wheel.diameter)
+        for side, motor in motors.items()
+    }
     # Gains that belong to the feed-forward: with a curved line its own slope is far too steep.
-    slope = sum(slopes) / len(slopes)
+    slope = sum(line.slope for line in lines.values()) / len(lines)
     proportional, integral = default_gains(slope)
     findings = []
     for side, motor in motors.items():
-        line, curve, path = motor.line, motor.curve, f"drive.{side}.motor"
-        static = statics[side]
+        line, curve, path = lines[side], motor.curve, f"drive.{side}.motor"
         findings += [
             Finding(f"{path}.rated", curve.rated, curve.rated_sd),
             Finding(f"{path}.lag", motor.lag.lag, hypot(motor.lag.sd, motor.lag.split_sd)),
-            Finding(f"{path}.loop.static", static, curve.static_sd),
-            Finding(f"{path}.loop.speed", *line.slope_above(static)),
+            Finding(f"{path}.loop.static", line.static, line.static_sd),
+            Finding(f"{path}.loop.speed", line.slope, line.slope_sd),
             Finding(f"{path}.loop.proportional", proportional),
             Finding(f"{path}.loop.integral", integral),
         ]
+        if curve.decay is not None:
+            findings += [
+                Finding(f"{path}.decay", curve.decay),
+                Finding(f"{path}.friction", line.static, line.static_sd),
+            ]
     speed = min(
-        motors[side].line.rated * section.wheel.diameter / 2
-        for side, section in drive_sides(robot).items()
+        motors[side].full_speed * section.wheel.diameter / 2 for side, section in sections.items()
     )
     limit = floor(SPEED_LIMIT_RATIO * speed * CM) / CM
     if limit < robot.limits.speed:
