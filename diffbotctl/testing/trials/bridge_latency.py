@@ -1,8 +1,9 @@
 """What the bridge to ROS 2 adds to the time of a message, beside a node that only echoes.
 
 Out: from a message at a client of the control socket to the same one at a subscriber of ROS. In:
-from the publisher of a velocity to that velocity at a client of the control socket. The bridge
-takes one message and publishes one; so does the echo, whose round trip is the measure for both.
+from a velocity at its publisher to that velocity at a client of the control socket, less the time
+that it takes from another client. The bridge takes one message and publishes one; so does the echo,
+whose round trip is the measure for both.
 """
 
 from __future__ import annotations
@@ -20,19 +21,19 @@ from diffbotctl.testing.ros2_nodes import RosNode, bridge, ros_node
 from diffbotctl.testing.running import PlainClient, running
 
 NODE = Path(__file__).parent.parent / "ros2_timed_node.py"
-MESSAGES = 200
+MESSAGES, PERIOD_S = 200, 0.05
 TWIST = "operator.twist"
 # Commands of clients wake a simulation only where it has inputs; a real robot's engine always.
 PIPELINE = "format: 1\nkind: pipeline\ninclude: standby\ninputs: {back: {type: Text}}\n"
 
 
 class BridgeLatency(NamedTuple):
-    """Medians in s, and how many messages they are of."""
+    """Medians in s, of at least this many messages."""
 
     echo: float
     out: float
     into: float
-    count: int
+    messages: int
 
 
 def bridge_latency(folder: Path) -> BridgeLatency:
@@ -49,20 +50,41 @@ def bridge_latency(folder: Path) -> BridgeLatency:
         odometry, twists = _Arrivals(folder, "odometry.odometry"), _Arrivals(folder, TWIST)
         arrivals = _ask(node, arrivals=MESSAGES, topic="/odom")["came"]
         left = _ask(node, drive=MESSAGES)["left"]
+        own = _drive(folder)
     echo = [came - went for went, came in zip(trips["left"], trips["came"], strict=False)]
     times = [moment for moment, _ in odometry.came]
     out = [came - since for came in arrivals if (since := _before(times, came)) is not None]
-    # The bridge repeats a velocity: the first one of each counts.
-    first: dict[float, float] = {}
-    for moment, message in twists.came:
-        first.setdefault(round(message["linear"], 6), moment)
-    into = [first[speed] - went for went, speed in left if speed in first]
-    return BridgeLatency(median(echo), median(out), median(into), min(map(len, (echo, out, into))))
+    into, directly = _delays(left, twists), _delays(own, twists)
+    added = median(into) - median(directly)
+    count = min(map(len, (echo, out, into, directly)))
+    return BridgeLatency(median(echo), median(out), added, count)
 
 
 def _ask(node: RosNode, **command: Any) -> Any:
     node.send(json.dumps(command))
     return node.reply("done")
+
+
+def _drive(folder: Path) -> list[tuple[float, float]]:
+    """Drive as the node does, as a client of the control socket: when each left, and its m/s."""
+    client, left = PlainClient(folder), []
+    client.request("resume")  # a busy computer may have stopped the robot
+    for number in range(MESSAGES):
+        speed = round(-0.05 - 0.0001 * number, 6)
+        left.append((time.monotonic(), speed))
+        client.request("drive", linear=speed, angular=0.0)
+        time.sleep(max(left[-1][0] + PERIOD_S - time.monotonic(), 0.0))
+    client.request("release")
+    client.close()
+    return left
+
+
+def _delays(left: list[tuple[float, float]], twists: _Arrivals) -> list[float]:
+    """Of the velocities that came. The bridge repeats one: the first one of each counts."""
+    first: dict[float, float] = {}
+    for moment, message in twists.came:
+        first.setdefault(round(message["linear"], 6), moment)
+    return [first[speed] - went for went, speed in left if speed in first]
 
 
 def _before(times: list[float], moment: float) -> float | None:
