@@ -22,18 +22,22 @@ class MessageError(ValueError):
     """Fields that are no message of the class; the text names the field and what is wrong."""
 
 
-def message_parser(kind: type, with_units: bool = False) -> Callable[[dict[str, Any]], Any]:
+Parser = Callable[..., Any]  # of a JSON object, and of the time of the message in ns
+
+
+def message_parser(kind: type, with_units: bool = False) -> Parser:
     """A function that turns a JSON object into a message of class `kind`.
 
-    `time` may be left out and is ignored: the receiver stamps the message, with 0 at first. A field
-    with a default may be left out. Numbers are finite and within the bounds of their field; where a
-    field has no bounds and the class allows it, the texts "inf" and "-inf" are infinities.
+    `time` may be left out and is ignored: the receiver stamps the message, with the second argument
+    of the function or 0. A field with a default may be left out. Numbers are finite and within the
+    bounds of their field; where a field has no bounds and the class allows it, the texts "inf" and
+    "-inf" are infinities.
     `with_units`: a text with a unit is a number too, as in files. The function raises MessageError.
     """
     read = _record_reader(kind, kind in FINITE, with_units)
 
-    def parse(values: dict[str, Any]) -> Any:
-        return read({**values, "time": 0}, "")
+    def parse(values: dict[str, Any], time: int = 0) -> Any:
+        return read({**values, "time": time}, "")
 
     return parse
 

@@ -22,9 +22,11 @@ from diffbotctl.testing.ros2_nodes import (
     ros_python,
 )
 from diffbotctl.testing.running import PlainClient, moves, running, stands
+from diffbotctl.testing.trials.bridge_latency import MESSAGES, bridge_latency
 from diffbotctl.testing.trials.row import NoData, Row, print_rows
 
 STOP_MAX_S, CPU_MAX = 0.5, 0.05
+OUT_MAX, IN_MAX = 2.0, 1.5
 SECONDS = 10.0
 
 
@@ -34,6 +36,7 @@ def rows(repeats: int) -> Iterator[Row]:
         yield NoData("bridge to ROS 2", "no rclpy", "`make ros2` installs it", True)
         return
     yield load_row()
+    yield latency_row()
     for name, fail in FAILURES.items():
         yield failure_row(name, fail, repeats)
 
@@ -61,6 +64,20 @@ def load_row() -> Row:
             load = (processor_s(process.process.pid) - before) / SECONDS
     return Row(
         "bridge: processor load at 40 Hz", f"{load:.1%}", "<= 5 % of a core", load <= CPU_MAX
+    )
+
+
+def latency_row() -> Row:
+    """What the bridge adds to the time of a message, over the round trip of a bare echo."""
+    with tempfile.TemporaryDirectory() as name:
+        found = bridge_latency(Path(name))
+    out, into = found.out / found.echo, found.into / found.echo
+    return Row(
+        "bridge: time added to ROS / from ROS, p50 over an echo's",
+        f"{found.out * 1e3:.2f} ms ({out:.1f}x) / {found.into * 1e3:.2f} ms ({into:.1f}x); "
+        f"echo {found.echo * 1e3:.2f} ms; {found.messages} of {MESSAGES} messages",
+        f"<= {OUT_MAX:g}x / <= {IN_MAX:g}x",
+        out <= OUT_MAX and into <= IN_MAX and found.messages >= MESSAGES // 2,
     )
 
 

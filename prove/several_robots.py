@@ -1,4 +1,4 @@
-"""Several robots: four turtles driven at once; the cost of ten robots in one pipeline; two with a
+"""Several robots: ten turtles driven at once; the cost of ten robots in one pipeline; two with a
 network each, found and lost for 5 s.
 
 The operator reaches them through ssh (`--at`), and as a node of ROS 2 through a bridge each.
@@ -30,8 +30,9 @@ from diffbotctl.testing.trials.two_robots import CUT_S, DELAY_S, LOSS, ROBOTS, C
 STOP_MAX_S = 0.5
 SEVERAL, COST_RATIO_MAX = 10, 11.0
 SIMULATED_S, REPEATS = 20.0, 3
-TURTLE_VELOCITIES = ("operator.twist", *(f"input.turtle{number}_twist" for number in (2, 3, 4)))
-TURTLE_POSES = ("robot.pose", "turtle2.pose", "turtle3.pose", "turtle4.pose")
+FURTHER_TURTLES = range(2, 11)
+TURTLE_VELOCITIES = ("operator.twist", *(f"input.turtle{n}_twist" for n in FURTHER_TURTLES))
+TURTLE_POSES = ("robot.pose", *(f"turtle{n}.pose" for n in FURTHER_TURTLES))
 TURTLE_WAY_M = 0.3
 LINK = f"{DELAY_S * 1e3:.0f} ms, {LOSS:.0%} loss, cut {CUT_S:g} s"
 BROKEN_OFF = CutOutcome((), inf, inf, (), ("it broke off",), False)
@@ -53,13 +54,13 @@ def rows(trials: int) -> Iterator[Row]:
 
 
 def turtles_row() -> Row:
-    """The turtle that is the robot and three spawned ones, each driven by a client of its own."""
+    """The turtle that is the robot and all spawned ones, each driven by a client of its own."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         with running(folder, "turtles", sets=()), ExitStack() as publishers:
             watcher = PlainClient(folder)
-            for x in (2.0, 5.0, 8.0):
-                arguments = {"x": x, "y": 2.0}
+            for number in FURTHER_TURTLES:
+                arguments = {"x": 2.0, "y": float(number)}
                 watcher.request("call_action", action="canvas.spawn", arguments=arguments)
             before = _places(watcher)
             for topic in TURTLE_VELOCITIES:

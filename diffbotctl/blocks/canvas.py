@@ -36,6 +36,12 @@ class TurtleCanvas(Block):
         live=True,
         help="down: draw a line; up: draw none.",
     )
+    driven = Param(
+        int,
+        default=1,
+        minimum=1,
+        help="Highest number of a turtle with a block `turtle`; those above stand still.",
+    )
 
     odometry = In(Odometry, help="Pose of the turtle, in the frame of the canvas.")
     canvas = Out(Canvas, help="State of the canvas, whenever it changes.")
@@ -64,9 +70,22 @@ class TurtleCanvas(Block):
             raise ValueError(f"{number:g} is no number of a further turtle: they start at 2")
         if number in self.turtles:
             raise ValueError(f"there is a turtle {number:g} already; kill it first")
-        given = int(number) or self.number + 1
+        given = int(number) or self._next_number()
         self.number = max(self.number, given)
         self._place(given, (x, y, heading))
+        if given > self.driven:
+            self.log.warning(f"turtle {given} stands still: {self._who_drives()}")
+
+    def _next_number(self) -> int:
+        """The next number; when those that can be driven are used up, the first free one."""
+        free = (n for n in range(2, self.driven + 1) if n not in self.turtles)
+        following = self.number + 1
+        return following if following <= self.driven else next(free, following)
+
+    def _who_drives(self) -> str:
+        if self.driven == 1:
+            return "this pipeline draws spawned turtles; the pipeline `turtles` drives them"
+        return f"this pipeline drives turtles 2 to {self.driven}; kill one of these first"
 
     @action(number="1")
     def kill(self, now: int, number: float) -> None:

@@ -110,7 +110,7 @@ ANSWERS = {
     "teleop_twist_keyboard": RosAnswer("teleop"),
     "teleop_twist_joy": RosAnswer("new driver my_driver", "a joystick is a source of a pipeline"),
     "turtle_teleop_key": RosAnswer("teleop --keys turtle"),
-    "turtlesim_node": RosAnswer("run turtle --stay"),
+    "turtlesim_node": RosAnswer("run turtles --stay"),
     "draw_square": RosAnswer("run square --robot turtle"),
     "talker": RosAnswer("run hello"),
     "listener": RosAnswer("run hello"),

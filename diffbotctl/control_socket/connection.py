@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import select
 import socket
 import struct
 import time
@@ -73,6 +74,7 @@ class Client:
         self.stream: deque[bytes] = deque(maxlen=STREAM_LINES_MAX)
         self.lost = 0
         self.sending = b""
+        self.events = int(select.EPOLLIN)  # that are waited for
         self.is_readable = True  # False once the other end sends no more
         self.is_for_stop = False  # all other seats are taken: it may only stop the robot
         self.is_closing = False  # closed when what waits is sent

@@ -129,7 +129,7 @@ class Server:
         self.connected += 1
         client = Client(connection, self.connected, peer, time.monotonic())
         self.clients[connection.fileno()] = client
-        self.epoll.register(connection, READ)
+        self.epoll.register(connection, client.events)
         if not self.shared and peer.uid not in (0, os.getuid()):
             self.log({"event": "refused", **peer._asdict()})
             self._refuse(
@@ -193,15 +193,17 @@ class Server:
             self._refuse(client, refusal)
 
     def _update(self, update: EngineUpdate) -> None:
-        self.state.update(update)
+        # Answers and messages leave in one piece, before the state follows: clients wait for them.
+        subscribers = [client for client in self.clients.values() if client.topics]
+        self.state.subscriptions.distribute(update.instants, update.lost, subscribers)
+        served = dict.fromkeys(subscribers)
         for result in update.results:
             client = self.engine.answer(result)
             if client is not None:
-                self._serve(client)
-        subscribers = [client for client in self.clients.values() if client.topics]
-        self.state.subscriptions.distribute(update.instants, update.lost, subscribers)
-        for client in subscribers:
+                served[client] = None
+        for client in served:
             self._serve(client)
+        self.state.update(update)
 
     def _serve(self, client: Client) -> None:
         """Send what fits, choose the events to wait for, and close a connection that is done."""
@@ -212,7 +214,9 @@ class Server:
             return
         reads = client.is_readable and not client.is_paused
         events = (READ if reads else 0) | (WRITE if client.waits else 0)
-        self.epoll.modify(client.connection, events)
+        if events != client.events:
+            client.events = events
+            self.epoll.modify(client.connection, events)
 
     def _close(self, client: Client) -> None:
         del self.clients[client.connection.fileno()]

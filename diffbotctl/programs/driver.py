@@ -24,7 +24,7 @@ from diffbotctl.graph import Sink
 from diffbotctl.message_parser import MessageError, message_parser
 from diffbotctl.message_types import type_name
 from diffbotctl.messages import LogLevel
-from diffbotctl.programs.supervisor import Order, read_events, start_supervisor
+from diffbotctl.programs.supervisor import Order, end_of, read_events, start_supervisor
 from diffbotctl.recording.json_codec import message_encoder
 from diffbotctl.time import MILLISECOND, NEVER, SECOND
 
@@ -98,8 +98,8 @@ class ProgramLink:
             raise RefusalError("E-PROGRAM", cause)
         return data or None
 
-    def messages(self, line: bytes) -> list[Delivery]:
-        """The messages in one line. Raises RefusalError for a line that is invalid."""
+    def messages(self, now: int, line: bytes) -> list[Delivery]:
+        """The messages in one line, stamped. Raises RefusalError for a line that is invalid."""
         deliveries = []
         for port, values in parse_line(line).items():
             wire = f"{self.use.name}.{port}"
@@ -109,7 +109,7 @@ class ProgramLink:
             if not isinstance(values, dict):
                 raise RefusalError("E-PROGRAM", f"{port} is not an object")
             try:
-                deliveries.append(Delivery(wire, self.parsers[wire](values)))
+                deliveries.append(Delivery(wire, self.parsers[wire](values, now)))
             except MessageError as error:
                 raise RefusalError("E-PROGRAM", f"{port}: {error}") from None
         return deliveries
@@ -198,7 +198,7 @@ class ProgramsDriver:
                 if end_text:
                     self._lose(now, link, f"{link.who} {end_text}")
             if now >= link.lost_at:
-                self._kill(now, link, "it has closed its output")
+                self._lose_without_report(now, link)
             elif now >= link.silent_at:
                 self._kill(now, link, "it has sent nothing for too long")
         return deliveries
@@ -233,13 +233,13 @@ class ProgramsDriver:
             link.lines.add(data)
             while (line := link.lines.next()) is not None:
                 link.silent_at = now + link.silence_max
-                deliveries += link.messages(line)
+                deliveries += link.messages(now, line)
         except RefusalError as refusal:
             self._kill(now, link, refusal.cause)
             return []
         for delivery in deliveries:
             self.inputs.renew(now, delivery.wire, link.use.name, link.who)
-        return [Delivery(wire, message._replace(time=now)) for wire, message in deliveries]
+        return deliveries
 
     def _read_events(self, now: int) -> None:
         events, self.is_supervised = read_events(self.channel)
@@ -278,6 +278,14 @@ class ProgramsDriver:
         """End a program that misbehaves; the supervisor starts it again."""
         self._order("kill", link.use.name)
         self._lose(now, link, f"{link.who} was ended: {cause}")
+
+    def _lose_without_report(self, now: int, link: ProgramLink) -> None:
+        """Its socket is closed, and the supervisor has not told why: a busy computer delays it."""
+        end = end_of(link.pid)
+        if end:
+            self._lose(now, link, f"{link.who} {end}")
+        else:
+            self._kill(now, link, "it has closed its output")
 
     def _lose(self, now: int, link: ProgramLink, cause: str) -> None:
         """The outputs of a program expire at once."""

@@ -17,6 +17,7 @@ import subprocess
 import time
 from collections.abc import Sequence
 from contextlib import suppress
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from diffbotctl.config.configuration import ProgramUse
@@ -164,9 +165,7 @@ class _Supervisor:
         self._read_errors(child)
         pid, code = child.process.pid, child.process.wait()
         self._kill(child, signal.SIGKILL)  # what it has started itself
-        text = (
-            f"was ended by {signal.Signals(-code).name}" if code < 0 else f"ended with code {code}"
-        )
+        text = exit_text(code)
         if child.last_line:
             text += f": {child.last_line}"
         self._forget(child)
@@ -231,6 +230,20 @@ class _Supervisor:
                 child.process.wait(max(deadline - time.monotonic(), 0.01))
             self._kill(child, signal.SIGKILL)
             child.process.wait()
+
+
+def exit_text(code: int) -> str:
+    """How a process ended, from its exit code, or minus the signal that ended it."""
+    return f"was ended by {signal.Signals(-code).name}" if code < 0 else f"ended with code {code}"
+
+
+def end_of(pid: int) -> str:
+    """How a process ended that the supervisor may not have waited for yet; empty if it runs."""
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except (FileNotFoundError, ProcessLookupError):
+        return "has ended"
+    return exit_text(os.waitstatus_to_exitcode(int(fields[-1]))) if fields[0] == "Z" else ""
 
 
 def _become_a_program() -> None:

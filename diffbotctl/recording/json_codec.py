@@ -16,6 +16,12 @@ from diffbotctl.messages import LOG_LEVELS, LogLevel, fields
 
 Encoder = Callable[[Any], bytes]
 ENCODER = json.JSONEncoder(allow_nan=False)  # made once: 3 us
+# Five times faster than ENCODER for values of exactly these types; its results are the same.
+WRITERS: dict[type, Callable[[Any], str]] = {
+    int: repr,
+    float: repr,
+    str: json.encoder.encode_basestring_ascii,
+}
 
 
 def message_encoder(kind: type) -> Encoder:
@@ -32,8 +38,22 @@ def message_encoder(kind: type) -> Encoder:
         text: str = pattern % message
         return text.encode() if text.count("n") == n_count else encode(message)
 
-    is_simple = all(hint in (int, float) for hint, _ in fields(kind).values())
-    return encode_numbers if is_simple else encode
+    hints = [hint for hint, _ in fields(kind).values()]
+    if all(hint in (int, float) for hint in hints):
+        return encode_numbers
+    if not all(hint in WRITERS for hint in hints):
+        return encode
+    writers = [WRITERS[hint] for hint in hints]
+    text_pattern = pattern.replace("%r", "%s")
+
+    def encode_texts(message: Any) -> bytes:
+        for value, hint in zip(message, hints, strict=True):
+            if type(value) is not hint or (hint is float and not isfinite(value)):
+                return encode(message)
+        values = tuple([write(value) for write, value in zip(writers, message, strict=True)])
+        return (text_pattern % values).encode()
+
+    return encode_texts
 
 
 def message_decoder(kind: type) -> Callable[[bytes], Any]:

@@ -3,6 +3,8 @@
 import pytest
 
 from diffbotctl.blocks.canvas import TURTLES_MAX, TurtleCanvas, colour
+from diffbotctl.config.load import load
+from diffbotctl.log import Logbook
 from diffbotctl.messages import Odometry, TurtlePlacement
 
 HERE = Odometry(5, 5.544, 5.544, 0.0, 0.0, 0.0, (0.0,) * 6)
@@ -65,6 +67,33 @@ def test_a_number_can_be_asked_for_unless_it_is_taken(canvas):
     canvas.kill(2, 7)
     canvas.spawn(2, 4.0, number=7)
     assert canvas.react(3, HERE)[0].turtles[4:6] == (7, 4.0)
+
+
+def test_numbers_that_can_be_driven_are_used_again_when_there_is_no_other():
+    canvas = TurtleCanvas(driven=4)
+    for number in (1, 2, 3):
+        canvas.spawn(number)
+    canvas.kill(4, 3)
+    canvas.spawn(5)
+    canvas.spawn(6)
+    assert canvas.react(7, HERE)[0].turtles[::4] == (2, 4, 3, 5)
+
+
+@pytest.mark.parametrize(("driven", "warned"), [(1, 2), (2, 1), (3, 0)])
+def test_a_turtle_that_no_block_moves_is_reported(driven, warned):
+    canvas, book = TurtleCanvas(driven=driven), Logbook()
+    canvas.log = book.source_log("canvas")
+    canvas.spawn(1)
+    canvas.spawn(1)
+    lines = book.take_lines(1)
+    assert len(lines) == warned
+    assert all("stands still" in line.text and line.level == "warning" for line in lines)
+
+
+def test_the_pipeline_turtles_drives_as_many_as_its_canvas_says():
+    blocks = {use.name: use.values for use in load("turtles").blocks}
+    numbers = [values["number"] for name, values in blocks.items() if name.startswith("turtle")]
+    assert sorted(numbers) == list(range(2, blocks["canvas"]["driven"] + 1))
 
 
 def test_every_placement_is_sent_one_an_instant(canvas):

@@ -23,7 +23,7 @@ TYPED = {
     "ros2 param set /guard margin 0.1": "param set guard.margin 0.1",
     "ros2 param set /guard offset -0.1": "param set guard.offset -0.1",
     "ros2 param list": "param list",
-    "ros2 run turtlesim turtlesim_node": "run turtle --stay",
+    "ros2 run turtlesim turtlesim_node": "run turtles --stay",
     "rosrun turtlesim turtle_teleop_key": "teleop --keys turtle",
     "rosrun teleop_twist_keyboard teleop_twist_keyboard.py": "teleop",
     "rosrun rosserial_python serial_node.py _port:=/dev/ttyUSB0": "run goal --port auto",

@@ -127,7 +127,7 @@ def test_spawned_turtles_are_driven_at_once_and_replayed(tmp_path):
             )
             assert at_goal["y"] == pytest.approx(9.0, abs=0.05)
             refused = people[0].request(
-                "publish", topic="/turtle9/cmd_vel", message={"linear": 1.0, "angular": 0.0}
+                "publish", topic="/turtle11/cmd_vel", message={"linear": 1.0, "angular": 0.0}
             )
             assert not refused["ok"]  # it must not drive another one
             done(tmp_path, "stop")

@@ -93,6 +93,21 @@ def test_why_names_a_killed_program_and_resume_lets_the_robot_move(tmp_path, pip
         client.until(moves)
 
 
+def test_how_a_program_ended_is_known_while_the_supervisor_has_no_processor(tmp_path, pipeline):
+    with running(tmp_path, str(pipeline), "--stay", "--allow-programs"):
+        pid = program_pid(tmp_path)
+        client = PlainClient(tmp_path)
+        client.until(moves)
+        supervisor = int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
+        os.kill(supervisor, signal.SIGSTOP)
+        try:
+            os.kill(pid, signal.SIGSEGV)
+            held = client.until(lambda status: status["held"])["held"]
+        finally:
+            os.kill(supervisor, signal.SIGCONT)
+        assert "SIGSEGV" in held["cause"] and f"process {pid}" in held["cause"], held
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
 def test_programs_end_with_the_engine_however_it_ends(tmp_path, pipeline, number):
     with running(tmp_path, str(pipeline), "--stay", "--allow-programs") as process:

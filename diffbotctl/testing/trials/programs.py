@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from diffbotctl.messages import Stop, Wheels
+from diffbotctl.processes.real_time import prefer
 from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.replay.replay import replay
 from diffbotctl.testing.command_process import command_line, processor_s
@@ -172,6 +173,8 @@ def fail(
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
     )
+    # Without a processor for half a second the engine stops the robot that much later.
+    prefer(process.pid)
     _wait_for(folder / "marker", process)
     used, begun = processor_s(process.pid), time.monotonic()
     _wait_for(folder / "marker_back", process)
