@@ -165,12 +165,13 @@ export class Board {
     this.reset(WATCHDOG);
   }
 
-  // What the boot ROM does with a valid image; without one the chip waits for a new program.
+  // What the boot ROM does with a valid image; without one it waits in BOOTSEL for a program.
   boot() {
     const { core, sram } = this.chip;
     const code = this.flash.bytes.subarray(0, BOOT_SIZE);
     const given = Buffer.from(code).readUInt32LE(BOOT_SIZE - 4);
-    this.runs = !this.inBootsel && given === checksum(code.subarray(0, BOOT_SIZE - 4));
+    if (given !== checksum(code.subarray(0, BOOT_SIZE - 4))) this.inBootsel = true;
+    this.runs = !this.inBootsel;
     if (!this.runs) return;
     sram.set(code, BOOT - RAM);
     core.SP = BOOT;
@@ -178,6 +179,7 @@ export class Board {
   }
 
   reset(cause) {
+    if (cause !== WATCHDOG) this.inBootsel = false; // a request: the boot ROM resets by its watchdog
     this.begin(cause, cause & POWER ? null : this.chip.sram);
   }
 
