@@ -136,6 +136,19 @@ void board_start_watchdog(void)
     REGISTER(WATCHDOG) = WATCHDOG_ON;
 }
 
+/* The boot ROM's function for BOOTSEL, found as the data sheet says (section 2.8.3). */
+void rp2040_boot_from_usb(void)
+{
+    typedef void (*function_t)(uint32_t light, uint32_t without);
+    typedef function_t (*search_t)(const uint16_t *table, uint32_t code);
+    volatile uint16_t *rom = (volatile uint16_t *)0x14;
+    __asm__("" : "+r"(rom)); /* the compiler takes low addresses for null */
+    const uint16_t *table = (const uint16_t *)(uintptr_t)rom[0];
+    search_t search = (search_t)(uintptr_t)rom[2];
+    REGISTER(WATCHDOG) = 0;
+    search(table, 'U' | 'B' << 8)(0, 0);
+}
+
 /* An exception that is no interrupt of ours. */
 void failed(void)
 {

@@ -102,6 +102,9 @@ void rp2040_start(uint32_t parts); /* ends their reset */
 void rp2040_start_clocks(void);
 void rp2040_begin_store(void);
 
+/* Resets the chip into BOOTSEL, where it waits for a program; its pins are inputs then. */
+void rp2040_boot_from_usb(void);
+
 /* Called by the start code and by interrupts. */
 void rp2040_begin(void);
 void failed(void);

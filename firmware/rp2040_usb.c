@@ -1,14 +1,12 @@
 /* The RP2040's USB port: a serial port as every system knows it (class CDC, abstract control model).
 
    Bytes of the host go to the link as they come: its ring has room for more than one packet, so nothing has to
-   wait here. What the link sends is collected into packets of up to 64 bytes. */
+   wait here. What the link sends is collected into packets of up to 64 bytes. Section 4.1 of the data sheet. */
 #include "rp2040_usb.h"
 
 #include "board.h"
-#include "link.h"
 #include "rp2040_registers.h"
 #include "rp2040_usb_descriptors.h"
-#include "wheel.h"
 
 #define MEMORY 0x50100000u /* of the controller: setup packet, controls of the endpoints, packets */
 #define ENDPOINT_CONTROL(endpoint) (MEMORY + 8 * (endpoint)) /* to the host; after it from the host */
@@ -63,11 +61,11 @@ static const uint8_t *answer; /* rest of what the host reads by the control endp
 static uint8_t answer_size;
 static uint8_t address; /* that the host gives; 0 when there is none to take */
 static bool takes_line; /* the next packet from the host is its line coding */
-static bool configured, is_open;
+static bool configured, is_open, wants_boot;
 static bool sending, busy; /* there is something to send; a packet waits for the host */
 static bool dropping;
 static uint8_t filled, waiting; /* bytes of the packet; frames that came while it waits */
-static uint8_t received;
+static uint8_t received, taken; /* bytes of the packet from the host; how many of them are taken */
 static line_t line = {115200, 0, 0, 8};
 
 static volatile uint8_t *packet(uint8_t buffer)
@@ -145,7 +143,7 @@ static void configure(bool on)
 {
     configured = on;
     busy = is_open = false;
-    waiting = 0;
+    waiting = received = taken = 0;
     toggles &= 3; /* the control endpoint goes on */
     if (!on)
         return;
@@ -155,25 +153,10 @@ static void configure(bool on)
     give(DATA_OUT, USB_PACKET);
 }
 
-/* The boot ROM's function for BOOTSEL, found as the data sheet says (section 2.8.3). The motors are off before it:
-   afterwards all pins are inputs. */
-static void boot_from_usb(void)
-{
-    typedef void (*function_t)(uint32_t light, uint32_t without);
-    typedef function_t (*search_t)(const uint16_t *table, uint32_t code);
-    volatile uint16_t *rom = (volatile uint16_t *)0x14;
-    __asm__("" : "+r"(rom)); /* the compiler takes low addresses for null */
-    const uint16_t *table = (const uint16_t *)(uintptr_t)rom[0];
-    search_t search = (search_t)(uintptr_t)rom[2];
-    wheels_release();
-    REGISTER(WATCHDOG) = 0;
-    search(table, 'U' | 'B' << 8)(0, 0);
-}
-
 static void set_lines(bool ready)
 {
     if (is_open && !ready && line.baud == TOUCH_BAUD)
-        boot_from_usb();
+        wants_boot = true;
     is_open = ready;
 }
 
@@ -245,33 +228,7 @@ static void control_received(void)
     give(CONTROL_IN, 0);
 }
 
-static void data_received(void)
-{
-    uint8_t size = (uint8_t)(REGISTER(BUFFER_CONTROL(DATA_OUT)) & BUFFER_SIZE);
-    for (uint8_t i = 0; i < size; i++) {
-        received = packet(DATA_OUT)[i];
-        link_received(LINK_USB);
-    }
-    give(DATA_OUT, USB_PACKET);
-}
-
-/* What nobody reads is dropped: no program has the port open, or the cable is off and the packet stays. It
-   would be old when it is read, and the link's ring would count it as lost. */
-static void fill(void)
-{
-    dropping = !is_open || waiting == MOST_WAITING;
-    if (busy && !dropping)
-        return;
-    filled = 0;
-    while (sending && filled < USB_PACKET)
-        link_empty(LINK_USB);
-    if (filled) {
-        busy = true;
-        give(DATA_IN, filled);
-    }
-}
-
-void usb_ready(void)
+void rp2040_usb_handle(void)
 {
     uint32_t raised = REGISTER(USB_RAISED);
     if (raised & RAISED_RESET) {
@@ -291,24 +248,59 @@ void usb_ready(void)
             waiting = 0;
         }
         if (done >> DATA_OUT & 1 && configured)
-            data_received();
+            received = (uint8_t)(REGISTER(BUFFER_CONTROL(DATA_OUT)) & BUFFER_SIZE);
     }
     if (raised & RAISED_SETUP) {
         REGISTER(USB_STATUS) = STATUS_SETUP;
         handle_setup();
     }
-    fill();
+}
+
+bool rp2040_usb_wants_boot(void)
+{
+    return wants_boot;
+}
+
+bool rp2040_usb_has_byte(void)
+{
+    if (taken < received)
+        return true;
+    if (received)
+        give(DATA_OUT, USB_PACKET);
+    received = taken = 0;
+    return false;
 }
 
 uint8_t rp2040_usb_received(void)
 {
-    return received;
+    return packet(DATA_OUT)[taken++];
+}
+
+/* What nobody reads is dropped: no program has the port open, or the cable is off and the packet stays. It
+   would be old when it is read, and the link's ring would count it as lost. */
+bool rp2040_usb_begin_packet(void)
+{
+    dropping = !is_open || waiting == MOST_WAITING;
+    filled = 0;
+    return !busy || dropping;
+}
+
+bool rp2040_usb_has_room(void)
+{
+    return sending && filled < USB_PACKET;
 }
 
 void rp2040_usb_send(uint8_t byte)
 {
     if (!dropping)
         packet(DATA_IN)[filled++] = byte;
+}
+
+void rp2040_usb_end_packet(void)
+{
+    busy |= filled != 0;
+    if (filled)
+        give(DATA_IN, filled);
 }
 
 /* The interrupt fills the packet: edges may interrupt that, which they may not here. */
