@@ -15,6 +15,7 @@ const DEVICE = 1;
 const CONFIGURATION = 2;
 const STRING = 3;
 const BITS = 8;
+const EXCEPTION = 16 + 5;
 
 function setup(type, request, value, size) {
   return Uint8Array.of(type, request, value & 0xff, value >> 8, 0, 0, size & 0xff, size >> 8);
@@ -45,6 +46,13 @@ export class Usb {
   // A new chip: whatever was under way is lost. The host finds the device again.
   connect(chip) {
     const usb = chip.usbCtrl;
+    const { core } = chip;
+    const enter = core.exceptionEntry.bind(core);
+    // An interrupt that the program has raised by itself is no longer pending when it is entered.
+    core.exceptionEntry = (number) => {
+      enter(number);
+      if (number === EXCEPTION) usb.checkInterrupts();
+    };
     this.usb = usb;
     this.transfers = [];
     this.transfer = null;
