@@ -43,7 +43,7 @@ def command(
     from diffbotctl.drivers.robot_link import board_settings
     from diffbotctl.emulator.program import image_of
     from diffbotctl.emulator.virtual_board import virtual_board
-    from diffbotctl.flash.flasher import load
+    from diffbotctl.flash.flasher import check_chip, load
     from diffbotctl.runs.signals import Signals
     from diffbotctl.ui.text import fold_text
 
@@ -52,7 +52,7 @@ def command(
         image = image_of(board_settings(file.nominal).board)
         _speaks_ours(file.robot, str(file.file))
     if image is not None:
-        load(image)
+        check_chip(image, load(image), board_settings(file.nominal).board)
     walls = None if world is None else _walls(world, robot)
     signals = Signals()
     with virtual_board(file.nominal, seed, walls, image) as board:

@@ -9,6 +9,7 @@ from pathlib import Path
 from diffbotctl.bluetooth.bluez import PORT_PREFIX
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.links.diffbot_frames import BoardCode
+from diffbotctl.links.uf2_format import INFO_FILE
 from diffbotctl.ports.sysfs import SerialPort, serial_ports
 from diffbotctl.ports.usb_ids import MEGA_2560, PICO, PICO_PYTHON, UNO, PortRole
 
@@ -196,7 +197,7 @@ class BadImageError(FlashError):
     code = "E-FLASH-IMAGE"
 
     def __init__(self, file: str, cause: str) -> None:
-        super().__init__(file, cause, "use an Intel hex file for the board, or leave --hex out")
+        super().__init__(file, cause, "use a program for the board, or leave --hex out")
 
 
 class NoProgrammerError(FlashError):
@@ -276,9 +277,14 @@ def refuse_radio(device: str) -> None:
 
 
 def refuse_other_board(device: str, board: BoardCode) -> None:
-    """Raises OtherBoardError when the port's USB identity is that of another board than `board`."""
+    """Raises OtherBoardError when the port's USB identity is that of another board than `board`.
+
+    Also when it is the boot drive of a Pico.
+    """
     port = port_named(device)
     found = board_of(port) if port else None
+    if (Path(device) / INFO_FILE).is_file():
+        found = BoardCode.RP2040
     if found not in (None, board):
         assert found is not None
         raise OtherBoardError(f"port {device}", found, board)

@@ -61,7 +61,7 @@ def flash(
     """
     refuse_radio(device)
     image = load(file)
-    _check_chip(file, image, board)
+    check_chip(file, image, board)
     if backup is not None:
         _check_backup_file(backup)
     if backup is not None or programmer == "built-in":
@@ -77,7 +77,7 @@ def flash(
                 yield from send_settings(session, settings)
 
 
-def _check_chip(file: Path, image: bytes, board: BoardCode) -> None:
+def check_chip(file: Path, image: bytes, board: BoardCode) -> None:
     """Raises BadImageError for a program that was built for another chip, or is too large."""
     chip = chip_of(image)
     if chip is not None and chip is not board:

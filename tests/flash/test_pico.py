@@ -6,10 +6,17 @@ import threading
 import pytest
 from click.testing import CliRunner
 
+from diffbotctl.cli.emulate import command as emulate_command
 from diffbotctl.cli.flash import flash as flash_command
 from diffbotctl.config.load import load_robot
 from diffbotctl.drivers import board_ports
-from diffbotctl.drivers.board_ports import OtherBoardError, SeveralBoardsError, refuse_other_board
+from diffbotctl.drivers.board_ports import (
+    BadImageError,
+    OtherBoardError,
+    SeveralBoardsError,
+    refuse_other_board,
+)
+from diffbotctl.emulator.program import image_of
 from diffbotctl.emulator.virtual_board import virtual_board
 from diffbotctl.flash.boot_drive import NoDriveError
 from diffbotctl.flash.pico import NotMountedError, PicoTarget, find_pico
@@ -70,8 +77,19 @@ def test_a_pico_is_not_flashed_as_another_board(machine, monkeypatch, robot):
     words = ["firmware", "--robot", robot, "--yes"]
     result = CliRunner().invoke(flash_command, words, standalone_mode=False)
     assert isinstance(result.exception, OtherBoardError), result.exception
-    with pytest.raises(OtherBoardError, match="a Raspberry Pi Pico"):
-        refuse_other_board("/dev/ttyACM0", BoardCode.MEGA2560)
+    (machine.root / "INFO_UF2.TXT").touch()
+    for port in ("/dev/ttyACM0", str(machine.root)):
+        with pytest.raises(OtherBoardError, match="a Raspberry Pi Pico"):
+            refuse_other_board(port, BoardCode.MEGA2560)
+
+
+@pytest.mark.parametrize(
+    ("robot", "board"), [(PICO_ROBOT, BoardCode.MEGA2560), ("book_2wd", BoardCode.RP2040)]
+)
+def test_a_program_for_another_chip_is_not_emulated(robot, board):
+    words = [robot, "--hex", str(image_of(board))]
+    result = CliRunner().invoke(emulate_command, words, standalone_mode=False)
+    assert isinstance(result.exception, BadImageError), result.exception
 
 
 @pytest.mark.parametrize("image", ["ours", None], ids=["running", "blank"])
