@@ -11,6 +11,8 @@
 #else
 #define LINKS 2
 #endif
+#define LINK_OF_RATE (LINKS - 1)
+#define LINK_ROOM_IN 64 /* 5.5 ms at 115200 baud */
 
 #define BOARD_EVERY_EDGE 0 /* two channels: counts one edge of a slot only */
 #define BOARD_EDGES_PER_MS 32 /* of one pin, so that the main loop goes on: 4 us each */

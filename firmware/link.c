@@ -4,7 +4,7 @@
 #include "codec.h"
 #include "status.h"
 
-#define ROOM_IN 64   /* 5.5 ms at 115200 baud */
+#define ROOM_IN LINK_ROOM_IN
 #define ROOM_OUT 128 /* five state frames */
 #define NO_CHANGE 0xFF
 #define LAST_BYTES_MS 4 /* two bytes may be in the UART: 2.1 ms at 9600 baud */
@@ -134,5 +134,5 @@ void link_tick(void)
 
 bool link_active(uint8_t link)
 {
-    return ports[link].active && (LINKS > 1 || ports[link].baud == NO_CHANGE);
+    return ports[link].active && (LINK_OF_RATE != 0 || ports[link].baud == NO_CHANGE);
 }

@@ -34,8 +34,8 @@ uint8_t link_backlog(uint8_t link);
 /* Applies a new baud rate when the line is idle. To be called each millisecond. */
 void link_tick(void);
 
-/* True when a valid frame was received on the link: telemetry is sent only there. Not while the only link
-   changes from the rate of USB to that of the settings: a frame at the former rate would be misdated. */
+/* True when a valid frame was received on the link: telemetry is sent only there. Not while the link of USB and
+   radio changes from the rate of USB to that of the settings: a frame at the former rate would be misdated. */
 bool link_active(uint8_t link);
 
 #endif

@@ -115,7 +115,7 @@ static void use(void)
     telemetry_configure(&settings);
     if (!board_input(settings.button, &button))
         button.mask = 0;
-    link_baud(LINKS - 1, settings.baud);
+    link_baud(LINK_OF_RATE, settings.baud);
     faults = 0;
     release();
     deadman_ready(&deadman);

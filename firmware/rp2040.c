@@ -1,9 +1,10 @@
-/* The RP2040's start, serial link, analog converter, reset and stack. */
+/* The RP2040's start, serial links, analog converter, reset and stack. */
 #include "rp2040_registers.h"
 
 #include "atomic.h"
 #include "board.h"
 #include "protocol.h"
+#include "rp2040_usb.h"
 
 #define PAINT 0xA5
 void rp2040_start(uint32_t parts)
@@ -18,7 +19,7 @@ void rp2040_begin(void)
 {
     rp2040_start(RESET_PLL_USB | RESET_IO_BANK0 | RESET_PADS_BANK0);
     rp2040_start_clocks();
-    rp2040_start(RESET_TIMER | RESET_PWM | RESET_ADC | RESET_UART0);
+    rp2040_start(RESET_TIMER | RESET_PWM | RESET_ADC | RESET_UART0 | RESET_USB);
     REGISTER(ADC + ADC_CONTROL) = 1;
     REGISTER(ADC + ADC_QUEUE_CONTROL) = 1u << 24 | 1; /* an interrupt for each result */
     REGISTER(ADC + ADC_ENABLED) = 1;
@@ -31,7 +32,8 @@ static const uint16_t divisors[] = {20000, 10000, 5000, 3333, 1667};
 
 void board_set_baud(uint8_t link, uint8_t baud)
 {
-    (void)link;
+    if (link == LINK_USB)
+        return;
     REGISTER(UART0 + UART_WHOLE) = divisors[baud] / 64;
     REGISTER(UART0 + UART_FRACTION) = divisors[baud] % 64;
     REGISTER(UART0 + UART_FORMAT) = FORMAT_8_BITS; /* takes the divisor over */
@@ -39,6 +41,10 @@ void board_set_baud(uint8_t link, uint8_t baud)
 
 void board_start_link(uint8_t link, uint8_t baud)
 {
+    if (link == LINK_USB) {
+        rp2040_start_usb();
+        return;
+    }
     board_set_baud(link, baud);
     REGISTER(UART0 + UART_CONTROL) = 1u << 9 | 1u << 8 | 1;
     REGISTER(UART0 + UART_MASK) = UART_RECEIVES;
@@ -49,20 +55,24 @@ void board_start_link(uint8_t link, uint8_t baud)
 
 uint8_t board_received(uint8_t link)
 {
-    (void)link;
-    return (uint8_t)REGISTER(UART0 + UART_DATA);
+    return link == LINK_USB ? rp2040_usb_received() : (uint8_t)REGISTER(UART0 + UART_DATA);
 }
 
 void board_send(uint8_t link, uint8_t byte)
 {
-    (void)link;
-    REGISTER(UART0 + UART_DATA) = byte;
+    if (link == LINK_USB)
+        rp2040_usb_send(byte);
+    else
+        REGISTER(UART0 + UART_DATA) = byte;
 }
 
 /* The unit interrupts when it has become empty, not while it is: its interrupt is called for the first byte. */
 void board_sending(uint8_t link, bool on)
 {
-    (void)link;
+    if (link == LINK_USB) {
+        rp2040_usb_sending(on);
+        return;
+    }
     ATOMIC
     {
         if (on) {
@@ -126,6 +136,19 @@ void board_start_watchdog(void)
     REGISTER(WATCHDOG) = WATCHDOG_ON;
 }
 
+/* The boot ROM's function for BOOTSEL, found as the data sheet says (section 2.8.3). */
+void rp2040_boot_from_usb(void)
+{
+    typedef void (*function_t)(uint32_t light, uint32_t without);
+    typedef function_t (*search_t)(const uint16_t *table, uint32_t code);
+    volatile uint16_t *rom = (volatile uint16_t *)0x14;
+    __asm__("" : "+r"(rom)); /* the compiler takes low addresses for null */
+    const uint16_t *table = (const uint16_t *)(uintptr_t)rom[0];
+    search_t search = (search_t)(uintptr_t)rom[2];
+    REGISTER(WATCHDOG) = 0;
+    search(table, 'U' | 'B' << 8)(0, 0);
+}
+
 /* An exception that is no interrupt of ours. */
 void failed(void)
 {
@@ -155,7 +178,7 @@ uint16_t board_free_stack(void)
 }
 
 #define INTERRUPTS \
-    (1u << INTERRUPT_TIMER_0 | 1u << INTERRUPT_TIMER_1 | 1u << INTERRUPT_PINS | 1u << INTERRUPT_UART0 \
+    (1u << INTERRUPT_TIMER_0 | 1u << INTERRUPT_TIMER_1 | 1u << INTERRUPT_USB | 1u << INTERRUPT_PINS | 1u << INTERRUPT_UART0 \
      | 1u << INTERRUPT_ADC)
 
 #define ALL_LATER 0x40404040u

@@ -37,6 +37,7 @@ void rp2040_start_clocks(void)
         ;
     REGISTER(CLOCKS + 0x48) = 1u << 11; /* UART: the system clock */
     REGISTER(CLOCKS + 0x60) = 1u << 11; /* converter: the PLL of USB */
+    REGISTER(CLOCKS + 0x54) = 1u << 11; /* USB: its PLL */
     REGISTER(WATCHDOG_TICK) = 1u << 9 | CRYSTAL_MHZ;
 }
 

@@ -6,6 +6,7 @@
 #include "ranges.h"
 #include "reset.h"
 #include "rp2040_registers.h"
+#include "rp2040_usb.h"
 #include "wheel.h"
 
 void timer_millisecond(void)
@@ -50,6 +51,22 @@ void uart_ready(void)
         link_received(0);
     if (REGISTER(UART0 + UART_MASK) & UART_SENDS && !(REGISTER(UART0 + UART_FLAGS) & UART_FULL))
         link_empty(0);
+}
+
+void usb_ready(void)
+{
+    rp2040_usb_handle();
+    if (rp2040_usb_wants_boot()) {
+        wheels_release();
+        rp2040_boot_from_usb();
+    }
+    while (rp2040_usb_has_byte())
+        link_received(LINK_USB);
+    if (!rp2040_usb_begin_packet())
+        return;
+    while (rp2040_usb_has_room())
+        link_empty(LINK_USB);
+    rp2040_usb_end_packet();
 }
 
 void analog_ready(void)

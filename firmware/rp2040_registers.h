@@ -15,7 +15,7 @@
 enum {
     RESET_ADC = 1 << 0, RESET_I2C0 = 1 << 3, RESET_IO_BANK0 = 1 << 5, RESET_IO_QSPI = 1 << 6,
     RESET_PADS_BANK0 = 1 << 8, RESET_PADS_QSPI = 1 << 9, RESET_PLL_USB = 1 << 13, RESET_PWM = 1 << 14,
-    RESET_TIMER = 1 << 21, RESET_UART0 = 1 << 22,
+    RESET_TIMER = 1 << 21, RESET_UART0 = 1 << 22, RESET_USB = 1 << 24,
 };
 
 /* Registers that are a pin each. */
@@ -77,7 +77,7 @@ enum { SSI_CONTROL = 0, SSI_ENABLE = 8, SSI_SLAVE = 0x10, SSI_DIVISOR = 0x14, SS
 #define INTERRUPTS_ON 0xE000E100u
 #define INTERRUPTS_RAISED 0xE000E200u
 #define INTERRUPT_PRIORITIES 0xE000E400u /* four interrupts a register, a byte each; 0 comes first */
-enum { INTERRUPT_TIMER_0, INTERRUPT_TIMER_1, INTERRUPT_PINS = 13, INTERRUPT_UART0 = 20, INTERRUPT_ADC = 22 };
+enum { INTERRUPT_TIMER_0, INTERRUPT_TIMER_1, INTERRUPT_USB = 5, INTERRUPT_PINS = 13, INTERRUPT_UART0 = 20, INTERRUPT_ADC = 22 };
 
 /* Edges of the pins that are watched. */
 #define PINS_PER_REGISTER 8
@@ -102,6 +102,9 @@ void rp2040_start(uint32_t parts); /* ends their reset */
 void rp2040_start_clocks(void);
 void rp2040_begin_store(void);
 
+/* Resets the chip into BOOTSEL, where it waits for a program; its pins are inputs then. */
+void rp2040_boot_from_usb(void);
+
 /* Called by the start code and by interrupts. */
 void rp2040_begin(void);
 void failed(void);
@@ -109,6 +112,7 @@ void timer_millisecond(void);
 void timer_sample(void);
 void pins_changed(void);
 void uart_ready(void);
+void usb_ready(void);
 void analog_ready(void);
 
 #endif

@@ -67,7 +67,11 @@ copier:
     .word failed
     .endr
     .word timer_millisecond, timer_sample
-    .rept 11
+    .rept 3
+    .word failed
+    .endr
+    .word usb_ready
+    .rept 7
     .word failed
     .endr
     .word pins_changed

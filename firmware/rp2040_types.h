@@ -4,7 +4,10 @@
 
 #include <stdint.h>
 
-#define LINKS 1 /* UART0, whose rate is a setting */
+#define LINKS 2
+#define LINK_USB 1 /* the USB port; the other is UART0, whose rate is a setting */
+#define LINK_OF_RATE 0
+#define LINK_ROOM_IN 255 /* bytes: of USB, three packets that come at once */
 
 #define BOARD_EVERY_EDGE 1 /* two channels: can count all four edges of a slot */
 #define BOARD_EDGES_PER_MS 100 /* of one wheel, so that the main loop goes on: 80,000/s and a quarter more */

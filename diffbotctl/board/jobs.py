@@ -13,6 +13,7 @@ from diffbotctl.bluetooth.link_stats import LinkFigures, LinkProbe
 from diffbotctl.board.session import POLL_PERIOD_S, BoardSession, JobMessage
 from diffbotctl.drivers.robot_link import diffbot_host
 from diffbotctl.errors import Problem, RunError
+from diffbotctl.links.diffbot_frames import BoardCode
 from diffbotctl.links.diffbot_host import DiffbotHost
 from diffbotctl.time import SECOND
 
@@ -54,7 +55,9 @@ def blink(device: str, host: DiffbotHost, times: int) -> Iterator[JobMessage]:
     """
     with BoardSession(device, host.baud) as session:
         yield from session.connect(host)
-        yield JobMessage(f"the light L beside pin 13 now blinks {times} times")
+        is_pico = host.settings.board is BoardCode.RP2040
+        light = "the light beside the USB socket" if is_pico else "the light L beside pin 13"
+        yield JobMessage(f"{light} now blinks {times} times")
         for _ in range(2 * times):
             host.light(LIGHT_TOGGLE)
             yield from session.run_for(host, BLINK_HALF_PERIOD_S)

@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import click
+
+if TYPE_CHECKING:
+    from diffbotctl.links.diffbot_frames import BoardCode
+    from diffbotctl.ports.sysfs import SerialPort
 
 
 def choose_port(radio: bool = False) -> str:
@@ -14,9 +19,27 @@ def choose_port(radio: bool = False) -> str:
     Raises NoBoardError, with `radio` one that names the modules that are paired but not bound;
     SeveralBoardsError without a terminal to ask at.
     """
-    from diffbotctl.drivers.board_ports import NoBoardError, SeveralBoardsError, candidates, choose
+    from diffbotctl.drivers.board_ports import candidates
 
-    boards = candidates(radio)
+    return _choose(candidates(radio), radio)
+
+
+def choose_board_port(board: BoardCode) -> str:
+    """The device that may lead to a `board`. Raises as `choose_port`, and OtherBoardError."""
+    from diffbotctl.drivers.board_ports import OtherBoardError, board_of, candidates
+
+    boards = candidates()
+    fitting = [port for port in boards if board_of(port) in (None, board)]
+    if boards and not fitting:
+        found = board_of(boards[0])
+        assert found is not None
+        raise OtherBoardError(f"port {boards[0].name}", found, board)
+    return _choose(fitting, False)
+
+
+def _choose(boards: list[SerialPort], radio: bool) -> str:
+    from diffbotctl.drivers.board_ports import NoBoardError, SeveralBoardsError, choose
+
     try:
         return choose(boards).device
     except SeveralBoardsError:

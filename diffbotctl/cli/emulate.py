@@ -13,10 +13,9 @@ if TYPE_CHECKING:
     from diffbotctl.config.robot import Robot
     from diffbotctl.plant.world import World
 
-FLASH = "    diffbotctl flash firmware --robot {robot} --port {usb}\n"
 TRY = """\
 Now, from another terminal:
-{flash}\
+    diffbotctl flash firmware --robot {robot} --port {usb}
     diffbotctl blink --robot {robot} --port {usb}
     diffbotctl run goal --robot {robot} --port {port}
 Ctrl-C ends the board."""
@@ -42,35 +41,30 @@ def command(
     from diffbotctl.cli.nonblocking_stderr import NonBlockingStderr
     from diffbotctl.config.load import load_robot
     from diffbotctl.drivers.robot_link import board_settings
-    from diffbotctl.emulator.program import CHIPS, EmulatorError, image_of
+    from diffbotctl.emulator.program import image_of
     from diffbotctl.emulator.virtual_board import virtual_board
-    from diffbotctl.flash.flasher import load
+    from diffbotctl.flash.flasher import check_chip, load
     from diffbotctl.runs.signals import Signals
     from diffbotctl.ui.text import fold_text
 
     file = load_robot(robot)
-    has_bootloader = board_settings(file.nominal).board in CHIPS
-    if blank and not has_bootloader:
-        raise EmulatorError("the boot drive of a Pico is not emulated", "leave --blank out")
     if image is None and not blank:
         image = image_of(board_settings(file.nominal).board)
         _speaks_ours(file.robot, str(file.file))
     if image is not None:
-        load(image)
+        check_chip(image, load(image), board_settings(file.nominal).board)
     walls = None if world is None else _walls(world, robot)
     signals = Signals()
     with virtual_board(file.nominal, seed, walls, image) as board:
         what = "nothing but its bootloader" if image is None else image.name
         what = f"EMULATED board with {what}, SIMULATED robot {file.file} (seed {seed})"
         click.echo(fold_text(what, hang=2))
-        kind = "USB port   " if has_bootloader else "serial port"
-        click.echo(f"{kind} {board.usb}")
+        click.echo(f"USB port    {board.usb}")
         if board.radio is not None:
             click.echo(f"radio port  {board.radio}")
-        port = board.radio or board.usb
+        port = board.radio if board.radio and file.robot.link.has_radio else board.usb
         name = robot or file.file
-        flash = FLASH.format(robot=name, usb=board.usb) if has_bootloader else ""
-        click.echo(TRY.format(flash=flash, robot=name, usb=board.usb, port=port))
+        click.echo(TRY.format(robot=name, usb=board.usb, port=port))
         aside = NonBlockingStderr()  # a terminal that takes nothing must not stop the board's time
         board.serve(signals.file, aside.say)
         aside.end()

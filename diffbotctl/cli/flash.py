@@ -60,23 +60,33 @@ def flash(
 
     The board can be flashed again after an interruption.
     """
-    from diffbotctl.cli.choose_port import choose_port
+    from diffbotctl.cli.choose_port import choose_board_port
     from diffbotctl.config.board_pins import BOARDS
     from diffbotctl.config.load import load_robot
     from diffbotctl.config.lookup import folder
-    from diffbotctl.drivers.board_ports import refuse_radio
+    from diffbotctl.drivers.board_ports import refuse_other_board, refuse_radio
     from diffbotctl.drivers.robot_link import board_settings
     from diffbotctl.flash.flasher import flash, load
+    from diffbotctl.flash.pico import find_pico, flash_pico
+    from diffbotctl.links.diffbot_frames import BoardCode
 
     file = load_robot(robot)
-    if file.robot.board.type == "pico":
-        _flash_pico(port, file.file, programmer, backup, image, yes)
-        return
-    device = choose_port() if port == "auto" else port
-    refuse_radio(device)
     ours = image is None
     settings = board_settings(file.robot)
     program = folder("firmware") / BOARDS[file.robot.board.type].image if image is None else image
+    if settings.board is BoardCode.RP2040:
+        _refuse_for_pico(programmer, backup)
+        target = find_pico(port)
+        load(program)
+        click.echo(f"robot {file.file}, Pico on {target.place}")
+        click.echo(LIFT)
+        if not yes and not _agreed():
+            raise click.Abort
+        _show(flash_pico(target, program, settings if ours else None))
+        return
+    device = choose_board_port(settings.board) if port == "auto" else port
+    refuse_radio(device)
+    refuse_other_board(device, settings.board)
     load(program)
     click.echo(f"robot {file.file}, port {device}")
     click.echo(FLOATS)
@@ -95,31 +105,14 @@ def flash(
         click.echo(STILL_ROSSERIAL.format(file=file.file))
 
 
-def _flash_pico(
-    port: str,
-    robot: Path,
-    programmer: str,
-    backup: Path | None,
-    image: Path | None,
-    yes: bool,
-) -> None:
+def _refuse_for_pico(programmer: str, backup: Path | None) -> None:
     """A Pico has no serial bootloader: the program is copied onto its drive."""
-    from diffbotctl.config.board_pins import PICO
-    from diffbotctl.config.lookup import folder
     from diffbotctl.drivers.board_ports import NoBackupError, NoProgrammerError
-    from diffbotctl.flash.boot_drive import check_drive, choose_drive, flash_drive
 
     if backup is not None:
         raise NoBackupError("--backup", "a Pico's boot ROM does not show the program on it")
     if programmer != "built-in":
         raise NoProgrammerError("it does not flash a Pico", "leave --programmer out")
-    drive = choose_drive(port)
-    check_drive(drive)
-    click.echo(f"robot {robot}, drive {drive}")
-    click.echo(LIFT)
-    if not yes and not _agreed():
-        raise click.Abort
-    _show(flash_drive(drive, folder("firmware") / PICO.image if image is None else image))
 
 
 def _agreed() -> bool:

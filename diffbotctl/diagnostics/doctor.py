@@ -53,6 +53,8 @@ PACKAGES = (
     Package("gcc-avr", "bin/avr-gcc", "building the firmware; a built one is included"),
     Package("libsimavr-dev", "include/simavr/sim_avr.h", "`emulate` and `run --port emulated`"),
     Package("gcc", "bin/gcc", "`emulate` and `run --port emulated`"),
+    Package("nodejs", "bin/node", "`emulate` and `run --port emulated` of a Pico"),
+    Package("npm", "bin/npm", "the emulator of a Pico, whose package rp2040js it installs"),
 )
 PACKAGE_FOLDERS = ("usr", "usr/local", "")
 

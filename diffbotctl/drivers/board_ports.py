@@ -8,8 +8,10 @@ from pathlib import Path
 
 from diffbotctl.bluetooth.bluez import PORT_PREFIX
 from diffbotctl.errors import Problem, RunError
+from diffbotctl.links.diffbot_frames import BoardCode
+from diffbotctl.links.uf2_format import INFO_FILE
 from diffbotctl.ports.sysfs import SerialPort, serial_ports
-from diffbotctl.ports.usb_ids import PortRole
+from diffbotctl.ports.usb_ids import MEGA_2560, PICO, PICO_PYTHON, UNO, PortRole
 
 
 class FlashError(RunError):
@@ -111,6 +113,21 @@ class WrongSignatureError(FlashError):
         )
 
 
+class OtherBoardError(FlashError):
+    """The board that is plugged in is not that of the robot file."""
+
+    code = "E-FLASH-SIGNATURE"
+
+    def __init__(self, place: str, found: BoardCode, board: BoardCode) -> None:
+        """`board`: that of the robot file."""
+        super().__init__(
+            place,
+            f"here is {_with_article(found)}, and the robot file is for {_with_article(board)}",
+            "plug in the robot's board, name its port with --port, or take the robot file of this "
+            "board with --robot",
+        )
+
+
 class RefusedError(FlashError):
     """The bootloader refused a command."""
 
@@ -180,7 +197,7 @@ class BadImageError(FlashError):
     code = "E-FLASH-IMAGE"
 
     def __init__(self, file: str, cause: str) -> None:
-        super().__init__(file, cause, "use an Intel hex file for the board, or leave --hex out")
+        super().__init__(file, cause, "use a program for the board, or leave --hex out")
 
 
 class NoProgrammerError(FlashError):
@@ -196,6 +213,35 @@ USB = re.compile(r"tty(ACM|USB)\d+\Z")
 RADIO = re.compile(r"rfcomm\d+\Z")
 # A genuine Mega or Uno, or a bound module; clones share their USB chip with other things.
 LIKELY_ROLES = (PortRole.BOARD, PortRole.BLUETOOTH)
+
+
+def _with_article(board: BoardCode) -> str:
+    return f"{'an' if board.meaning[0] in 'AEIOU' else 'a'} {board.meaning}"
+
+
+BOARDS_OF_CHIPS = {
+    MEGA_2560: BoardCode.MEGA2560,
+    UNO: BoardCode.ATMEGA328P,
+    PICO: BoardCode.RP2040,
+    PICO_PYTHON: BoardCode.RP2040,
+}
+
+
+def board_of(port: SerialPort) -> BoardCode | None:
+    """The board that a port's USB identity tells; None for the serial chip of a clone."""
+    chip = port.usb.chip if port.usb else None
+    return BOARDS_OF_CHIPS.get(chip) if chip else None
+
+
+def picos(root: Path = Path("/")) -> list[SerialPort]:
+    """The USB ports of Picos, whatever program they run."""
+    return [port for port in serial_ports(root) if board_of(port) is BoardCode.RP2040]
+
+
+def port_named(device: str, root: Path = Path("/")) -> SerialPort | None:
+    """The port with this name, or to which this name is a link."""
+    names = {device, os.path.realpath(device)}
+    return next((port for port in serial_ports(root) if port.device in names), None)
 
 
 def candidates(radio: bool = False, root: Path = Path("/")) -> list[SerialPort]:
@@ -228,3 +274,17 @@ def refuse_radio(device: str) -> None:
     bound = any(RADIO.search(name) for name in (device, os.path.realpath(device)))
     if bound or device.startswith(PORT_PREFIX):
         raise RadioPortError(device)
+
+
+def refuse_other_board(device: str, board: BoardCode) -> None:
+    """Raises OtherBoardError when the port's USB identity is that of another board than `board`.
+
+    Also when it is the boot drive of a Pico.
+    """
+    port = port_named(device)
+    found = board_of(port) if port else None
+    if (Path(device) / INFO_FILE).is_file():
+        found = BoardCode.RP2040
+    if found not in (None, board):
+        assert found is not None
+        raise OtherBoardError(f"port {device}", found, board)

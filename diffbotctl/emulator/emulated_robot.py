@@ -61,6 +61,7 @@ class EmulatedBoard:
         self.shorted = [False, False]  # by the driver, at duty 0
         self.changed = [0, 0]  # ns at which each motor's duty last changed
         self.received: deque[tuple[int, int, bytes]] = deque()
+        self.in_bootsel = False  # a Pico that waits for a program
         self._outgoing: deque[tuple[int, int, bytes]] = deque()
         plant.capture(True)
         self._first_levels = self._transitions(plant.encoder_levels())
@@ -93,6 +94,7 @@ class EmulatedBoard:
         transitions += self._transitions(edges) + self._button_changes()
         millivolts = self._millivolts()
         result = self.emulator.step(until, transitions, millivolts, (arriving[0], arriving[1]))
+        self.in_bootsel = result.in_bootsel
         for change in result.changes:
             sign = -1.0 if self.sides[change.motor].reversed else 1.0
             self.duty[change.motor] = sign * change.duty

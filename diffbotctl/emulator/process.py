@@ -19,9 +19,10 @@ from diffbotctl.emulator.program import (
     image_of,
     rp2040_program,
 )
-from diffbotctl.emulator.pseudo_terminal import PseudoTerminal
+from diffbotctl.emulator.pseudo_terminal import PseudoTerminal, UsbTerminal
 from diffbotctl.links.diffbot_frames import DUTY_ONE, PIN_NONE, BoardCode
 from diffbotctl.processes.real_time import prefer
+from diffbotctl.time import SECOND
 
 EEPROM_SIZE = 4096
 # Reset causes, as bits of the chip's MCUSR register (data sheet, section 12.5).
@@ -36,6 +37,8 @@ ANSWER_TIMEOUT_S = 30.0  # for a step, also on a busy computer; then it is suspe
 
 Firmware = Literal["ours"]
 """the firmware of diffbotctl for the board"""
+
+RESET, CRASHED, IN_BOOTSEL = 1, 2, 4  # flags of a step's reply
 
 _HEAD = struct.Struct("<cQHHHH")
 _TRANSITION = struct.Struct("<IBB")
@@ -110,7 +113,8 @@ class StepResult(NamedTuple):
     changes: list[MotorChange]
     sent: list[SentByte]
     was_reset: bool
-    crashed: bool
+    in_bootsel: bool = False
+    """a Pico shows its boot drive and runs no program"""
 
     def bytes_of(self, uart: int) -> bytes:
         """All bytes sent on one UART in this step."""
@@ -122,8 +126,9 @@ class Emulator:
 
     `motors`: the pins of each motor. `gyro`: the I2C address of a gyro, 0 for none.
     `image`: default is the board's firmware.
-    With `pty` the UARTs are pseudo-terminals named by `ports`, and opening the first resets the
-    board. With `paced` the board follows real time by itself and takes no steps.
+    The UARTs of a Pico are its UART0 and its USB port. With `pty` the ports are pseudo-terminals
+    named by `ports`, the one of USB first; opening that resets an AVR board. With `paced` the
+    board follows real time by itself and takes no steps.
     """
 
     def __init__(
@@ -153,11 +158,12 @@ class Emulator:
         for sonar in sonars:
             command += ["--sonar", ",".join(map(str, sonar))]
         command += ["--gyro", str(gyro)] if gyro else []
-        self._terminal: PseudoTerminal | None = None
+        self._usb: UsbTerminal | None = None  # of a Pico; beside it its UART
+        self._uart: PseudoTerminal | None = None
         if board in CHIPS:
             command += ["--pty"] * pty + ["--paced"] * paced
         elif pty:
-            self._terminal = PseudoTerminal()
+            self._usb, self._uart = UsbTerminal(), PseudoTerminal()
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         if pty or paced:  # otherwise its time waits for the caller
             prefer(self._process.pid)
@@ -168,8 +174,8 @@ class Emulator:
         self._poll.register(self._replies, select.POLLIN)
         self.now = 0
         self.ports: tuple[str, ...] | None = None
-        if self._terminal is not None:
-            self.ports = (self._terminal.name,)
+        if self._usb is not None and self._uart is not None:
+            self.ports = (self._usb.name, self._uart.name)
         elif pty:
             self.ports = self._ports()
 
@@ -199,8 +205,10 @@ class Emulator:
         its fault; `received` is what goes into each UART, at its
         own baud rate. Raises EmulatorError when the emulator has crashed.
         """
-        if self._terminal is not None:
-            received = (self._terminal.read(), b"")
+        if self._usb is not None and self._uart is not None:
+            if self._usb.changed():
+                self.set_usb_port(self._usb.baud, self._usb.is_open)
+            received = (self._uart.read(), self._usb.read())
         changes = transitions or []
         analogs = millivolts or {}
         parts = [_HEAD.pack(b"S", until, len(changes), len(analogs), *map(len, received))]
@@ -211,8 +219,9 @@ class Emulator:
         with self._lock:
             self._write(b"".join([*parts, *received]))
             result = self._result()
-        if self._terminal is not None and result.sent:
-            self._terminal.write(result.bytes_of(0))
+        if self._usb is not None and self._uart is not None and result.sent:
+            self._uart.write(result.bytes_of(0))
+            self._usb.write(result.bytes_of(1))
         return result
 
     def _result(self) -> StepResult:
@@ -229,7 +238,12 @@ class Emulator:
             SentByte(began + after, uart, byte)
             for after, uart, byte in _BYTE.iter_unpack(data[split:])
         ]
-        return StepResult(self.now, changes, whole, bool(flags & 1), bool(flags & 2))
+        if flags & CRASHED:
+            raise EmulatorError(
+                f"after {self.now / SECOND:.3f} s its program did what the chip cannot do",
+                "start it with a program that was built for this board",
+            )
+        return StepResult(self.now, changes, whole, bool(flags & RESET), bool(flags & IN_BOOTSEL))
 
     def reset(self, cause: int = LINE) -> None:
         """Pull the reset line, or reset for another cause."""
@@ -263,6 +277,14 @@ class Emulator:
         """Number of flash words that were written without having been erased."""
         return int.from_bytes(self._request(b"D", 4), "little")
 
+    def set_usb_port(self, baud: int, is_open: bool) -> None:
+        """A program opens or closes the USB port of a Pico; without `pty` it is open."""
+        self._request(b"L" + struct.pack("<IB", baud, is_open), 1)
+
+    def program(self, image: bytes) -> None:
+        """Copy a UF2 file onto the drive of a Pico in BOOTSEL, which then starts it."""
+        self._request(b"U" + struct.pack("<I", len(image)) + image, 1)
+
     def close(self) -> None:
         """End the emulator."""
         if self._process.poll() is None:
@@ -273,9 +295,10 @@ class Emulator:
                 self._process.kill()
                 self._process.wait()
         self._replies.close()
-        if self._terminal is not None:
-            self._terminal.close()
-            self._terminal = None
+        for terminal in (self._usb, self._uart):
+            if terminal is not None:
+                terminal.close()
+        self._usb = self._uart = None
 
     def __enter__(self) -> Emulator:
         return self

@@ -3,10 +3,19 @@
 from __future__ import annotations
 
 import os
+import select
+import termios
 import tty
 from contextlib import suppress
 
 READ_MAX = 4096  # bytes of one reading; a board's line carries 12 in a millisecond
+
+OUTPUT_SPEED = 5  # index in what tcgetattr returns
+BAUDS = {
+    value: int(name[1:])
+    for name, value in vars(termios).items()
+    if name[0] == "B" and name[1:].isdecimal()
+}
 
 
 class PseudoTerminal:
@@ -34,3 +43,37 @@ class PseudoTerminal:
         """End the line: a client reads its end."""
         os.close(self._board)
         os.close(self._host)
+
+
+class UsbTerminal(PseudoTerminal):
+    """The USB port of a board, which is told who opens and closes it, and at which rate."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        os.close(self._host)  # otherwise it would never be seen closed
+        self._host = -1
+        self.baud, self.is_open = 0, True
+        self._poll = select.poll()
+        self._poll.register(self._board, 0)
+
+    def changed(self) -> bool:
+        """Whether a client has opened or closed it, or has changed its rate, since the last call.
+
+        The rate stays after the last client has closed it.
+        """
+        before = self.baud, self.is_open
+        self.is_open = not self._poll.poll(0)
+        if self.is_open:
+            self.baud = BAUDS[termios.tcgetattr(self._board)[OUTPUT_SPEED]]
+        return (self.baud, self.is_open) != before
+
+    def read(self) -> bytes:
+        """What clients have written since the last call."""
+        try:
+            return super().read()
+        except OSError:  # no client
+            return b""
+
+    def close(self) -> None:
+        """End the line: a client reads its end."""
+        os.close(self._board)

@@ -20,6 +20,7 @@ from diffbotctl.emulator.emulated_robot import (
 )
 from diffbotctl.emulator.process import Emulator, Firmware
 from diffbotctl.emulator.program import CHIPS, bootloader
+from diffbotctl.emulator.virtual_boot_drive import VirtualBootDrive
 from diffbotctl.plant.world import World
 from diffbotctl.processes.real_time import prefer
 from diffbotctl.time import SECOND
@@ -69,7 +70,7 @@ def _motion(speed: float) -> str:
 
 
 class VirtualBoard:
-    """A board paced to real time. `usb` names the port of UART0, `radio` that of UART1, if any.
+    """A board paced to real time. `usb` names its USB port, `radio` the UART of a radio, if any.
 
     The names are links in a new folder, named as Linux names such ports on a real machine, since
     the name distinguishes USB from Bluetooth.
@@ -98,6 +99,7 @@ class VirtualBoard:
         self.radio = self.folder / "rfcomm0" if len(emulator.ports) > 1 else None
         for link, port in zip(self.links(), emulator.ports, strict=True):
             link.symlink_to(port)
+        self._boot_drive: VirtualBootDrive | None = None
         self.lost = 0.0  # s for which the machine was too slow, and which the board skipped
 
     def links(self) -> list[Path]:
@@ -117,6 +119,7 @@ class VirtualBoard:
             if behind > CATCH_UP_MAX:
                 self.lost += behind * 1e-9
                 start += behind
+            self._exchange_program(report)
             # On a machine that is too slow this ends nevertheless: `behind` is not measured again.
             for _ in range(min(behind, CATCH_UP_MAX) // STEP):
                 self.board.advance(self.board.now + STEP)
@@ -125,9 +128,32 @@ class VirtualBoard:
                 if line is not None:
                     report(f"{self.board.now / SECOND:7.1f} s  {line}")
 
+    def _exchange_program(self, report: Callable[[str], None]) -> None:
+        """The boot drive of a Pico in BOOTSEL, beside its ports; USB has no serial port then."""
+        if self._boot_drive is None:
+            if self.board.in_bootsel:
+                self.usb.unlink(missing_ok=True)
+                self._boot_drive = VirtualBootDrive(self.folder)
+                report(f"BOOTSEL: the boot drive is {self._boot_drive.folder}")
+            return
+        image = self._boot_drive.program()
+        if image is not None:
+            self.board.emulator.program(image)
+            self.board.in_bootsel = False
+            self._boot_drive.close()
+            self._boot_drive = None
+            self._link_usb()
+            report("the program has started")
+
+    def _link_usb(self) -> None:
+        assert self.board.emulator.ports is not None
+        self.usb.symlink_to(self.board.emulator.ports[0])
+
     def close(self) -> None:
         """End the emulator; its ports vanish."""
         self.board.emulator.close()
+        if self._boot_drive is not None:
+            self._boot_drive.close()
         for link in self.links():
             link.unlink(missing_ok=True)
         self.folder.rmdir()

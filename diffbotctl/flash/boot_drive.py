@@ -13,14 +13,12 @@ from diffbotctl.drivers.board_ports import (
     BadImageError,
     FlashError,
     NoBoardError,
-    SeveralBoardsError,
 )
 from diffbotctl.flash.flasher import load
 from diffbotctl.flash.intel_hex import chip_of
 from diffbotctl.links.diffbot_frames import BoardCode
+from diffbotctl.links.uf2_format import INFO_FILE, RP2040_DRIVE
 
-INFO = "INFO_UF2.TXT"
-PICO = "RPI-RP2"  # the Board-ID of the RP2040's boot ROM
 COPY = "diffbot.uf2"
 RESTART_S = 10.0  # longest time from the last byte until the drive is gone
 POLL_PERIOD_S = 0.05
@@ -35,8 +33,8 @@ class NoDriveError(NoBoardError):
             self,
             place,
             "no drive of a Pico in BOOTSEL is mounted",
-            "hold BOOTSEL while you plug in the USB cable, open the drive RPI-RP2 in the file "
-            "manager, or name its folder with --port",
+            f"hold BOOTSEL while you plug in the USB cable, open the drive {RP2040_DRIVE} in the "
+            "file manager, or name its folder with --port",
         )
 
 
@@ -70,52 +68,42 @@ def drives(mounts: Path | None = None) -> list[Path]:
     found = []
     for line in (mounts or MOUNTS).read_text().splitlines():
         name = re.sub(r"\\([0-7]{3})", lambda code: chr(int(code[1], 8)), line.split(" ")[1])
-        if (Path(name) / INFO).is_file():
+        if (Path(name) / INFO_FILE).is_file():
             found.append(Path(name))
     return found
 
 
-def choose_drive(port: str, mounts: Path | None = None) -> Path:
-    """The drive that `port` names, or with `auto` the only one. Raises FlashError."""
-    if port != "auto":
-        if not (Path(port) / INFO).is_file():
-            raise NoDriveError(f"port {port}")
-        return Path(port)
-    found = drives(mounts)
-    if not found:
-        raise NoDriveError
-    if len(found) > 1:
-        raise SeveralBoardsError([str(drive) for drive in found])
-    return found[0]
-
-
 def check_drive(drive: Path) -> None:
     """Raises WrongDriveError unless the drive is that of an RP2040."""
-    text = (drive / INFO).read_text("ascii", "replace")
+    text = (drive / INFO_FILE).read_text("ascii", "replace")
     board = re.search(r"^Board-ID:\s*(\S+)", text, re.MULTILINE)
-    if board is None or board[1] != PICO:
+    if board is None or board[1] != RP2040_DRIVE:
         raise WrongDriveError(drive, board[1] if board else "")
 
 
-def flash_drive(drive: Path, file: Path) -> Iterator[JobEvent]:
-    """Copy `file` onto the drive; the boot ROM writes it and starts it. Raises FlashError."""
-    check_drive(drive)
+def check_image(file: Path) -> None:
+    """Raises BadImageError unless it is a program for an RP2040."""
     chip = chip_of(load(file))
     if chip is not BoardCode.RP2040:
         built_for = chip.meaning if chip else "another chip"
         cause = f"it was built for {built_for}, and the board is {BoardCode.RP2040.meaning}"
         raise BadImageError(str(file), cause)
+
+
+def flash_drive(drive: Path, file: Path) -> Iterator[JobEvent]:
+    """Copy `file` onto the drive; the boot ROM writes it and starts it. Raises FlashError."""
+    check_drive(drive)
+    check_image(file)
     yield JobMessage(f"Pico in BOOTSEL at {drive}")
     data = file.read_bytes()
     _copy(drive, data)
     deadline = time.monotonic() + RESTART_S
-    while (drive / INFO).exists():
+    while (drive / INFO_FILE).exists():
         if time.monotonic() > deadline:
             cause = "the program was copied, but the Pico does not start it"
             raise DriveFullError(drive, cause)
         time.sleep(POLL_PERIOD_S)
     yield JobMessage(f"{len(data)} bytes copied; the Pico has started the program")
-    yield JobMessage("It gets the robot's settings at the next run over its link, pins 0 and 1")
 
 
 def _copy(drive: Path, data: bytes) -> None:
@@ -130,5 +118,5 @@ def _copy(drive: Path, data: bytes) -> None:
                 raise DriveFullError(drive, f"only {written} of {len(data)} bytes fit")
             os.fsync(copy.fileno())
     except OSError as error:
-        if (drive / INFO).exists():
+        if (drive / INFO_FILE).exists():
             raise DriveFullError(drive, error.strerror or str(error)) from error

@@ -61,23 +61,23 @@ def flash(
     """
     refuse_radio(device)
     image = load(file)
-    _check_chip(file, image, board)
+    check_chip(file, image, board)
     if backup is not None:
         _check_backup_file(backup)
     if backup is not None or programmer == "built-in":
         with BoardSession(device, USB_BAUD) as session:
             yield from _write(session, image, board, backup, programmer == "built-in")
             if settings is not None and programmer == "built-in":
-                yield from _send_settings(session, settings)
+                yield from send_settings(session, settings)
     if programmer == "avrdude":
         yield from _avrdude(device, file, board)
         if settings is not None:
             with BoardSession(device, USB_BAUD) as session:
                 session.reset()
-                yield from _send_settings(session, settings)
+                yield from send_settings(session, settings)
 
 
-def _check_chip(file: Path, image: bytes, board: BoardCode) -> None:
+def check_chip(file: Path, image: bytes, board: BoardCode) -> None:
     """Raises BadImageError for a program that was built for another chip, or is too large."""
     chip = chip_of(image)
     if chip is not None and chip is not board:
@@ -141,7 +141,7 @@ def _save(backup: Path, text: str) -> None:
         raise NoBackupError(str(backup), error.strerror or str(error)) from error
 
 
-def _send_settings(session: BoardSession, settings: BoardSettings) -> Iterator[JobEvent]:
+def send_settings(session: BoardSession, settings: BoardSettings) -> Iterator[JobEvent]:
     """Connect to the firmware over USB, which sends it its settings; yields its name.
 
     Raises SilentError, or RunError when it takes no settings.

@@ -1,18 +1,23 @@
-"""UF2 files: reader of a program for the RP2040 (github.com/microsoft/uf2 describes the format)."""
+"""UF2 files: reader of a program for the RP2040."""
 
 from __future__ import annotations
 
-import struct
-
 from diffbotctl.drivers.board_ports import BadImageError
+from diffbotctl.links.uf2_format import (
+    BLOCK,
+    BOOT_SIZE,
+    FIRST_MAGIC,
+    FLASH_START,
+    HAS_FAMILY,
+    HEAD,
+    LAST_MAGIC,
+    PAYLOAD_MAX,
+    RP2040_FAMILY,
+    SECOND_MAGIC,
+    boot_checksum,
+)
 
-BLOCK, PAYLOAD_MAX = 512, 476
-HEAD = struct.Struct("<8I")
-FIRST_MAGIC, SECOND_MAGIC, LAST_MAGIC = 0x0A324655, 0x9E5D5157, 0x0AB16F30
-HAS_FAMILY, RP2040_FAMILY = 0x2000, 0xE48BFF56
-FLASH_START, FLASH_BYTES_MAX = 0x10000000, 0x1FD000  # up to where the settings are
-BOOT_SIZE = 252  # bytes of the boot code, which its checksum follows
-POLYNOMIAL = 0x04C11DB7
+FLASH_BYTES_MAX = 0x1FD000  # up to where the settings are
 
 
 def is_uf2(data: bytes) -> bool:
@@ -53,16 +58,6 @@ def read_uf2(data: bytes, name: str = "image") -> bytes:
 def is_rp2040(program: bytes) -> bool:
     """True for a program that the RP2040's boot ROM starts: its boot code has its checksum."""
     expected = program[BOOT_SIZE : BOOT_SIZE + 4]
-    return len(expected) == 4 and _checksum(program[:BOOT_SIZE]) == int.from_bytes(
+    return len(expected) == 4 and boot_checksum(program[:BOOT_SIZE]) == int.from_bytes(
         expected, "little"
     )
-
-
-def _checksum(boot: bytes) -> int:
-    """CRC-32 with the highest bit first, from all ones, not inverted (data sheet, 2.8.1.3.1)."""
-    value = 0xFFFFFFFF
-    for byte in boot:
-        value ^= byte << 24
-        for _ in range(8):
-            value = (value << 1 ^ (POLYNOMIAL if value >> 31 else 0)) & 0xFFFFFFFF
-    return value

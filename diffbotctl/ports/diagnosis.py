@@ -15,7 +15,7 @@ from diffbotctl.errors import Problem, closest_match
 from diffbotctl.ports import access
 from diffbotctl.ports.access import HIDDEN_USER, PortUser, SystemUser, port_user, system_groups
 from diffbotctl.ports.sysfs import SerialPort, UsbDevice, real_path, serial_ports, usb_devices
-from diffbotctl.ports.usb_ids import PICO, PortRole, UsbChip
+from diffbotctl.ports.usb_ids import PICO_PYTHON, PortRole, UsbChip
 
 NEVER_CHMOD = "Never chmod 777: it lasts until the cable is unplugged, and gives access to everyone"
 REPLUG = "then unplug the cable and plug it in again"
@@ -167,11 +167,11 @@ def _chip_problems(port: SerialPort) -> Iterator[Problem]:
         cause = f"it is {chip.title}, not a board"
         fix = "leave it alone; name another port with --port"
         yield _port_problem(port.device, "W-PORT-OTHER", cause, fix)
-    elif chip is PICO:
-        cause = "this Pico runs another program: ours uses its USB socket only as a supply"
+    elif chip is PICO_PYTHON:
+        cause = "this Pico runs MicroPython, not our firmware"
         fix = (
-            "hold BOOTSEL while you plug it in, and write the firmware with `diffbotctl flash "
-            "firmware`; then connect a 3.3 V USB-to-serial adapter to GP0 and GP1"
+            "write the firmware: `diffbotctl flash firmware` brings it to BOOTSEL by itself; save "
+            "your programs first"
         )
         yield _port_problem(port.device, "W-PORT-BOARD", cause, fix)
     elif chip.role == PortRole.OTHER_BOARD:

@@ -32,7 +32,9 @@ MEGA_2560 = UsbChip("Arduino Mega 2560", PortRole.BOARD)
 MEGA_ADK = UsbChip("Arduino Mega ADK", PortRole.OTHER_BOARD)
 UNO = UsbChip("Arduino Uno", PortRole.BOARD)
 LEONARDO = UsbChip("Arduino Leonardo", PortRole.OTHER_BOARD)
-PICO = UsbChip("Raspberry Pi Pico", PortRole.OTHER_BOARD)
+PICO = UsbChip("Raspberry Pi Pico", PortRole.BOARD)
+PICO_PYTHON = UsbChip("Raspberry Pi Pico with MicroPython", PortRole.OTHER_BOARD)
+BOOTSEL = (RASPBERRY_PI, 0x0003)  # a Pico that shows its boot drive; it has no serial port
 
 USB_IDS: dict[tuple[int, int], UsbChip] = {
     (ARDUINO, 0x0010): MEGA_2560,
@@ -48,7 +50,7 @@ USB_IDS: dict[tuple[int, int], UsbChip] = {
     (ARDUINO_ORG, 0x0043): UNO,
     (ARDUINO, 0x0036): LEONARDO,
     (ARDUINO, 0x8036): LEONARDO,
-    (RASPBERRY_PI, 0x0005): PICO,
+    (RASPBERRY_PI, 0x0005): PICO_PYTHON,
     (RASPBERRY_PI, 0x000A): PICO,
     (0x303A, 0x1001): UsbChip("ESP32", PortRole.OTHER_BOARD),
     (WCH, 0x7523): UsbChip("CH340", PortRole.CHIP, "ch341"),

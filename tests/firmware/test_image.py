@@ -32,7 +32,8 @@ def rebuilt(tmp_path_factory):
     copy = tmp_path_factory.mktemp("rebuilt") / "firmware"
     left_out = shutil.ignore_patterns("build", "*.hex", "*.uf2", "emulator")
     shutil.copytree(FIRMWARE, copy, ignore=left_out)
-    done = subprocess.run(["make", "-C", copy], capture_output=True, text=True, check=False)
+    command = ["make", "-C", copy, f"ROOT={FIRMWARE.parent}"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, f"the firmware does not build; make says:\n{done.stderr}"
     return copy
 

@@ -16,12 +16,14 @@ from diffbotctl.drivers.board_ports import (
     SeveralBoardsError,
 )
 from diffbotctl.emulator.program import image_of
-from diffbotctl.flash import boot_drive
-from diffbotctl.flash.boot_drive import INFO, DriveFullError, choose_drive, drives, flash_drive
+from diffbotctl.flash import boot_drive, pico
+from diffbotctl.flash.boot_drive import DriveFullError, drives, flash_drive
 from diffbotctl.flash.flasher import flash, load
 from diffbotctl.flash.intel_hex import chip_of
-from diffbotctl.flash.uf2 import BLOCK, _checksum, is_rp2040, read_uf2
+from diffbotctl.flash.pico import find_pico
+from diffbotctl.flash.uf2 import is_rp2040, read_uf2
 from diffbotctl.links.diffbot_frames import BoardCode
+from diffbotctl.links.uf2_format import BLOCK, INFO_FILE, boot_checksum
 from diffbotctl.testing.board_bench import PICO_ROBOT
 
 IMAGE = image_of(BoardCode.RP2040)
@@ -38,7 +40,7 @@ def drive(tmp_path, monkeypatch):
 
 def made_drive(folder, board="RPI-RP2"):
     folder.mkdir()
-    (folder / INFO).write_text(TEXT.format(board))
+    (folder / INFO_FILE).write_text(TEXT.format(board))
     return folder
 
 
@@ -50,7 +52,7 @@ def boot_rom(drive, size):
         copy = drive / boot_drive.COPY
         while not done.wait(0.01):
             if copy.exists() and copy.stat().st_size == size:
-                os.remove(drive / INFO)
+                os.remove(drive / INFO_FILE)
                 return
 
     thread = threading.Thread(target=watch)
@@ -73,6 +75,7 @@ def test_the_command_finds_the_drive_and_needs_no_port(drive, monkeypatch):
     mounts = drive.parent / "mounts"
     mounts.write_text(f"/dev/sda1 {drive} vfat rw 0 0\n")
     monkeypatch.setattr(boot_drive, "MOUNTS", mounts)
+    monkeypatch.setattr(pico, "PORT_S", 0.0)  # no port comes: it gets its settings later
     done, thread = boot_rom(drive, IMAGE.stat().st_size)
     try:
         words = ["firmware", "--robot", PICO_ROBOT, "--yes"]
@@ -81,7 +84,8 @@ def test_the_command_finds_the_drive_and_needs_no_port(drive, monkeypatch):
         done.set()
         thread.join(WAIT_S)
     assert result.exception is None, result.exception
-    assert f"drive {drive}" in result.output and "has started the program" in result.output
+    assert f"Pico on drive {drive}" in result.output
+    assert "has started the program" in result.output and pico.LATER in result.output
 
 
 def test_a_pico_that_does_not_restart_is_reported(drive, monkeypatch):
@@ -99,17 +103,17 @@ def test_drives_are_found_among_the_mounts(tmp_path):
     mounts.write_text("".join(f"/dev/sda1 {name} vfat rw 0 0\n" for name in names))
     assert drives(mounts) == [one, other]
     with pytest.raises(SeveralBoardsError):
-        choose_drive("auto", mounts)
+        find_pico("auto", tmp_path, mounts)
     mounts.write_text(f"/dev/sda1 {one} vfat rw 0 0\n")
-    assert choose_drive("auto", mounts) == one
+    assert find_pico("auto", tmp_path, mounts).drive == one
 
 
-@pytest.mark.parametrize("port", ["auto", "/dev/ttyACM0", "/"])
+@pytest.mark.parametrize("port", ["auto", "/"])
 def test_without_a_drive_nothing_is_written(tmp_path, port):
     mounts = tmp_path / "mounts"
     mounts.write_text("/dev/sda1 / ext4 rw 0 0\n")
     with pytest.raises(NoBoardError) as raised:
-        choose_drive(port, mounts)
+        find_pico(port, tmp_path, mounts)
     assert "BOOTSEL" in raised.value.problems[0].fix
 
 
@@ -145,8 +149,8 @@ def test_what_a_pico_cannot_do_is_refused(words, error):
 def test_our_image_is_one_that_the_boot_rom_starts():
     program = load(IMAGE)
     assert is_rp2040(program) and chip_of(program) is BoardCode.RP2040
-    # Independently of both implementations: the CRC-32/MPEG-2 of "123456789".
-    assert _checksum(b"123456789") == 0x0376E6E7
+    # The CRC-32/MPEG-2 of "123456789".
+    assert boot_checksum(b"123456789") == 0x0376E6E7
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,8 @@ from diffbotctl.emulator.process import Emulator
 from diffbotctl.emulator.program import bootloader, image_of
 from diffbotctl.flash import stk500v1
 from diffbotctl.flash.flasher import flash, load
-from diffbotctl.flash.intel_hex import write_hex
+from diffbotctl.flash.intel_hex import PAGE_BYTES, write_hex
+from diffbotctl.links import stk500_frames
 from diffbotctl.links.diffbot_frames import BoardCode
 from diffbotctl.links.diffbot_settings import BoardSettings
 from diffbotctl.links.link_protocol import BITS_PER_BYTE
@@ -29,6 +30,8 @@ OLDER_SIZE = 40_000  # bytes of a program that was there before: the book's is 1
 OLDER_UNO_SIZE = 24_000
 # Bytes of one request and its reply: an address; a page to write, a page to read, without the page.
 ADDRESS_BYTES, PROGRAM_BYTES, READ_BYTES = 4 + 2, 5 + 2, 5 + 2
+# The same of a Mega, whose bootloader keeps the address by itself, with the six bytes around each.
+MEGA_PROGRAM_BYTES, MEGA_READ_BYTES = 6 + 10 + 6 + 2, 6 + 4 + 6 + 3
 PAGE_WRITE_S = 2 * 0.0037  # erasing and writing (data sheet, table 28-11: 3.7 to 4.5 ms each)
 # Image, baud rate and most seconds of each bootloader of an Uno or Nano.
 UNO_BOOTLOADERS: dict[str, tuple[Callable[[], Path], int, float]] = {
@@ -51,11 +54,12 @@ def rows() -> Iterator[Row]:
 
 
 def row(programmer: str, case: str) -> Row:
-    """One programmer in one case, on a Mega."""
+    """One programmer in one case, on a Mega; beside the figure as of `uno_row`."""
     with TemporaryDirectory(prefix="diffbot-flash-") as folder:
         before = _program_before(case, BoardCode.MEGA2560, OLDER_SIZE, Path(folder))
         figures = _flashed(programmer, case, before, bootloader(), BOOK)
-    return _row(f"flash with {programmer}, {case}", figures, 4.0)
+    wire, pages = mega_wire_floor(len(load(image_of(BoardCode.MEGA2560))))
+    return _row(f"flash with {programmer}, {case} ({_floor(wire, pages)})", figures, 4.0)
 
 
 def uno_row(programmer: str, kind: str, case: str) -> Row:
@@ -70,9 +74,19 @@ def uno_row(programmer: str, kind: str, case: str) -> Row:
         before = _program_before(case, board, OLDER_UNO_SIZE, Path(folder))
         figures = _flashed(programmer, case, before, boot(), UNO)
     wire, pages = wire_floor(len(load(image_of(board))), baud)
-    floor = f"wire {wire:.1f} s, pages {pages:.1f} s on a chip"
-    what = f"flash a 328P with {programmer}, {kind} at {baud}, {case} ({floor})"
+    what = f"flash a 328P with {programmer}, {kind} at {baud}, {case} ({_floor(wire, pages)})"
     return _row(what, figures, target)
+
+
+def _floor(wire: float, pages: float) -> str:
+    return f"wire {wire:.1f} s, pages {pages:.1f} s on a chip"
+
+
+def mega_wire_floor(size: int) -> tuple[float, float]:
+    """As `wire_floor`, over STK500v2: whole pages, written and read back."""
+    pages = -(-size // PAGE_BYTES)
+    sent = MEGA_PROGRAM_BYTES + MEGA_READ_BYTES + 2 * PAGE_BYTES
+    return pages * sent * BITS_PER_BYTE / stk500_frames.BAUD, pages * PAGE_WRITE_S
 
 
 def wire_floor(size: int, baud: int) -> tuple[float, float]:

@@ -344,12 +344,12 @@ SITUATIONS = [
         "a Leonardo", known((0x2341, 0x8036)), U, "W-PORT-BOARD", "Leonardo", "book_2wd_stock"
     ),
     Situation(
-        "a Pico with another program",
+        "a Pico with MicroPython",
         known((0x2E8A, 0x0005)),
         U,
         "W-PORT-BOARD",
-        "another program",
-        "hold BOOTSEL",
+        "MicroPython",
+        "flash firmware",
     ),
     Situation(
         "a phone modem",

@@ -8,6 +8,7 @@ import { Line } from "./line.mjs";
 import { Motors } from "./motors.mjs";
 import { Pins } from "./pins.mjs";
 import { Sonars } from "./sonars.mjs";
+import { Usb } from "./usb.mjs";
 
 const RAM = 0x20000000;
 // Where the boot ROM puts the boot code, and a word of RAM that nothing else uses.
@@ -28,6 +29,26 @@ const HAD_RUN_PIN = 1 << 16;
 const WATCHDOG_TIMER = 1;
 const UNPOWERED = 0x5a; // what RAM may hold after the supply was off
 const ADC_QUEUE = 0x0c;
+// In the boot ROM: places of two pointers, what they point to, and a function that ends in a breakpoint.
+const TABLE_POINTER = 0x14;
+const SEARCH_POINTER = 0x18;
+const TABLE = 0x100;
+const SEARCH = 0x200;
+const BREAK = 0x300;
+const BOOT_FROM_USB = 0x4255; // "UB"
+const BREAKPOINT = 0xbe00;
+const SEARCH_CODE = [
+  0x8802, // search: ldrh r2, [r0]
+  0x2a00, // cmp r2, #0
+  0xd004, // beq none
+  0x428a, // cmp r2, r1
+  0xd002, // beq found
+  0x3004, // adds r0, #4
+  0xe7f8, // b search
+  0x46c0, // nop
+  0x8840, // none, found: ldrh r0, [r0, #2]
+  0x4770, // bx lr
+];
 // Cycles of the core to an interrupt's first instruction and back (Cortex-M0+ manual, section 3.3.1): rp2040js
 // leaves them out.
 const CYCLES_OF_ENTRY = 15;
@@ -49,9 +70,11 @@ export class Board {
     this.events = []; // of the motors
     this.sent = []; // bytes
     this.wasReset = false;
+    this.inBootsel = false;
     this.flash = new Flash(options.image);
     this.pins = new Pins();
     this.line = new Line(this);
+    this.usb = new Usb(this);
     this.motors = new Motors(this);
     this.sonars = new Sonars(this);
     this.gyro = options.gyro ? new Gyro(this, options.gyro) : null;
@@ -75,9 +98,11 @@ export class Board {
     if (ram) chip.sram.set(ram);
     else chip.sram.fill(UNPOWERED);
     this.completeParts(cause);
+    this.completeRom();
     this.flash.connect(chip);
     this.pins.connect(chip);
     this.line.connect(chip);
+    this.usb.connect(chip);
     this.sonars.connect(chip);
     if (cause & POWER) this.gyro?.powerUp();
     this.gyro?.connect(chip);
@@ -117,12 +142,36 @@ export class Board {
     for (const channel of chip.pwm.channels) channel.updateEnable = () => {};
   }
 
-  // What the boot ROM does with a valid image; without one the chip waits for a new program.
+  // The boot ROM's table of functions, with the one for BOOTSEL alone, and the function that searches it (data
+  // sheet, section 2.8.3).
+  completeRom() {
+    const { chip } = this;
+    const rom = new DataView(chip.bootrom.buffer);
+    rom.setUint16(TABLE_POINTER, TABLE, true);
+    rom.setUint16(SEARCH_POINTER, SEARCH | 1, true);
+    rom.setUint16(TABLE, BOOT_FROM_USB, true);
+    rom.setUint16(TABLE + 2, BREAK | 1, true);
+    SEARCH_CODE.forEach((code, number) => rom.setUint16(SEARCH + 2 * number, code, true));
+    rom.setUint16(BREAK, BREAKPOINT, true);
+    chip.onBreak = () => {
+      this.inBootsel = true;
+    };
+  }
+
+  // A program that is copied to the drive which the board shows in BOOTSEL.
+  program(image) {
+    this.flash.program(image);
+    this.inBootsel = false;
+    this.reset(WATCHDOG);
+  }
+
+  // What the boot ROM does with a valid image; without one it waits in BOOTSEL for a program.
   boot() {
     const { core, sram } = this.chip;
     const code = this.flash.bytes.subarray(0, BOOT_SIZE);
     const given = Buffer.from(code).readUInt32LE(BOOT_SIZE - 4);
-    this.runs = given === checksum(code.subarray(0, BOOT_SIZE - 4));
+    if (given !== checksum(code.subarray(0, BOOT_SIZE - 4))) this.inBootsel = true;
+    this.runs = !this.inBootsel;
     if (!this.runs) return;
     sram.set(code, BOOT - RAM);
     core.SP = BOOT;
@@ -130,6 +179,7 @@ export class Board {
   }
 
   reset(cause) {
+    if (cause !== WATCHDOG) this.inBootsel = false; // a request: the boot ROM resets by its watchdog
     this.begin(cause, cause & POWER ? null : this.chip.sram);
   }
 
@@ -179,6 +229,7 @@ export class Board {
   run(until) {
     while (this.chip.clock.nanos < until) {
       this.advance(until);
+      if (this.inBootsel && this.runs) this.reset(WATCHDOG);
       if (this.resets) this.reset(this.resets);
     }
     this.motors.poll();

@@ -1,6 +1,9 @@
 // A Raspberry Pi Pico on rp2040js: runs a real image in lockstep with requests on standard input, with the same
 // requests and replies as ../emulator.c, which explains them. Its EEPROM are the two slots in the flash.
 //
+// Two requests are of this board alone: L with a rate and a flag opens or closes the USB port, U with a UF2 file
+// copies it onto the drive of BOOTSEL. The flag 4 of a reply tells that the board shows that drive.
+//
 //   node emulator.mjs --image FILE.uf2 [--motor EN,IN1,IN2,KIND,STANDBY]... [--sonar TRIGGER,ECHO]...
 //        [--gyro ADDRESS]
 
@@ -11,7 +14,7 @@ import { Board } from "./board.mjs";
 const FIRST_SONAR = 128;
 const FIRST_GYRO = 160;
 const CHUNK = 65536;
-const UARTS = 2; // in a request; the board has the first
+const UARTS = 2; // the second is the USB port
 
 let read = Buffer.alloc(0);
 
@@ -38,7 +41,7 @@ function answerStep(board, began) {
   out.writeBigUInt64LE(BigInt(board.now), 0);
   out.writeUInt16LE(board.events.length, 8);
   out.writeUInt16LE(board.sent.length, 10);
-  out.writeUInt8(board.wasReset ? 1 : 0, 12);
+  out.writeUInt8((board.wasReset ? 1 : 0) | (board.inBootsel ? 4 : 0), 12);
   let at = 13;
   for (const event of board.events) {
     out.writeUInt32LE(event.time - began, at);
@@ -47,9 +50,9 @@ function answerStep(board, began) {
     out.writeUInt8(event.brake, at + 7);
     at += 8;
   }
-  for (const { time, byte } of board.sent) {
+  for (const { time, uart, byte } of board.sent) {
     out.writeUInt32LE(time - began, at);
-    out.writeUInt8(0, at + 4);
+    out.writeUInt8(uart, at + 4);
     out.writeUInt8(byte, at + 5);
     at += 6;
   }
@@ -76,7 +79,7 @@ function step(board) {
   }
   for (let uart = 0; uart < UARTS; uart++) {
     const bytes = take(head.readUInt16LE(12 + 2 * uart));
-    if (uart === 0) board.line.receive(bytes);
+    (uart === 0 ? board.line : board.usb).receive(bytes);
   }
   board.run(until);
   answerStep(board, began);
@@ -102,6 +105,14 @@ function handle(board) {
       board.pulses(train[0], train.readUInt32LE(1), train.readUInt32LE(5), train.readUInt32LE(9));
       break;
     }
+    case "L": {
+      const port = take(5);
+      board.usb.setPort(port.readUInt32LE(0), port[4] !== 0);
+      break;
+    }
+    case "U":
+      board.program(take(take(4).readUInt32LE(0)));
+      break;
     case "F": {
       const place = take(8);
       const start = place.readUInt32LE(0);

@@ -34,7 +34,11 @@ export class Flash {
   constructor(image) {
     this.bytes = Buffer.alloc(SIZE, 0xff);
     this.dirtyWrites = 0; // bytes with a bit that only erasing could have set
-    for (let at = 0; image && at < image.length; at += BLOCK) {
+    if (image) this.program(image);
+  }
+
+  program(image) {
+    for (let at = 0; at < image.length; at += BLOCK) {
       const place = image.readUInt32LE(at + 12) - START;
       image.copy(this.bytes, place, at + 32, at + 32 + PAYLOAD);
     }

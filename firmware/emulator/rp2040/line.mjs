@@ -70,7 +70,7 @@ export class Line {
   }
 
   complete() {
-    this.board.sent.push({ time: this.board.now, byte: this.sending });
+    this.board.sent.push({ time: this.board.now, uart: 0, byte: this.sending });
     this.sending = this.next;
     if (this.sending === null) return;
     this.next = null;
