@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from math import log, pi, radians
+from math import log, pi, radians, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -66,6 +66,7 @@ def explain_ends(drives: Drives, prior: GeometryPrior, cut: Cut) -> Explanation:
     limit = float(grid.scores(segments, weights).max()) + POLISH_LOG_RATIO_MIN
     best: tuple[float, Mistake, Solution] | None = None
     mistakes = [*_pose_mistakes(drives), *_unit_mistakes(drives), *_order_mistakes(drives)]
+    mistakes += _stretch_mistakes(drives)
     if not _is_usual(segments, weights, plain):
         mistakes += _count_mistakes(drives)
     for mistake in mistakes:
@@ -105,6 +106,7 @@ UNITS = {
     "decimetres": 0.1,
     "feet": 0.3048,
 }
+STRETCHES = (0.9, 0.94, 0.97, 1.03, 1.06, 1.1)  # of x; of x and y they are wheels of another size
 TICK_FACTORS = {
     "half as many": 2.0,
     "a quarter as many": 4.0,
@@ -173,6 +175,21 @@ def _unit_mistakes(drives: Drives) -> list[Mistake]:
     ):
         scaled = [replace(drive, poses=drive.poses * (1.0, 1.0, scale)) for drive in drives]
         found.append(Mistake(text, scaled, heading_scale=scale))
+    return found
+
+
+def _stretch_mistakes(drives: Drives) -> list[Mistake]:
+    """x and y of the true poses measured with different scales."""
+    found = []
+    for stretch in STRETCHES:
+        scaled = [replace(drive, poses=drive.poses * (stretch, 1.0, 1.0)) for drive in drives]
+        long, short = ("x", "y") if stretch < 1.0 else ("y", "x")
+        percent = 100 * abs(log(stretch))
+        text = (
+            f"{long} of the true poses is about {percent:.0f} % too long, or {short} too short: "
+            "measure both with the same tape"
+        )
+        found.append(Mistake(text, scaled, position_scale=sqrt(stretch)))
     return found
 
 

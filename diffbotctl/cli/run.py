@@ -107,8 +107,8 @@ def command(
 ) -> int:
     """Run PIPELINE: a name (goal) or a file (./mine.yaml). Simulated unless --port names a board.
 
-    Exit code: 0 all goals reached, 1 not all reached or the run failed, 2 wrong files or usage, 130
-    interrupted.
+    Exit code: 0 all goals reached, 1 not all reached or the run failed, 2 wrong files or usage, 3
+    reached, but not surely or not exactly, 130 interrupted.
     """
     from diffbotctl.runs.signals import Signals
 
