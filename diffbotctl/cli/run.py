@@ -121,7 +121,7 @@ def command(
     if port == "auto":
         from diffbotctl.cli.choose_port import choose_port
 
-        port = choose_port(radio=True)
+        port = choose_port(radio=True, simulates=True)
     view = None if view_file is None else _read_view(view_file)
     dash = dash or (view is not None and not web)
     signals = Signals()  # from here on a signal is remembered, and ends the run when it has started
