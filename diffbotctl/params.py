@@ -68,7 +68,8 @@ class Declaration:
             return f"must be one of {', '.join(map(str, self.choices))}"
         for bound, limit in self.bounds.items():
             if not BOUNDS[bound].holds(value, limit):
-                because = f": {self.reason}" if self.reason else ""
+                # A reason explains a limit of what is usual; no one asks why a speed is above 0.
+                because = f": {self.reason}" if self.reason and bound != "above" else ""
                 return f"must be {self._phrase(bound, limit)}{because}"
         limit = magnitude_max(self.unit)
         if isinstance(value, int | float) and not abs(value) <= limit:

@@ -96,6 +96,7 @@ NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _QUANTITY = re.compile(rf"\s*({NUMBER})\s*([A-Za-z%][A-Za-z0-9/%²]*)?\s*\Z")
 _COMMA = re.compile(r"\s*[-+]?\d+,\d+\s*[A-Za-z%]?")  # decimal comma
 _DECIMAL_COMMA = re.compile(r"(?<![\d.,])[-+]?\d+,\d+(?![\d.,])")
+_UNIT_APART = re.compile(r"(?<=[\d.])\s+([A-Za-z°µ%])")  # a unit after a space
 _FRACTION = re.compile(r"\s*([-+]?\d+)\s*/\s*(\d+)\s*(\S*)\s*\Z")
 # Characters that look right and are not accepted -> their name, and what to write.
 _LOOKALIKES = {
@@ -179,13 +180,14 @@ def _not_a_quantity(text: str, unit: str) -> str:
 def parse_pose(text: str) -> tuple[float, float, float | None]:
     """x and y (m) and the heading (rad), None without one, of `X Y [HEADING]`.
 
-    Spaces or commas separate them. Raises UnitError, also for a comma that may be a decimal one.
+    Spaces or commas separate them, and a space may stand before a unit. Raises UnitError, also for
+    a comma that may be a decimal one.
     """
     if len(text.split()) > 1 and (number := _DECIMAL_COMMA.search(text)):
         comma = number[0]
         point, space = comma.replace(",", "."), comma.replace(",", " ")
         raise UnitError(f"the comma of {comma} may be a decimal one: write {point}, or {space}")
-    words = text.replace(",", " ").split()
+    words = _UNIT_APART.sub(r"\1", text.replace(",", " ")).split()
     if not 2 <= len(words) <= 3:
         raise UnitError("give X Y [HEADING], such as '1.0 0.5 90deg'")
     values = [

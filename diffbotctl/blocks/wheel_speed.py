@@ -20,12 +20,21 @@ from diffbotctl.params import FromRobot, Param
 INTEGRAL_MAX = 0.2  # duty; covers the spread of cold motors
 LEARNING_STEP_MAX_S = 0.1
 SPEED_CHANGE_MAX = 0.5  # rad/s; a larger change of the target restarts the window
+# A wheel that should have given an edge, and has not, is not turning: static friction holds it. Its
+# duty then rises, and falls to the feed-forward at the first edge. The delay is that of a command
+# and its telemetry, and the time in which a geared motor starts; the largest distance from rest to
+# the first edge is one pitch.
+OVERDUE_PITCHES, OVERDUE_DELAY_S = 1.2, 0.4
+KICK_RATE = 0.3  # duty per s: slow against the delay, after which the edge is known
+KICK_MAX = 0.3  # duty; a wheel whose encoder is dead must not race
+KICK_SHARE = 0.5  # of it that the integral keeps at the first edge
 
 
 class WheelSpeed(Block):
     """Convert wheel speeds into motor duty: feed-forward of each motor plus an integral.
 
     With 20 slots the speed is measured over a long time, so the integral uses counts over `window`.
+    The duty of a wheel that gives no edges rises until it turns, by at most 0.3.
     """
 
     window = Param(
@@ -44,6 +53,9 @@ class WheelSpeed(Block):
         self.integrals = [0.0, 0.0]  # duty, in the direction of the target
         self.targets = (0.0, 0.0)
         self.time = 0
+        self.counts: tuple[int, int] | None = None
+        self.overdue = [0.0, 0.0]  # rad that should have turned since the last edge or reversal
+        self.kicks = [0.0, 0.0]  # duty, in the direction of the target
 
     def react(self, now: int, wheels: Wheels | None, encoders: Encoders | None) -> Duty | None:
         if wheels is None:
@@ -52,15 +64,34 @@ class WheelSpeed(Block):
         targets = (wheels.left, wheels.right)
         if not _is_steady(targets, self.targets):
             self.history.clear()
-        self.targets = targets
         if encoders is not None and self.left_side.encoder.channels:
-            self._learn(encoders, targets, min(step, LEARNING_STEP_MAX_S))
-        left, right = self.integrals
+            step = min(step, LEARNING_STEP_MAX_S)
+            self._kick(encoders, targets, step)
+            self._learn(encoders, targets, step)
+        self.targets = targets
+        left, right = (
+            integral + kick for integral, kick in zip(self.integrals, self.kicks, strict=True)
+        )
         return Duty(
             now,
             duty(wheels.left, left, self.left_side.motor),
             duty(wheels.right, right, self.right_side.motor),
         )
+
+    def _kick(self, encoders: Encoders, targets: tuple[float, float], step: float) -> None:
+        """Raise the duty of a wheel whose edge is overdue."""
+        counts, self.counts = self.counts or (0, 0), (encoders.left, encoders.right)
+        per_turn = (self.left_side.encoder.counts, self.right_side.encoder.counts)
+        for side, target in enumerate(targets):
+            if counts[side] != self.counts[side] or target * self.targets[side] <= 0.0:
+                kept = 0.0 if target * self.targets[side] <= 0.0 else KICK_SHARE * self.kicks[side]
+                self.integrals[side] = limit_integral(self.integrals[side] + kept, INTEGRAL_MAX)
+                self.overdue[side] = self.kicks[side] = 0.0
+                continue
+            self.overdue[side] += abs(target) * step
+            allowed = OVERDUE_PITCHES * 2 * pi / per_turn[side] + OVERDUE_DELAY_S * abs(target)
+            if self.overdue[side] > allowed:
+                self.kicks[side] = min(self.kicks[side] + KICK_RATE * step, KICK_MAX)
 
     def _learn(self, encoders: Encoders, targets: tuple[float, float], step: float) -> None:
         """Integrate the speed error, once the targets have been steady for `window`."""

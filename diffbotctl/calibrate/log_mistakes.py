@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from math import log, pi, radians
+from math import log, pi, radians, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -66,6 +66,7 @@ def explain_ends(drives: Drives, prior: GeometryPrior, cut: Cut) -> Explanation:
     limit = float(grid.scores(segments, weights).max()) + POLISH_LOG_RATIO_MIN
     best: tuple[float, Mistake, Solution] | None = None
     mistakes = [*_pose_mistakes(drives), *_unit_mistakes(drives), *_order_mistakes(drives)]
+    mistakes += [*_stretch_mistakes(drives), *_point_mistakes(drives)]
     if not _is_usual(segments, weights, plain):
         mistakes += _count_mistakes(drives)
     for mistake in mistakes:
@@ -105,6 +106,9 @@ UNITS = {
     "decimetres": 0.1,
     "feet": 0.3048,
 }
+# Of x; a factor of both x and y means wheels of another size.
+STRETCHES = (0.9, 0.94, 0.97, 1.03, 1.06, 1.1)
+POINTS_AHEAD_M = (-0.1, 0.05, 0.1, 0.18)  # of the middle of the axle: its tail, its nose
 TICK_FACTORS = {
     "half as many": 2.0,
     "a quarter as many": 4.0,
@@ -174,6 +178,49 @@ def _unit_mistakes(drives: Drives) -> list[Mistake]:
         scaled = [replace(drive, poses=drive.poses * (1.0, 1.0, scale)) for drive in drives]
         found.append(Mistake(text, scaled, heading_scale=scale))
     return found
+
+
+def _stretch_mistakes(drives: Drives) -> list[Mistake]:
+    """x and y of the true poses measured with different scales."""
+    found = []
+    for stretch in STRETCHES:
+        scaled = [replace(drive, poses=drive.poses * (stretch, 1.0, 1.0)) for drive in drives]
+        long, short = ("x", "y") if stretch < 1.0 else ("y", "x")
+        percent = 100 * abs(log(stretch))
+        text = (
+            f"{long} of the true poses is about {percent:.0f} % too long, or {short} too short: "
+            "measure both with the same tape"
+        )
+        found.append(Mistake(text, scaled, position_scale=sqrt(stretch)))
+    return found
+
+
+def _point_mistakes(drives: Drives) -> list[Mistake]:
+    """True poses of another point of the robot than the middle of the axle, such as its nose.
+
+    Measured from where that point stood at the start, or from where the axle stood. Only headings
+    show it.
+    """
+    if not all(np.isfinite(drive.poses[:, 2]).all() for drive in drives):
+        return []
+    return [
+        Mistake(
+            f"the true poses are of a point {'ahead of' if ahead > 0.0 else 'behind'} the middle "
+            f"of the axle (by about {100 * abs(ahead):.0f} cm): measure where that middle is",
+            [_with_point(drive, ahead, starts_at_axle) for drive in drives],
+        )
+        for ahead in POINTS_AHEAD_M
+        for starts_at_axle in (False, True)
+    ]
+
+
+def _with_point(drive: RecordedDrive, ahead: float, starts_at_axle: bool) -> RecordedDrive:
+    """The poses of the axle, from those of a point `ahead` (m) of it."""
+    headings = drive.poses[:, 2]
+    offsets = np.stack([np.cos(headings), np.sin(headings), np.zeros(len(headings))], axis=1)
+    if starts_at_axle:
+        offsets[0] = 0.0
+    return replace(drive, poses=drive.poses - ahead * offsets)
 
 
 def _order_mistakes(drives: Drives) -> list[Mistake]:

@@ -30,6 +30,7 @@ from diffbotctl.calibrate.dead_reckoning import (
 from diffbotctl.calibrate.log_checks import count_fault, dead_encoder, ticks_gap
 from diffbotctl.calibrate.log_table import (
     CSV_ENCODING,
+    error_text,
     has_columns,
     parse_number,
     read_columns,
@@ -258,7 +259,7 @@ def _read_description(path: Path) -> dict[str, list[float]]:
             text = file.read(DESCRIPTION_MAX_BYTES).decode(CSV_ENCODING)
         rows = list(csv.reader(text.splitlines()))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise _unusable_description(path, f"cannot be read: {error}") from error
+        raise _unusable_description(path, f"cannot be read: {error_text(error)}") from error
     values: dict[str, list[float]] = {}
     for name, *cells in filter(None, rows):
         for cell in cells:

@@ -25,6 +25,11 @@ def unusable_log(path: Path, cause: str) -> UsageError:
     return UsageError(Problem("E-CALIBRATE-LOG", str(path), cause, fix))
 
 
+def error_text(error: Exception) -> str:
+    """Why a file cannot be read, without Python's number of the error."""
+    return getattr(error, "strerror", None) or str(error)
+
+
 def read_columns(path: Path, names: Sequence[str]) -> Floats:
     """(rows, names): nan for an empty cell. Raises UsageError."""
     columns = _find_columns(path, names)
@@ -56,7 +61,7 @@ def _cells(path: Path, columns: Sequence[int]) -> Iterator[float]:
                     for column in columns:
                         yield parse_number(path, row[column] if column < len(row) else "")
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise unusable_log(path, f"cannot be read: {error}") from error
+        raise unusable_log(path, f"cannot be read: {error_text(error)}") from error
 
 
 def has_columns(path: Path, names: Sequence[str]) -> bool:
@@ -71,7 +76,7 @@ def read_rows(path: Path, names: Sequence[str]) -> list[dict[str, str]]:
     try:
         reader = csv.DictReader(path.read_text(CSV_ENCODING).splitlines(), restval="")
     except (OSError, UnicodeDecodeError) as error:
-        raise unusable_log(path, f"cannot be read: {error}") from error
+        raise unusable_log(path, f"cannot be read: {error_text(error)}") from error
     reader.fieldnames = [name.strip() for name in reader.fieldnames or ()]
     rows = list(reader)
     for number, row in enumerate(rows, 2):
@@ -87,7 +92,7 @@ def read_table(path: Path) -> Floats:
         _refuse_long_lines(path)
         table = np.loadtxt(path, delimiter=",", encoding=CSV_ENCODING, ndmin=2)
     except (OSError, ValueError) as error:
-        raise unusable_log(path, f"cannot be read: {error}") from error
+        raise unusable_log(path, f"cannot be read: {error_text(error)}") from error
     return np.asarray(table)
 
 
@@ -113,4 +118,4 @@ def _read_header(path: Path) -> list[str]:
             line = file.readline(LINE_MAX_BYTES).decode(CSV_ENCODING)
             return [name.strip() for name in line.strip("\r\n").split(",")]
     except (OSError, UnicodeDecodeError) as error:
-        raise unusable_log(path, f"cannot be read: {error}") from error
+        raise unusable_log(path, f"cannot be read: {error_text(error)}") from error

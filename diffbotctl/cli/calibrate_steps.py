@@ -144,7 +144,7 @@ def _open_robot(
     from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS
     from diffbotctl.prompts.keyboard import Keyboard
 
-    port = choose_port(radio=True) if options.port == "auto" else options.port
+    port = choose_port(radio=True, simulates=True) if options.port == "auto" else options.port
     is_real = port not in VIRTUAL_PORTS
     file = load_robot(options.robot)
     if not options.dry_run:

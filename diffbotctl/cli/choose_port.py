@@ -13,8 +13,10 @@ if TYPE_CHECKING:
     from diffbotctl.ports.sysfs import SerialPort
 
 
-def choose_port(radio: bool = False) -> str:
+def choose_port(radio: bool = False, simulates: bool = False) -> str:
     """The device of the board; with `radio`, bound Bluetooth ports count too.
+
+    `simulates`: the command works on the simulated robot too, as the error then says.
 
     Raises NoBoardError, with `radio` one that names the modules that are paired but not bound;
     SeveralBoardsError without a terminal to ask at.
@@ -48,7 +50,7 @@ def _choose(boards: list[SerialPort], radio: bool) -> str:
     except NoBoardError:
         if radio:
             _refuse_unbound_modules()
-        raise
+        raise NoBoardError(simulates) from None
     for number, board in enumerate(boards, 1):
         title = (board.usb.title or "USB serial") if board.usb else "Bluetooth"
         click.echo(f"{number}  {board.device}  {title}  {board.stable}".rstrip())

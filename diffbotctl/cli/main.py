@@ -205,10 +205,14 @@ def program(debug: bool) -> None:
 @click.pass_context
 def help_command(ctx: click.Context, words: tuple[str, ...]) -> None:
     """Show the help of COMMAND, such as `help run` or `help topic echo`."""
+    from diffbotctl.cli.options import CommandGroup
+
     shown = ctx.find_root()
     command: click.Command = shown.command
     for word in words:
         child = command.get_command(shown, word) if isinstance(command, click.Group) else None
+        if child is None and isinstance(command, CommandGroup):
+            raise click.UsageError(command.unknown_command(word))
         if child is None:
             raise _unknown_command([word])
         shown = click.Context(child, info_name=word, parent=shown)
@@ -303,6 +307,10 @@ def print_error_mark() -> None:
 
 def _print_usage_error(error: click.ClickException) -> None:
     context = getattr(error, "ctx", None)
+    # Of click 8.2 and later: its message is the help of a group that was given no command.
+    if isinstance(error, getattr(click.exceptions, "NoArgsIsHelpError", ())):
+        print(error.format_message(), file=sys.stderr)
+        return
     if context is not None:
         print(context.get_usage(), file=sys.stderr)
     print_error_mark()

@@ -15,7 +15,7 @@ import click
 Command = Callable[..., Any]
 
 VIRTUAL_PORTS = ("sim", "emulated")  # those of drivers.robot_ports, which takes 50 ms to import
-ROBOT_HELP = "Robot file or name; default: chosen as in `run`."
+ROBOT_HELP = "Robot file or name; default: the only one in ./robots, or book_2wd."
 
 
 if TYPE_CHECKING:
@@ -28,7 +28,21 @@ SENTENCE_MAX = 1000  # characters; longer than that of any command
 
 
 class CommandGroup(click.Group):
-    """A group whose help folds the sentences of its commands; click cuts each to one line."""
+    """A group whose help folds the sentences of its commands; click cuts each to one line.
+
+    A command that it does not have is answered with those that it has.
+    """
+
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
+        """As click does; raises click.UsageError with the names of the commands."""
+        if args and not args[0].startswith("-") and self.get_command(ctx, args[0]) is None:
+            raise click.UsageError(self.unknown_command(args[0]), ctx)
+        return super().resolve_command(ctx, args)
+
+    def unknown_command(self, word: str) -> str:
+        """What is said of a command that this group does not have."""
+        known = sorted(name for name, command in self.commands.items() if not command.hidden)
+        return f"there is no command '{word}' here; use one of {', '.join(known)}"
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """The section `Commands`: names and sentences."""

@@ -107,8 +107,8 @@ def command(
 ) -> int:
     """Run PIPELINE: a name (goal) or a file (./mine.yaml). Simulated unless --port names a board.
 
-    Exit code: 0 all goals reached, 1 not all reached or the run failed, 2 wrong files or usage, 130
-    interrupted.
+    Exit code: 0 all goals reached, 1 not all reached or the run failed, 2 wrong files or usage, 3
+    reached, but not surely or not exactly, 130 interrupted.
     """
     from diffbotctl.runs.signals import Signals
 
@@ -121,7 +121,7 @@ def command(
     if port == "auto":
         from diffbotctl.cli.choose_port import choose_port
 
-        port = choose_port(radio=True)
+        port = choose_port(radio=True, simulates=True)
     view = None if view_file is None else _read_view(view_file)
     dash = dash or (view is not None and not web)
     signals = Signals()  # from here on a signal is remembered, and ends the run when it has started

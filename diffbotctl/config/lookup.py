@@ -115,6 +115,10 @@ def _not_found(name: str, kind: str) -> UsageError:
     known = sorted({*names(kind), *_own_names(kind)})
     near = closest_match(name, known)
     what = kind.removesuffix("s")
+    if is_file(Path(name)):
+        cause = f"this file does not end in .yaml, as that of a {what} must"
+        fix = f"name a {what} file, or one of {', '.join(known)}"
+        return UsageError(Problem("E-FILE-NAME", name, cause, fix))
     fix = f"did you mean {near}?" if near else f"use one of {', '.join(known)}, or a path"
     cause = f"there is no {what} '{name}' here, in ./{kind} or among the shipped files"
     return UsageError(Problem("E-FILE-NAME", name, cause, fix))

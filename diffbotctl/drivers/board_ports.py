@@ -28,12 +28,13 @@ class NoBoardError(FlashError):
 
     code = "E-NO-BOARD"
 
-    def __init__(self) -> None:
+    def __init__(self, simulates: bool = False) -> None:
+        """`simulates`: the command works on the simulated robot too."""
         super().__init__(
             "ports",
             "no board is plugged in",
             "plug in the board's USB cable (not a charging cable without data wires), or name the "
-            "port with --port",
+            f"port with --port{'; --port sim is the simulated robot' if simulates else ''}",
         )
 
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from diffbotctl.blocks.wheel_speed import INTEGRAL_MAX, WheelSpeed, duty
+from diffbotctl.blocks.wheel_speed import INTEGRAL_MAX, KICK_MAX, WheelSpeed, duty
 from diffbotctl.messages import Duty, Encoders, Wheels
 
 STEP = 25_000_000  # ns between two instants
@@ -77,11 +77,33 @@ def steady(counts, instants, target):
     ]
 
 
-def test_a_blocked_wheel_gets_more_duty_once_the_window_is_full():
-    out = steady(lambda i: 0, 27, 5.0)
-    # 0.6 s are 24 steps. From then each step adds 0.01 duty/rad x 5 rad/s x 0.025 s = 0.00125.
-    assert [d.left for d in out[22:]] == pytest.approx([0.55, 0.55, 0.55125, 0.5525, 0.55375])
+def test_the_duty_of_a_wheel_without_edges_rises_once_one_is_overdue():
+    out = steady(lambda i: 0, 200, 5.0)
+    # The first pitch of 20 slots takes 63 ms at 5 rad/s; a command and its edge take 0.4 s more.
+    assert [d.left for d in out[:16]] == pytest.approx([0.55] * 16)
+    assert out[24].left > 0.56
+    assert out[60].left < 0.55 + KICK_MAX + INTEGRAL_MAX
+    assert out[-1].left == 1.0
     assert out[-1].right == out[-1].left
+
+
+def test_an_edge_ends_the_rise_and_half_of_it_stays():
+    out = steady(lambda i: int(i >= 40), 42, 5.0)
+    rise = out[39].left - 0.55
+    assert rise > 0.1
+    assert 0.55 < out[41].left < 0.55 + 0.6 * rise
+
+
+def test_a_reversal_ends_the_rise():
+    controller = block()
+    standing = Encoders(0, 0, 0)
+    for i in range(60):
+        out = controller.react(i * STEP, Wheels(i * STEP, 5.0, 5.0), standing)
+    assert out.left > 0.6
+    integral = controller.integrals[0]
+    out = controller.react(60 * STEP, Wheels(60 * STEP, -5.0, 5.0), standing)
+    assert out.left == pytest.approx(-0.55 - integral)
+    assert out.right > 0.6
 
 
 def test_a_wheel_at_its_target_keeps_its_duty():
@@ -96,7 +118,7 @@ def test_a_wheel_that_is_too_fast_gets_less_duty():
 
 
 def test_the_integral_is_limited():
-    out = steady(lambda i: 0, 1000, 5.0)
+    out = steady(lambda i: i // 24, 1000, 5.0)  # turns much too slowly
     assert out[-1].left == pytest.approx(0.55 + INTEGRAL_MAX)
 
 

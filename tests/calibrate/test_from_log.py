@@ -1,6 +1,7 @@
 """`calibrate from-log` on a small sample of random drives, good and corrupted, through files."""
 
-from math import isnan
+from dataclasses import replace
+from math import cos, isnan, sin
 from random import Random
 
 import pytest
@@ -48,6 +49,28 @@ def test_a_corruption_is_named_and_nothing_is_saved(tmp_path, corruption, words)
         and len({drive.name.partition("-")[0] for drive in each.drives}) > 2
     )
     saved = calibrated(CORRUPTIONS[corruption](drawn, Random(1)), tmp_path / "set")
+    assert saved.exit_code != 0 and saved.deviations == []
+    assert words in " ".join(saved.text.split())
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda x, y, heading: (1.08 * x, y, heading), "measure both with the same tape"),
+        (
+            lambda x, y, heading: (x + 0.1 * cos(heading), y + 0.1 * sin(heading), heading),
+            "ahead of the middle of the axle (by about 10 cm)",
+        ),
+        (
+            lambda x, y, heading: (x - 0.1 * cos(heading) + 0.1, y - 0.1 * sin(heading), heading),
+            "behind the middle of the axle (by about 10 cm)",
+        ),
+    ],
+)
+def test_ends_of_two_scales_and_of_another_point_are_named(tmp_path, change, words):
+    drawn = draw_set("shapes 20")  # with headings, and ends in all directions
+    drives = [replace(drive, end=change(*drive.end)) for drive in drawn.drives]
+    saved = calibrated(replace(drawn, drives=drives), tmp_path / "set")
     assert saved.exit_code != 0 and saved.deviations == []
     assert words in " ".join(saved.text.split())
 

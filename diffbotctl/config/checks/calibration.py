@@ -11,6 +11,7 @@ from diffbotctl.config import robot_tree
 from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.robot import SIDES, Calibrated, Robot
 from diffbotctl.errors import join_words
+from diffbotctl.geometry.distance_sensors import is_analog
 from diffbotctl.units import UnitError, quantity
 
 
@@ -57,7 +58,11 @@ FOUND_BY = {
 
 def found_by(robot: Robot) -> dict[str, str]:
     """Field of `robot` that blocks read -> the calibration that measures it."""
-    sensors = {f"sensors.{name}.curve.a": "range" for name in robot.sensors or {}}
+    sensors = {
+        f"sensors.{name}.curve.a": "range"
+        for name, sensor in (robot.sensors or {}).items()
+        if sensor.type is not None and is_analog(sensor.type)
+    }
     imu = {} if robot.imu is None or robot.imu.type is None else {"imu.scale": "imu"}
     return FOUND_BY | sensors | imu
 
