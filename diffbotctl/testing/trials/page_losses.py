@@ -25,6 +25,7 @@ from diffbotctl.testing.wheel_watcher import WheelWatcher
 
 WAIT_S = 60.0  # for what must come; a trial fails by itself afterwards
 FINGER_LIFT_PX = 80.0
+PRESSES_MAX, PRESS_TIMEOUT_S = 6, 10.0
 STOP_TIME_MAX_S = 0.5  # from the loss to the zero command of the wheels
 
 
@@ -146,17 +147,21 @@ def station(folder: Path) -> Iterator[Station]:
 
 
 def _drive(phone: Phone, client: PlainClient, wheels: WheelWatcher) -> None:
-    """Press until the wheels turn. A busy computer may lose the page at once: then again."""
-    while True:
+    """Press until the wheels turn.
+
+    A busy computer may lose the page at once, with a stop, or before it drives, when its finger
+    must be lifted, too: then again.
+    """
+    for _ in range(PRESSES_MAX):
         phone.press()
-        status = client.until(
-            lambda status: status["held"] or (moves(status) and not wheels.is_zero)
-        )
-        if not status["held"]:
-            return
+        deadline = time.monotonic() + PRESS_TIMEOUT_S
+        while time.monotonic() < deadline and not (status := client.request("status"))["held"]:
+            if moves(status) and not wheels.is_zero:
+                return
         phone.lift()
         client.until(stands)
         client.request("resume")
+    raise AssertionError(f"no press drives; the status is {status}")
 
 
 def lose_once(folder: Path, parts: Station, loss: Loss) -> LossResult:
