@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from diffbotctl.testing.command_process import children_of, command_line
+from diffbotctl.testing.running import PlainClient
 from diffbotctl.testing.trials.row import Row, printed
 from prove import wire
 
@@ -131,7 +132,7 @@ def rows() -> Iterator[Row]:
                 ),
             ]
             ticks = wire.Ticks(master, RATE)
-            before, after = run(ticks, loads, process.pid)
+            before, after = run(ticks, loads, process.pid, Path(folder))
             ticks.send_last()
         finally:
             process.terminate()
@@ -154,19 +155,27 @@ def rows() -> Iterator[Row]:
     )
 
 
-def run(ticks: wire.Ticks, loads: list[Load], pid: int) -> tuple[float, float]:
-    """Measure under each load by turns. Returns the hub's memory in MB before and after."""
+def run(ticks: wire.Ticks, loads: list[Load], pid: int, folder: Path) -> tuple[float, float]:
+    """Measure under each load by turns. Returns the hub's memory in MB before and after.
+
+    A robot that was stopped, as on a computer that did not run the engine, is resumed before each.
+    """
     ticks.send(SETTLING_TIME_S)
+    client = PlainClient(folder, "load")
     hub = max(children_of(pid), key=listening)
     before = memory(hub)
     for _ in range(ROUNDS):
         for load in loads:
             with load:
-                ticks.send(SETTLING_TIME_S)
+                ticks.send(SETTLING_TIME_S / 2)
+                client.request("resume")  # refused while nothing has stopped it
+                ticks.send(SETTLING_TIME_S / 2)
                 begin = ticks.count
                 ticks.send(SEGMENT_TIME_S)
                 load.segments.append(slice(begin, ticks.count))
-    return before, memory(hub)
+    after = memory(hub)
+    client.close()
+    return before, after
 
 
 def load_rows(timings: dict[str, wire.Timing]) -> Iterator[Row]:
