@@ -67,7 +67,7 @@ def overhead() -> Iterator[Row]:
     calls = direct(blocks)
     with tempfile.TemporaryDirectory() as folder:
         header = writer.RecordingHeader(graph.kinds, len(graph.sources), {"epoch": "0"})
-        channel, _ = writer.start_recorder(Path(folder) / "bench.mcap", header)
+        channel, _ = writer.start_recorder(Path(folder) / "bench.mcap", header, is_paced=True)
         recorder = Recorder(channel, waits=False, on_loss=print)
         commands: list[Any] = []
         sinks = {"gate.wheels": lambda now, command: commands.append(command)}

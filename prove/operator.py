@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Iterator
 from itertools import chain
 
+from diffbotctl.testing.trials import page_losses
 from diffbotctl.testing.trials.row import Row, printed
 from prove import dashboard, operator_load, operator_people, viewers
 
@@ -16,6 +17,7 @@ def rows(seed: int, trials: int, lines: int) -> Iterator[Row]:
         operator_people.rows(seed, trials, lines),
         dashboard.rows(seed, max(trials // 4, 1)),
         viewers.rows(seed, trials),
+        page_losses.rows(trials),
         operator_load.rows(),
     )
 

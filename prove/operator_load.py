@@ -9,9 +9,9 @@ import tempfile
 import tty
 from collections.abc import Iterator
 from pathlib import Path
-from statistics import median
 
 from diffbotctl.testing.command_process import children_of, command_line
+from diffbotctl.testing.running import PlainClient
 from diffbotctl.testing.trials.row import Row, printed
 from prove import wire
 
@@ -21,7 +21,7 @@ ROUNDS = 4  # segments of each load
 SETTLING_TIME_S = 4.0  # until the processes of a load have started; ten of them share two cores
 MEDIAN_INCREASE_MAX = 0.20  # fraction of the median without load
 P99_MAX_MS = 3.0  # under any load
-ANSWERED_MIN = 0.5  # of the ticks; with fewer the robot has been stopped, and answers are chance
+ANSWERED_MIN = 0.5  # of the ticks; with fewer the robot stands, and most commands are the same
 HUB_GROWTH_MAX_MB = 8.0
 PAGE = [sys.executable, "-m", "diffbotctl.testing.plain_page"]
 NEVER_READS = """
@@ -47,9 +47,12 @@ class Load:
         self, name: str, words: list[str], count: int, environment: dict[str, str]
     ) -> None:
         self.name, self.words, self.count, self.environment = name, words, count, environment
-        self.times: list[float] = []
-        self.ticks = 0
+        self.segments: list[slice] = []  # of the ticks, one for each round
         self.processes: list[subprocess.Popen[bytes]] = []
+
+    def timing(self, times: list[float | None]) -> wire.Timing:
+        """Of its segments, from the times of all ticks."""
+        return wire.timing([time for part in self.segments for time in times[part]])
 
     def __enter__(self) -> None:
         self.processes = [
@@ -75,7 +78,8 @@ def rows() -> Iterator[Row]:
     tty.setraw(slave)
     with tempfile.TemporaryDirectory() as folder:
         environment = {**os.environ, "XDG_RUNTIME_DIR": folder}
-        words = wire.command(os.ttyname(slave), Path(folder) / "load.mcap")
+        recording = Path(folder) / "load.mcap"
+        words = wire.command(os.ttyname(slave), recording)
         process = subprocess.Popen(
             [*words, "--quiet", "--name", "load"],
             env=environment,
@@ -127,13 +131,21 @@ def rows() -> Iterator[Row]:
                     environment,
                 ),
             ]
-            before, after = run(wire.Ticks(master, RATE), loads, process.pid)
+            ticks = wire.Ticks(master, RATE)
+            before, after = run(ticks, loads, process.pid, Path(folder))
+            ticks.send_last()
         finally:
             process.terminate()
             process.wait()
             os.close(master)
             os.close(slave)
-    yield from load_rows(loads)
+        times = ticks.times(recording)
+    yield from load_rows(
+        {
+            load.name: wire.timing([t for part in load.segments for t in times[part]])
+            for load in loads
+        }
+    )
     growth = after - before
     yield Row(
         "memory of the hub after these loads",
@@ -143,32 +155,44 @@ def rows() -> Iterator[Row]:
     )
 
 
-def run(ticks: wire.Ticks, loads: list[Load], pid: int) -> tuple[float, float]:
-    """Measure under each load by turns. Returns the hub's memory in MB before and after."""
+def run(ticks: wire.Ticks, loads: list[Load], pid: int, folder: Path) -> tuple[float, float]:
+    """Measure under each load by turns. Returns the hub's memory in MB before and after.
+
+    A robot that was stopped, as on a computer that did not run the engine, is resumed before each.
+    """
     ticks.send(SETTLING_TIME_S)
+    client = PlainClient(folder, "load")
     hub = max(children_of(pid), key=listening)
     before = memory(hub)
     for _ in range(ROUNDS):
         for load in loads:
             with load:
-                ticks.send(SETTLING_TIME_S)
+                ticks.send(SETTLING_TIME_S / 2)
+                client.request("resume")  # refused while nothing has stopped it
+                ticks.send(SETTLING_TIME_S / 2)
                 begin = ticks.count
-                load.times += ticks.send(SEGMENT_TIME_S)
-                load.ticks += ticks.count - begin
-    return before, memory(hub)
+                ticks.send(SEGMENT_TIME_S)
+                load.segments.append(slice(begin, ticks.count))
+    after = memory(hub)
+    client.close()
+    return before, after
 
 
-def load_rows(loads: list[Load]) -> Iterator[Row]:
-    """The latency under each load beside that without load."""
-    median_max = median(loads[0].times) * 1e3 * (1 + MEDIAN_INCREASE_MAX)
-    for load in loads:
-        times = sorted(load.times)
-        middle, p99 = median(times) * 1e3, times[int(0.99 * len(times))] * 1e3
+def load_rows(timings: dict[str, wire.Timing]) -> Iterator[Row]:
+    """The latency under each load, by name, beside that without load, which is the first one."""
+    undisturbed = next(iter(timings.values()))
+    if not all(timing.times for timing in timings.values()):
+        yield Row("wire to wire under load", "the robot stood", "it drives", False)
+        return
+    median_max = undisturbed.median * 1e3 * (1 + MEDIAN_INCREASE_MAX)
+    for name, timing in timings.items():
+        middle, p99 = timing.median * 1e3, timing.p99 * 1e3
+        share = len(timing.times) / timing.ticks
         yield Row(
-            f"wire to wire, {load.name} ({len(times)} of {load.ticks} answered)",
-            f"{middle:.2f}, p99 {p99:.2f} ms",
+            f"wire to wire, {name}; {timing.counts()}",
+            f"{middle:.2f}, p99 {p99:.2f} ms, {p99 / (undisturbed.p99 * 1e3):.2f}x",
             f"<= {median_max:.2f}, p99 <= {P99_MAX_MS:g} ms",
-            middle <= median_max and p99 <= P99_MAX_MS and len(times) >= ANSWERED_MIN * load.ticks,
+            middle <= median_max and p99 <= P99_MAX_MS and share >= ANSWERED_MIN,
         )
 
 

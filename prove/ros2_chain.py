@@ -28,7 +28,8 @@ from diffbotctl.testing.command_process import children_of, processor_s
 from diffbotctl.testing.ros2_nodes import environment, ros_python
 from diffbotctl.testing.trials.row import NoData, Row, print_rows
 from prove import wire
-from prove.wire import PAIR, Ticks, Timing
+from prove.tick_answers import PAIR
+from prove.wire import Ticks, Timing
 
 NODES = ("driver", "odometry", "follower", "limiter", "kinematics")
 SCRIPT = Path(wire.__file__).with_name("ros2_chain_nodes.py")

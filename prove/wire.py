@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import select
 import struct
 import subprocess
 import sys
@@ -12,18 +11,28 @@ import threading
 import time
 import tty
 from collections.abc import Iterator
+from math import inf
 from pathlib import Path
 from statistics import median
 from typing import NamedTuple
 
+from diffbotctl.processes.real_time import preferred
 from diffbotctl.testing.book_board import STOCK, BookBoard, frame
 from diffbotctl.testing.command_process import command_line
 from diffbotctl.testing.trials.row import Row, printed
+from prove.tick_answers import (
+    Answers,
+    answer_times,
+    commands_of,
+    distance,
+    pair,
+    recorded_commands,
+)
 
 SECONDS = 12.0  # of ticks in each run
 GOAL_PAIRS = 10  # of 9 m and 12.7 m: no run of a row comes to the end
-PAIR = 24  # bytes of both wheels' commands
 DRAG = 0.15  # of the speed of a wheel, half a second each
+LAST_ANSWER_S = 0.2  # in which those of the last ticks come
 LATE_S = 0.004  # an answer that takes longer is counted, and its number is printed
 
 
@@ -45,55 +54,29 @@ def command(port: str, recording: Path) -> list[str]:
 
 # Reads what arrives and answers each tick at once: its times are those of the machine itself.
 BARE = """\
-import itertools, os, sys, tty
+import os, sys, tty
 port = os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY)
 tty.setraw(port)
-came, answers = 0, itertools.count(1)
+came, answers = 0, [bytes.fromhex(text) for text in sys.argv[3:]]
 while True:
     came += len(os.read(port, 4096))
     if came >= int(sys.argv[2]):
         came = 0
-        os.write(port, next(answers).to_bytes(24))
+        answers.reverse()
+        os.write(port, answers[0])
 """
-
-
-class Answers:
-    """Waits for changed commands on the port.
-
-    A pair of commands equal to the one before is a repetition, not an answer.
-    """
-
-    def __init__(self, port: int) -> None:
-        self.port = port
-        self.rest = self.last = b""
-
-    def wait(self, seconds: float) -> bool:
-        """True when a changed pair of commands has arrived in that time."""
-        end = time.perf_counter() + seconds
-        while not self._next_changed():  # several may have come in one read
-            remaining = end - time.perf_counter()
-            if remaining <= 0 or not select.select([self.port], [], [], remaining)[0]:
-                return False
-            self.rest += os.read(self.port, 4096)
-        return True
-
-    def _next_changed(self) -> bool:
-        while len(self.rest) >= PAIR:
-            before, self.last = self.last, self.rest[:PAIR]
-            self.rest = self.rest[PAIR:]
-            if self.last != before:
-                return True
-        return False
 
 
 class Timing(NamedTuple):
     """Sorted times (s) from a tick's last byte to the command that answers it, and the ticks sent.
 
-    A tick whose command equals the one before has no answer that could be told from a repetition.
+    A tick whose command equals the one before has no answer that could be told from a repetition:
+    `unchanged` counts these. An answer that did not come took an infinite time.
     """
 
     times: list[float]
     ticks: int
+    unchanged: int = 0
 
     @property
     def median(self) -> float:
@@ -105,8 +88,12 @@ class Timing(NamedTuple):
 
     def counts(self) -> str:
         """How many ticks were answered, and how many answers were late."""
-        late = sum(time > LATE_S for time in self.times)
-        return f"{len(self.times)} of {self.ticks} answered, {late} after {LATE_S * 1e3:g} ms"
+        late = sum(LATE_S < time < inf for time in self.times)
+        answered = sum(time < inf for time in self.times)
+        return (
+            f"{answered} of {self.ticks - self.unchanged} answered, {late} after "
+            f"{LATE_S * 1e3:g} ms; {self.unchanged} change nothing"
+        )
 
 
 def measure(rate: float, screen: bool) -> Timing:
@@ -115,20 +102,24 @@ def measure(rate: float, screen: bool) -> Timing:
     tty.setraw(slave)
     with tempfile.TemporaryDirectory() as folder:
         terminal, shown = os.openpty()
-        words = command(os.ttyname(slave), Path(folder) / "wire.mcap")
+        recording = Path(folder) / "wire.mcap"
+        words = command(os.ttyname(slave), recording)
         process = subprocess.Popen(
             words if screen else [*words, "--quiet"], stdout=shown, stderr=subprocess.DEVNULL
         )
         swallow = threading.Thread(target=drain, args=(terminal,), daemon=True)
         swallow.start()
+        ticks = Ticks(master, rate)
         try:
             negotiate(master)
-            return stimulate(master, rate)
+            ticks.send(SECONDS)
+            ticks.send_last()
         finally:
             process.terminate()
             process.wait()
             for fd in (master, slave, terminal, shown):
                 os.close(fd)
+        return timing(ticks.times(recording)[:-1])
 
 
 def bare(rate: float) -> Timing:
@@ -136,9 +127,11 @@ def bare(rate: float) -> Timing:
     master, slave = os.openpty()
     tty.setraw(slave)
     tick = 3 * len(frame(125, bytes(4)))
-    process = subprocess.Popen([sys.executable, "-c", BARE, os.ttyname(slave), str(tick)])
+    answers = [pair(duty, duty).hex() for duty in (0, 1)]  # by turns; no wheel turns by them
+    process = subprocess.Popen([sys.executable, "-c", BARE, os.ttyname(slave), str(tick), *answers])
+    ticks = Ticks(master, rate)
     try:
-        return stimulate(master, rate)
+        return Timing(sorted(ticks.send(SECONDS)), ticks.count)
     finally:
         process.kill()
         process.wait()
@@ -164,55 +157,75 @@ def negotiate(port: int) -> None:
         os.write(port, data)
 
 
-def stimulate(port: int, rate: float) -> Timing:
-    """Send ticks at `rate` and time every answer."""
-    ticks = Ticks(port, rate)
-    times = ticks.send(SECONDS)
-    return Timing(sorted(times), ticks.count)
+def timing(times: list[float | None]) -> Timing:
+    """The times of these ticks; None for those that left the command as it was."""
+    answers = sorted(time for time in times if time is not None)
+    return Timing(answers, len(times), len(times) - len(answers))
 
 
 class Ticks:
-    """The board's end of the line: sends ticks and measures the time to the wheel commands.
+    """The board's end of the line: sends ticks and keeps when commands for the wheels come.
 
     The wheels obey the commands, except that each of them drags by turns: so the robot goes on, and
-    nearly every tick is answered by another command.
+    most ticks are answered by another command.
     """
 
     def __init__(self, port: int, rate: float) -> None:
         self.port, self.rate = port, rate
         self.answers = Answers(port)
         self.board = BookBoard()
-        self.count = 0
+        self.sent: list[float] = []  # when the last byte of each tick was written (s)
+
+    @property
+    def count(self) -> int:
+        """How many ticks have been sent."""
+        return len(self.sent)
 
     def send(self, seconds: float) -> list[float]:
-        """Seconds from the last byte of each tick to the changed commands that answer it.
+        """Send ticks for a time. Returns seconds from each to the next changed command.
 
-        An answer is waited for until the next tick is due.
+        An answer is waited for until the next tick is due. A board has a processor of its own: the
+        ticks are sent and the commands are read before other programs run, where that is permitted.
         """
         times: list[float] = []
         due = time.perf_counter()
         end = due + seconds
-        while (due := due + 1.0 / self.rate) < end:
-            while self.answers.wait(due - time.perf_counter()):
-                pass  # further commands of the tick before
-            self.write()
-            sent = time.perf_counter()
-            if self.answers.wait(due + 1.0 / self.rate - sent):
-                times.append(time.perf_counter() - sent)
+        with preferred():
+            while (due := due + 1.0 / self.rate) < end:
+                while self.answers.wait(due - time.perf_counter()):
+                    pass  # further commands of the tick before
+                self.write()
+                if self.answers.wait(due + 1.0 / self.rate - self.sent[-1]):
+                    times.append(self.answers.received[-1].time - self.sent[-1])
         return times
 
+    def send_last(self) -> None:
+        """Send one more tick, after which nothing is measured, and wait for what still comes."""
+        self.write()
+        while self.answers.wait(LAST_ANSWER_S):
+            pass
+
     def write(self) -> None:
-        """Send one tick."""
-        self.count += 1
+        """Send one tick, in one piece."""
         board, period = self.board, 1.0 / self.rate
         board.take(self.answers.last)
         board.out.clear()
         board.turn(period)
         dragging = "left" if int(self.count / self.rate * 2) % 2 else "right"
         board.place[dragging] -= DRAG * board.speed[dragging] * period
-        os.write(self.port, frame(127, struct.pack("<f", 25.0 + self.count % 3)))
-        os.write(self.port, frame(125, struct.pack("<i", board.count("left"))))
-        os.write(self.port, frame(126, struct.pack("<i", board.count("right"))))
+        tick = frame(127, struct.pack("<f", distance(self.count)))
+        tick += frame(125, struct.pack("<i", board.count("left")))
+        tick += frame(126, struct.pack("<i", board.count("right")))
+        os.write(self.port, tick)
+        self.sent.append(time.perf_counter())
+
+    def times(self, recording: Path) -> list[float | None]:
+        """For each tick, seconds to the command that answers it by the complete recording.
+
+        None for a tick that left the command as it was, infinity for one without an answer.
+        """
+        commands = commands_of(self.count, recorded_commands(recording))
+        return answer_times(self.sent, self.answers.received, commands)
 
 
 def rows() -> Iterator[Row]:
@@ -227,16 +240,13 @@ def rows() -> Iterator[Row]:
         )
     for screen, (median_max, p99_max) in ((False, (0.4, 1.0)), (True, (0.5, 2.0))):
         for rate, floor in floors.items():
-            timing = measure(rate, screen)
+            measured = measure(rate, screen)
             name = f"wire to wire at {rate:.0f} Hz, {'with the screen' if screen else 'headless'}"
-            if len(timing.times) < 20:
-                yield Row(name, timing.counts(), "at least 20 answers", False)
-                continue
-            middle, tail = timing.median * 1e3, timing.p99 * 1e3
+            middle, tail = measured.median * 1e3, measured.p99 * 1e3
             yield Row(
                 name,
-                f"{middle:.2f} ({timing.median / floor.median:.1f}x bare), p99 {tail:.2f} ms "
-                f"({timing.p99 / floor.p99:.1f}x); {timing.counts()}",
+                f"{middle:.2f} ({measured.median / floor.median:.1f}x bare), p99 {tail:.2f} ms "
+                f"({measured.p99 / floor.p99:.1f}x); {measured.counts()}",
                 f"<= {median_max}, p99 <= {p99_max} ms",
                 middle <= median_max and tail <= p99_max,
             )

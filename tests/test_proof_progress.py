@@ -46,11 +46,23 @@ def proof(times, motion, wander, sizes=(1.0, 1.0)):
 def test_the_first_proof_knows_no_time_and_the_next_one_does(tmp_path):
     file = tmp_path / "cache" / "times.json"
     first = proof(SectionTimes(file), [600.0, 1200.0], [2400.0])
-    assert first == (["1 of 2  motion: 0 min so far", "2 of 2  wander: 30 min so far"], 3)
-    second, _ = proof(SectionTimes(file), [600.0], [2400.0])
+    assert first == (
+        [
+            "1 of 2  motion: 0 min so far",
+            "1 of 2  motion, row 1: 10 min so far",
+            "1 of 2  motion, row 2: 30 min so far",
+            "2 of 2  wander: 30 min so far",
+            "2 of 2  wander, row 1: 1 h 10 min so far",
+        ],
+        3,
+    )
+    second, _ = proof(SectionTimes(file), [300.0, 20.0, 20.0, 260.0], [2400.0])
     assert second == [
         "1 of 2  motion: 0 min so far, about 1 h 10 min left",
+        "1 of 2  motion, row 1: 5 min so far, about 1 h 5 min left",
+        "1 of 2  motion, row 4: 10 min so far, about 1 h 0 min left",
         "2 of 2  wander: 10 min so far, about 40 min left",
+        "2 of 2  wander, row 1: 50 min so far, about 0 min left",
     ]
 
 
@@ -85,5 +97,5 @@ def test_a_damaged_file_is_no_estimate_and_is_replaced(tmp_path, content):
 
 def test_a_file_that_cannot_be_written_ends_nothing(tmp_path):
     (tmp_path / "file").write_text("")
-    lines, rows = proof(SectionTimes(tmp_path / "file" / "times.json"), [60.0], [60.0])
+    lines, rows = proof(SectionTimes(tmp_path / "file" / "times.json"), [6.0], [6.0])
     assert len(lines) == rows == 2

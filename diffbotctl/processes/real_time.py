@@ -9,7 +9,8 @@ busy, in a way in which no board does. Linux gives this priority to root, and to
 from __future__ import annotations
 
 import os
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 
 CALLING_THREAD = 0
 PRIORITY = 1  # the lowest of the real-time priorities: before every normal program
@@ -25,3 +26,14 @@ def prefer(process: int = CALLING_THREAD) -> bool:
         os.sched_setscheduler(process, policy, os.sched_param(PRIORITY))
         return True
     return False
+
+
+@contextmanager
+def preferred() -> Iterator[None]:
+    """The calling thread runs before all normal programs, where the system permits it."""
+    is_preferred = prefer()
+    try:
+        yield
+    finally:
+        if is_preferred:
+            os.sched_setscheduler(CALLING_THREAD, os.SCHED_OTHER, os.sched_param(0))

@@ -9,6 +9,7 @@ import os
 import socket
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO, Any, NamedTuple
@@ -30,6 +31,7 @@ from diffbotctl.recording.viewer_layout import viewer_layout
 from diffbotctl.recording.viewer_model import ViewerModel
 from diffbotctl.time import SECOND
 
+NICENESS = 5  # as that of the control socket's process
 VIEWER = "viewer"  # origin of messages that are written for viewers and are no part of the run
 STATE = "state"  # name of the attachment with the state from which a replay begins
 URDF, LAYOUT = "robot.urdf", "layout.json"  # names of the attachments for viewers
@@ -102,15 +104,23 @@ class RecordingWriter(RecordingFile):
         self._attach(self.epoch + time, STATE, "application/octet-stream", state)
 
 
-def start_recorder(path: Path, header: RecordingHeader) -> tuple[socket.socket, int]:
+def start_recorder(
+    path: Path, header: RecordingHeader, is_paced: bool
+) -> tuple[socket.socket, int]:
     """Open `path` and fork the process that writes it. Returns the engine's end and the pid.
 
-    Raises OSError when the file cannot be opened: in the engine, before anything has started.
+    A paced run has priority over its writer; an unpaced one waits for it. Raises OSError when the
+    file cannot be opened: in the engine, before anything has started.
     """
     file = open(path, "wb")  # noqa: SIM115 - the child closes it
-    channel, pid = fork_with_channel(
-        lambda channel: _until_it_fails(channel, lambda: _write_recording(channel, file, header))
-    )
+
+    def serve(channel: socket.socket) -> int:
+        if is_paced:
+            with suppress(OSError):
+                os.nice(NICENESS)
+        return _until_it_fails(channel, lambda: _write_recording(channel, file, header))
+
+    channel, pid = fork_with_channel(serve)
     file.close()
     return channel, pid
 

@@ -279,7 +279,7 @@ def record_to(
     try:
         model = viewer_model(configuration, describe_scene(configuration, graph, facts["port"]))
         header = RecordingHeader(graph.kinds, len(graph.sources), facts, model)
-        channel, pid = start_recorder(path, header)
+        channel, pid = start_recorder(path, header, is_paced=not waits)
     except OSError as error:
         cause = f"cannot record there: {error.strerror}"
         raise RunError(Problem("E-RECORD", str(path), cause, "give another file")) from error

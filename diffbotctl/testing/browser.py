@@ -44,11 +44,16 @@ PHONE_USER_AGENT = (
 )
 
 
+def chromium() -> str | None:
+    """The Chromium of this machine; None where there is none."""
+    return next(filter(None, map(shutil.which, PROGRAMS)), None)
+
+
 class Browser:
     """A browser with its profile in `folder`. `arguments` are added to its command line."""
 
     def __init__(self, folder: Path, *arguments: str) -> None:
-        program = next(filter(None, map(shutil.which, PROGRAMS)), None)
+        program = chromium()
         assert program is not None, "no chromium: run `make packages`"
         read_end, self.commands = os.pipe()
         self.replies, write_end = os.pipe()

@@ -3,6 +3,7 @@
 import threading
 import time
 
+from diffbotctl.processes.real_time import prefer
 from diffbotctl.testing.running import PlainClient
 
 WAIT_S = 60.0  # for what must come; a trial fails by itself afterwards
@@ -24,6 +25,7 @@ class WheelWatcher:
         threading.Thread(target=self._read, daemon=True).start()
 
     def _read(self):
+        prefer()
         while (line := self.client.read()) is not None:
             message = line.get("message")
             if message is None:

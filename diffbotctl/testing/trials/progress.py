@@ -62,14 +62,26 @@ def with_progress(
     output: TextIO = sys.stderr,
     clock: Callable[[], float] = time.monotonic,
 ) -> Iterator[Row]:
-    """The rows of all sections. A line in `output` begins each; `clock` gives s."""
+    """The rows of all sections; `clock` gives s.
+
+    A line in `output` begins each section, and follows a row of it when a minute has passed.
+    """
     began = clock()
     for number, section in enumerate(sections):
-        started = clock()
-        left = [times.estimate(each) for each in sections[number:]]
-        words = time_text(started - began, left)
-        print(f"{number + 1} of {len(sections)}  {section.name}: {words}", file=output, flush=True)
-        yield from section.rows
+        started = told = clock()
+        expected = times.estimate(section)
+        later = [times.estimate(each) for each in sections[number + 1 :]]
+        title = f"{number + 1} of {len(sections)}  {section.name}"
+        words = time_text(started - began, [expected, *later])
+        print(f"{title}: {words}", file=output, flush=True)
+        for count, row in enumerate(section.rows, 1):
+            yield row
+            now = clock()
+            if now - told >= MINUTE_S:
+                told = now
+                left = None if expected is None else max(expected - (now - started), 0.0)
+                words = time_text(now - began, [left, *later])
+                print(f"{title}, row {count}: {words}", file=output, flush=True)
         times.note(section, clock() - started)
 
 

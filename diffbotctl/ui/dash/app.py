@@ -23,6 +23,7 @@ from diffbotctl.config.saved_view import (
 )
 from diffbotctl.control_socket.address import EngineAddress
 from diffbotctl.errors import closest_match
+from diffbotctl.time import SECOND
 from diffbotctl.ui.dash import panels
 from diffbotctl.ui.dash.facts import facts_panel
 from diffbotctl.ui.dash.key_help import help_line, help_panel
@@ -30,6 +31,7 @@ from diffbotctl.ui.dash.panels import PANELS, PanelName
 from diffbotctl.ui.dash.state import Request, RunView
 from diffbotctl.ui.dash.widgets import ZOOM_STEP, InputPrompt, MapBox, OnInput
 from diffbotctl.ui.engine_app import EngineApp, ScreenOptions
+from diffbotctl.ui.plot.canvas import BRAILLE
 from diffbotctl.units import UnitError, parse_pose
 
 FACTS_WIDTH, FACTS_WIDTH_WIDE = 33, 44  # characters
@@ -37,6 +39,8 @@ WIDE_MIN_WIDTH, WIDE_MIN_HEIGHT = 110, 36  # from here plots, blocks and log are
 HIGH_MIN_HEIGHT = 55  # from here the parameters too
 DEFAULT_PLOTS = 3  # fields that are plotted until the user chooses
 PAN_CHARACTERS = 4  # a key press
+# Plots are drawn when time has moved by a dot; their numbers cannot be read faster than this.
+PLOT_PERIOD_MIN_S = 0.2
 VIEW_FILE = "view.yaml"  # unless the user writes another name
 
 
@@ -160,7 +164,10 @@ class Dashboard(EngineApp):
     def _draw_panel(self, widget: str, panel: PanelName) -> None:
         """Draw a panel in a widget, if what it shows may have changed since."""
         size = self.main.query_one(f"#{widget}", Static).size
-        time = self.run_view.snapshot.time if panel == "plots" else self.last_slow_poll
+        time: float = self.last_slow_poll
+        if panel == "plots":
+            period = max(self.plot_span / max(size.width * BRAILLE.across, 1), PLOT_PERIOD_MIN_S)
+            time = self.run_view.snapshot.time // round(period * SECOND)
         state = (panel, size, time, self.selected, tuple(self.fields), self.plot_span)
         if self.drawn.get(widget) != state:
             self.drawn[widget] = state

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import chain
 from math import degrees, isfinite, pi, remainder
+from textwrap import wrap
 from typing import NamedTuple
 
-from rich.table import Table
 from rich.text import Text
 
 from diffbotctl import messages
@@ -25,7 +25,7 @@ RANGE_TEXT_WIDTH = 10  # characters of `1.234 m` and `too close`
 Row = tuple[str, str | Text]
 
 
-def facts_panel(view: RunView, width: int, height: int, plain: bool = False) -> Table:
+def facts_panel(view: RunView, width: int, height: int, plain: bool = False) -> Text:
     """The facts in `width` characters; without bars where those need more than `height` rows.
 
     A text that is longer than a row is folded between words.
@@ -34,12 +34,19 @@ def facts_panel(view: RunView, width: int, height: int, plain: bool = False) -> 
     rows = _rows(view, value_width, plain)
     if sum(_height(row, value_width) for row in rows) > height:
         rows = _rows(view, 0, plain)
-    table = Table.grid(padding=(0, 1))
-    table.add_column(style="bold", no_wrap=True, width=NAME_WIDTH)
-    table.add_column(width=value_width)
-    for row in rows:
-        table.add_row(*row)
-    return table
+    # A table of rich takes several times as long to draw.
+    lines = chain.from_iterable(_lines(*row, value_width) for row in rows)
+    return Text("\n", no_wrap=True, end="").join(lines)
+
+
+def _lines(name: str, value: str | Text, width: int) -> Iterator[Text]:
+    """A row of the facts, folded where its value is longer than `width`."""
+    text = value if isinstance(value, Text) else Text(value)
+    parts = [text]
+    if len(text) > width:
+        parts = [Text(part, text.style) for part in wrap(text.plain, width)]
+    for number, part in enumerate(parts):
+        yield Text.assemble((("" if number else name).ljust(NAME_WIDTH + 1), "bold"), part)
 
 
 def _rows(view: RunView, bars_width: int, plain: bool) -> list[Row]:

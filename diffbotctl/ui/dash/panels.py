@@ -127,25 +127,30 @@ def _cell(name: str, value: Any) -> str:
 
 
 def parameters_panel(view: RunView, selected: int, width: int, height: int) -> RenderableType:
-    """The live parameters around the selected one, as many as fit, and what that one means."""
+    """The live parameters around the selected one, as many as fit.
+
+    What that one means follows below where the row is too short for it.
+    """
     rows = view.live_parameters
     if not rows:
         return Text("this pipeline has no parameter that can change during a run")
+    texts = [(row["parameter"], _value(row["value"]), row["unit"]) for row in rows]
+    names = ("parameter", "value", "unit")
+    used = sum(max(map(len, column)) + COLUMN_GAP for column in zip(names, *texts, strict=True))
     meaning = rows[selected]["help"] if selected >= 0 else ""
+    if len(meaning) <= width - used:
+        meaning = ""
     folded = fold_text(meaning, width=max(width, 1))
     below = folded.count("\n") + 2 if meaning else 0
     count = max(height - 1 - below, 1)
     first = min(max(selected - count // 2, 0), max(len(rows) - count, 0))
     shown = rows[first : first + count]
-    texts = [(row["parameter"], _value(row["value"]), row["unit"]) for row in shown]
-    names = ("parameter", "value", "unit")
-    used = sum(max(map(len, column)) + COLUMN_GAP for column in zip(names, *texts, strict=True))
     table = _table()
     for name in (*names, "description"):
         table.add_column(name, no_wrap=True, overflow="ellipsis")
-    for number, (row, cells) in enumerate(zip(shown, texts, strict=True), first):
+    for number, row in enumerate(shown, first):
         style = "reverse" if number == selected else "bold" if row["changed"] else ""
-        table.add_row(*cells, shorten_text(row["help"], width - used), style=style)
+        table.add_row(*texts[number], shorten_text(row["help"], width - used), style=style)
     return Group(table, Text(f"\n{folded}", "dim")) if meaning else table
 
 

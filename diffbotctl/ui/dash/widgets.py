@@ -5,17 +5,20 @@ On the map a click or drag sets a goal, the wheel zooms, the right button pans.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import cache
 from math import atan2, hypot
-from typing import ClassVar
+from typing import Any, ClassVar, Self
 
-from rich.text import Text
+from rich.segment import Segment
+from rich.style import Style
 from textual import events
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal
 from textual.message import Message
 from textual.screen import ModalScreen
+from textual.strip import Strip
 from textual.widget import Widget
 from textual.widgets import Input, Label
 
@@ -28,6 +31,11 @@ FIT_SCALE_RATIO = 0.9  # of the scale that would just fit, so that the map moves
 REFIT_SCALE_RATIO = 0.6  # of the fitting scale; below it the map is drawn closer
 CENTRE_TOLERANCE_DOTS = 1.0  # distance of the middle from where it should be
 DRAG_MIN_CHARACTERS = 1.5  # a shorter drag is a click
+
+
+@cache
+def _style(name: str) -> Style:
+    return Style.parse(name)
 
 
 class MapBox(Widget):
@@ -61,17 +69,36 @@ class MapBox(Widget):
         self.pressed: Point | None = None  # where the left button went down, in characters
         self.dragged: Point | None = None  # where the mouse is since
         self.panning: Point | None = None
+        self.strips: list[Strip] = []  # the lines of the picture; empty: to be drawn
 
-    def render(self) -> Text:
+    def refresh(self, *arguments: Any, **named: Any) -> Self:
+        """Draw again."""
+        self.strips = []
+        return super().refresh(*arguments, **named)
+
+    def render_line(self, y: int) -> Strip:
+        """A line of the picture: as segments, since textual takes long to convert a text."""
+        if len(self.strips) != self.size.height:
+            self.strips = list(self._draw())
+        return (
+            self.strips[y]
+            if y < len(self.strips)
+            else Strip.blank(self.size.width, self.visual_style.rich_style)
+        )
+
+    def _draw(self) -> Iterator[Strip]:
         """The map, with the goal that is being dragged."""
         width, height = self.size
         if self.run_view is None or width < 1 or height < 1:
-            return Text("")
+            return
         self.drawn, self.drawn_width = self._camera(self.run_view), width
         canvas = draw_map(self.run_view, self.drawn, width, height, self.plain)
         if self.pressed is not None:
             mark_goal(canvas, *self._goal(self.drawn, self.pressed, self.dragged or self.pressed))
-        return canvas.text()
+        floor = self.visual_style.rich_style
+        for row in range(height):
+            segments = (Segment(text, floor + _style(name)) for text, name in canvas.runs(row))
+            yield Strip(segments, width)
 
     def show(self, run_view: RunView) -> None:
         """Draw this run."""

@@ -6,8 +6,9 @@ corner: `x`, `y` of dots, `column`, `row` of characters. What lies outside is no
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from itertools import groupby
+from operator import itemgetter
 from typing import NamedTuple
 
 from rich.text import Text
@@ -72,13 +73,15 @@ class CharacterCanvas:
             return self.characters[place]
         return self.font.characters[self.dots.get(place, 0)], self.styles.get(place)
 
+    def runs(self, row: int) -> Iterator[tuple[str, str]]:
+        """One row: characters of one style, and this style; empty for none."""
+        cells = (self.cell(column, row) for column in range(self.width))
+        for style, run in groupby(cells, key=itemgetter(1)):
+            yield "".join(character for character, _ in run), style or ""
+
     def row(self, row: int) -> Text:
         """One row with its styles."""
-        cells = (self.cell(column, row) for column in range(self.width))
-        runs = groupby(cells, key=lambda cell: cell[1])
-        return Text.assemble(
-            *(("".join(character for character, _ in run), style or "") for style, run in runs)
-        )
+        return Text.assemble(*self.runs(row))
 
     def text(self) -> Text:
         """All rows, without a line break after the last."""

@@ -105,7 +105,7 @@ function showLimit() {
   pad.share = element("limit-input").value / 100;
   const { speed, turnRate } = pad.limits;
   element("limit-text").textContent =
-    `${(pad.share * speed).toFixed(2)} m/s ${(pad.share * turnRate).toFixed(2)} rad/s`;
+    `${(pad.share * speed).toFixed(2)}\u00a0m/s ${(pad.share * turnRate).toFixed(2)}\u00a0rad/s`;
 }
 
 function setGoal(x, y, heading) {
