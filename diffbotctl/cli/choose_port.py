@@ -23,7 +23,7 @@ def choose_port(radio: bool = False, simulates: bool = False) -> str:
     """
     from diffbotctl.drivers.board_ports import candidates
 
-    return _choose(candidates(radio), radio)
+    return _choose(candidates(radio), radio, simulates)
 
 
 def choose_board_port(board: BoardCode) -> str:
@@ -36,10 +36,10 @@ def choose_board_port(board: BoardCode) -> str:
         found = board_of(boards[0])
         assert found is not None
         raise OtherBoardError(f"port {boards[0].name}", found, board)
-    return _choose(fitting, False)
+    return _choose(fitting)
 
 
-def _choose(boards: list[SerialPort], radio: bool) -> str:
+def _choose(boards: list[SerialPort], radio: bool = False, simulates: bool = False) -> str:
     from diffbotctl.drivers.board_ports import NoBoardError, SeveralBoardsError, choose
 
     try:

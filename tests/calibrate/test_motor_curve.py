@@ -84,9 +84,7 @@ def test_a_slow_decay_is_recognised():
 def test_speeds_that_both_laws_explain_leave_the_decay_open():
     # Without friction both are proportional to the duty at a large viscous friction.
     rows = [(duty, 10.0 * duty * (1 + error)) for duty, error in zip(DUTIES, ERRORS, strict=True)]
-    assert all(
-        curve.decay is None for curve in fit_curves({"left": rows, "right": rows}).values()
-    )
+    assert all(curve.decay is None for curve in fit_curves({"left": rows, "right": rows}).values())
 
 
 def test_motors_of_another_law_are_left_to_the_line():
