@@ -4,7 +4,7 @@ from random import Random
 
 import pytest
 
-from diffbotctl.calibrate.motor_curve import fit_curves
+from diffbotctl.calibrate.motor_curve import USUAL_SAG, MotorCurve, fit_curves
 from diffbotctl.calibrate.motor_fit import fit_line
 
 DUTIES = (0.3, 0.45, 0.6, 0.75, 0.9)
@@ -50,30 +50,53 @@ def test_two_standard_deviations_contain_the_truth(sag):
     assert sum(inside) >= 0.9 * len(inside)
 
 
+def fast_points(gain, static, viscous, sag=USUAL_SAG, noise=0.0, seed=0):
+    rng = Random(seed)
+    return [
+        (duty, gain * (effect - static) / (effect + viscous) * (1 + rng.gauss(0.0, noise)))
+        for duty in DUTIES * 2
+        for effect in [duty * (1 - sag * duty)]
+    ]
+
+
 @pytest.mark.parametrize("viscous", [0.0, 0.05, 0.1])
 def test_exact_points_of_a_fast_decay_give_friction_and_speed(viscous):
     # gain 12 rad/s, static 0.1: 10.8 rad/s over 1 + viscous at full duty.
-    rows = [(duty, 12.0 * (duty - 0.1) / (duty + viscous)) for duty in DUTIES * 2]
+    rows = fast_points(12.0, 0.1, viscous)
     for curve in fit_curves({"left": rows, "right": rows}).values():
         assert curve.decay == "fast"
         assert curve.static == pytest.approx(0.1, abs=1e-6)
         assert curve.rated == pytest.approx(10.8 / (1.0 + viscous), abs=1e-5)
+        assert curve.fast_duty(0.0) == pytest.approx(0.1, abs=1e-6)
+        assert curve.fast_duty(curve.rated) == pytest.approx(1.0, abs=1e-5)
 
 
 def test_two_standard_deviations_contain_the_truth_of_a_fast_decay():
+    """Of motors with different friction, on batteries that sag by an unknown amount."""
     inside = []
     for seed in range(40):
         rng = Random(seed)
-        static, viscous = rng.uniform(0.04, 0.14), rng.uniform(0.02, 0.1)
-        rows = [
-            (duty, 12.0 * (duty - static) / (duty + viscous) * (1 + rng.gauss(0.0, 0.001)))
-            for duty in DUTIES * 2
-        ]
-        curve = fit_curves({"left": rows, "right": rows})["left"]
-        inside.append(abs(curve.static - static) <= 2 * curve.static_sd)
-        rated = 12.0 * (1 - static) / (1 + viscous)
-        inside.append(abs(curve.rated - rated) <= 2 * curve.rated_sd)
+        sag = rng.uniform(0.0, 0.1)
+        statics = [rng.uniform(0.04, 0.14) for _ in range(2)]
+        viscous = [rng.uniform(0.02, 0.1) for _ in range(2)]
+        curves = fit_curves(
+            {
+                side: fast_points(12.0, statics[side], viscous[side], sag, 0.001, seed + 99 * side)
+                for side in range(2)
+            }
+        )
+        for side, curve in curves.items():
+            rated = 12.0 * (1 - statics[side]) / (1 + viscous[side])
+            inside.append(abs(curve.static - statics[side]) <= 2 * curve.static_sd)
+            inside.append(abs(curve.rated - rated) <= 2 * curve.rated_sd)
     assert sum(inside) >= 0.9 * len(inside)
+
+
+def test_the_lag_of_a_fast_decay_is_stated_for_one_duty():
+    # 0.6 / (0.3 + 0.1) and 0.6 / (0.9 + 0.1) of the stated lag: 1.05 in the mean.
+    curve = MotorCurve(0.1, 10.0, 0.0, 0.0, "fast", 0.1)
+    assert curve.stated_lag(0.105, (0.3, 0.9)) == pytest.approx(0.1)
+    assert curve._replace(decay="slow").stated_lag(0.105, (0.3, 0.9)) == 0.105
 
 
 def test_a_slow_decay_is_recognised():

@@ -176,13 +176,17 @@ def _feed_forward(motor: MotorFit, top: float) -> FeedForward:
     return FeedForward(static, curve.static_sd, slope, slope_sd)
 
 
+def _feed_forwards(robot: Robot, motors: dict[str, MotorFit]) -> dict[str, FeedForward]:
+    """That of each side, for speeds up to the limit."""
+    return {
+        side: _feed_forward(motors[side], 2.0 * robot.limits.speed / section.wheel.diameter)
+        for side, section in drive_sides(robot).items()
+    }
+
+
 def motor_findings(robot: Robot, motors: dict[str, MotorFit]) -> list[Finding]:
     """The motor and the loop of each side, and a speed limit that both motors can keep."""
-    sections = drive_sides(robot)
-    lines = {
-        side: _feed_forward(motor, 2.0 * robot.limits.speed / sections[side].wheel.diameter)
-        for side, motor in motors.items()
-    }
+    lines = _feed_forwards(robot, motors)
     # Gains that belong to the feed-forward: with a curved line its own slope is far too steep.
     slope = sum(line.slope for line in lines.values()) / len(lines)
     proportional, integral = default_gains(slope)
@@ -191,7 +195,7 @@ def motor_findings(robot: Robot, motors: dict[str, MotorFit]) -> list[Finding]:
         line, curve, path = lines[side], motor.curve, f"drive.{side}.motor"
         findings += [
             Finding(f"{path}.rated", curve.rated, curve.rated_sd),
-            Finding(f"{path}.lag", motor.lag.lag, hypot(motor.lag.sd, motor.lag.split_sd)),
+            Finding(f"{path}.lag", *_stated_lag(robot, motor)),
             Finding(f"{path}.loop.static", line.static, line.static_sd),
             Finding(f"{path}.loop.speed", line.slope, line.slope_sd),
             Finding(f"{path}.loop.proportional", proportional),
@@ -203,12 +207,21 @@ def motor_findings(robot: Robot, motors: dict[str, MotorFit]) -> list[Finding]:
                 Finding(f"{path}.friction", line.static, line.static_sd),
             ]
     speed = min(
-        motors[side].full_speed * section.wheel.diameter / 2 for side, section in sections.items()
+        motors[side].full_speed * section.wheel.diameter / 2
+        for side, section in drive_sides(robot).items()
     )
     limit = floor(SPEED_LIMIT_RATIO * speed * CM) / CM
     if limit < robot.limits.speed:
         findings.append(Finding("limits.speed", limit))
     return findings
+
+
+def _stated_lag(robot: Robot, motor: MotorFit) -> tuple[float, float]:
+    """The lag (s) with its standard deviation. That of a motor with fast decay depends on the duty:
+    what the mean over two duties says of it at another one is known to half of the difference."""
+    lag, staircase = motor.lag, duty_staircase(robot)
+    stated = motor.curve.stated_lag(lag.lag, (staircase.low, staircase.high))
+    return stated, hypot(lag.sd, lag.split_sd, 0.5 * (stated - lag.lag))
 
 
 def _delay_findings(nominal: Robot, motors: dict[str, MotorFit]) -> list[Finding]:
@@ -248,16 +261,20 @@ def _report(robot: Robot, motors: dict[str, MotorFit]) -> list[str]:
     ]
     for side, motor in motors.items():
         for direction, line in motor.lines.items():
+            # Of a motor with fast decay the line is none: its curve is that of both directions.
+            curve = motor.curve if motor.curve.decay == "fast" else line
             lines.append(
                 f"{side + ' ' + direction:<15} {motor.breakaway[direction]:>7.3f} "
-                f"{line.static:>7.3f} {line.rated:>6.2f} rad/s {motor.lag.lag * 1000:>5.0f} ms "
+                f"{curve.static:>7.3f} {curve.rated:>6.2f} rad/s {motor.lag.lag * 1000:>5.0f} ms "
                 f"{motor.lag.dead_time * 1000:>7.0f} ms"
             )
     speed = max(
-        max(max(motor.breakaway.values()) - motor.line.static, 0.0) / motor.line.slope
-        for motor in motors.values()
+        max(max(motors[side].breakaway.values()) - line.static, 0.0) / line.slope
+        for side, line in _feed_forwards(robot, motors).items()
     )
     radius = max(robot.drive.left.wheel.diameter, robot.drive.right.wheel.diameter) / 2
     speed *= radius * CM
     lines.append(f"lowest speed at which both wheels start: {speed:.1f} cm/s")
+    if all(motor.curve.decay == "fast" for motor in motors.values()):
+        lines.append("the driver opens the windings between two pulses (decay: fast)")
     return lines
