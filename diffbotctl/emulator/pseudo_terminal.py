@@ -52,19 +52,20 @@ class UsbTerminal(PseudoTerminal):
         super().__init__()
         os.close(self._host)  # otherwise it would never be seen closed
         self._host = -1
-        self.baud, self.is_open = 0, True
+        self.is_open = True  # the first call of `changed` tells that it is not
+        self.baud = BAUDS.get(termios.tcgetattr(self._board)[OUTPUT_SPEED], 0)
         self._poll = select.poll()
         self._poll.register(self._board, 0)
 
     def changed(self) -> bool:
         """Whether a client has opened or closed it, or has changed its rate, since the last call.
 
-        The rate stays after the last client has closed it.
+        The rate stays after the last client has closed it. A client that has come and gone since
+        the last call shows by its rate: the port is told as open, and as closed by the next call.
         """
         before = self.baud, self.is_open
-        self.is_open = not self._poll.poll(0)
-        if self.is_open:
-            self.baud = BAUDS[termios.tcgetattr(self._board)[OUTPUT_SPEED]]
+        self.baud = BAUDS.get(termios.tcgetattr(self._board)[OUTPUT_SPEED], self.baud)
+        self.is_open = not self._poll.poll(0) or self.baud != before[0]
         return (self.baud, self.is_open) != before
 
     def read(self) -> bytes:

@@ -351,14 +351,14 @@ class EdgeHypothesis:
         if len(counts) > 1:
             best = max(count.fit for count in counts)
             counts = [count for count in counts if count.fit > best - FAULT_LOG_RATIO_MAX]
-        before = self.faults
+        before, slot = self.faults, self.edge_slot
         if self.motion.edge_variance(direction > 0) > RESOLVED_SD_MAX * RESOLVED_SD_MAX:
             suspect = before.suspect + (steps if self.motion.is_suspect else 0)
             before = before._replace(unresolved=before.unresolved + steps, suspect=suspect)
         hypotheses = [self, *(self.copy() for _ in counts[1:])]
         for hypothesis, count in zip(hypotheses, counts, strict=True):
             hypothesis.motion.log_likelihood += count.log_prior
-            hypothesis._set_edge(direction, self.edge_slot + direction * (steps + count.missed))
+            hypothesis._set_edge(direction, slot + direction * (steps + count.missed))
             hypothesis.faults = before.added(steps, count.missed)
             hypothesis.is_timed = count.is_timed
             hypothesis.unseen_edges = 0

@@ -8,6 +8,9 @@ import pytest
 
 from diffbotctl.config.load import load
 from diffbotctl.estimation.edge_faults import NO_FAULTS
+from diffbotctl.estimation.edge_hypothesis import EdgeHypothesis, WheelFrame
+from diffbotctl.estimation.priors import Priors
+from diffbotctl.estimation.wheel_kalman import WheelKalman
 from diffbotctl.messages import Wheels
 from diffbotctl.plant.robot_parameters import plant_parameters
 from diffbotctl.plant.simulated_robot import SimulatedRobot
@@ -85,3 +88,25 @@ def test_missed_edges_neither_turn_nor_shift_the_pose():
 
 def test_an_encoder_that_misses_nothing_gives_no_warning():
     assert [drive(seed, 0.0)[0].warning for seed in range(6)] == [""] * 6
+
+
+@pytest.mark.parametrize("is_extra", [True, False], ids=["extra", "missed"])
+def test_the_edge_of_a_hypothesis_is_that_of_the_counts_less_its_faults(is_extra):
+    """A wheel that gives an edge every fifth frame of 20 ms: one comes in the middle, or late."""
+    frame, hypotheses = 20 * MS, [EdgeHypothesis(WheelKalman(Priors(lag=0.1), 20), 0, 0)]
+    for number in range(1, 203):
+        count = number // 5 + (1 if is_extra else -1) * (number > 201)
+        edges = WheelFrame(number * frame, max(count, 0), None, 10.0, 0, 0.3)
+        hypotheses = [branch for one in hypotheses for branch in one.update(edges)]
+        if number < 202:
+            hypotheses = hypotheses[:1]
+    if not is_extra:  # the next edge comes in time, with the count of the one before
+        late = WheelFrame(206 * frame, 41, None, 10.0, 0, 0.3)
+        hypotheses = [branch for one in hypotheses for branch in one.update(late)]
+    first = hypotheses[0]
+    assert len(hypotheses) > 1
+    for one in hypotheses:
+        difference = one.faults.missed - one.faults.extra
+        assert one.edge_slot - first.edge_slot == difference - (
+            first.faults.missed - first.faults.extra
+        )

@@ -135,7 +135,8 @@ def newer(tmp_path_factory):
     text = header.read_text()
     assert now in text
     header.write_text(text.replace(now, f"#define PROTOCOL_VERSION {frames.VERSION + 1}"))
-    subprocess.run(["make", "-C", copy], capture_output=True, check=True)
+    make = ["make", "-C", copy, f"ROOT={FIRMWARE.parent}"]
+    subprocess.run(make, capture_output=True, check=True)
     return copy / IMAGE.name
 
 

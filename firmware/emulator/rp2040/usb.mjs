@@ -60,6 +60,7 @@ export class Usb {
     this.waiting = [];
     this.takes = false; // the board waits for a packet
     this.found = false;
+    this.states = [];
     this.confirmed = chip.clock.createAlarm(() => {
       this.descriptors.push(this.transfer.answer);
       this.begin();
@@ -92,23 +93,35 @@ export class Usb {
       lineCoding(this.baud),
       controlLines(this.open),
     ];
+    this.told = { baud: this.baud, open: this.open };
     this.begin();
   }
 
   // A program opens the port at this rate, or closes it.
   setPort(baud, open) {
-    if (this.found && baud !== this.baud) this.transfers.push(lineCoding(baud));
-    if (this.found && open !== this.open) this.transfers.push(controlLines(open));
     [this.baud, this.open] = [baud, open];
+    this.states.push({ baud, open });
+    if (this.found) this.tell();
     if (this.found && !this.transfer) this.begin();
   }
 
-  begin() {
-    this.transfer = this.transfers.shift() ?? null;
-    if (!this.transfer) {
-      this.found = true;
-      return;
+  // What the board does not know of the port yet: it may have been opened, and closed again, while the host found
+  // the device.
+  tell() {
+    for (const { baud, open } of this.states.splice(0)) {
+      if (baud !== this.told.baud) this.transfers.push(lineCoding(baud));
+      if (open !== this.told.open) this.transfers.push(controlLines(open));
+      this.told = { baud, open };
     }
+  }
+
+  begin() {
+    if (!this.transfers.length && !this.found) {
+      this.found = true;
+      this.tell();
+    }
+    this.transfer = this.transfers.shift() ?? null;
+    if (!this.transfer) return;
     this.transfer.answer = [];
     this.usb.sendSetupPacket(this.transfer.request);
   }
