@@ -364,6 +364,11 @@ class EdgeHypothesis:
             hypothesis.unseen_edges = 0
         return hypotheses
 
+    @property
+    def _may_be_additional(self) -> bool:
+        """An edge bounces while it passes: a wheel that stands gives no additional ones."""
+        return self.motion.is_rolling(ROLLING_CREEP_RATIO)
+
     def _timed_counts(self, direction: int, steps: int) -> list[_Count]:
         """Candidates for the edges passed until the edge time, where the motion stands."""
         motion = self.motion
@@ -378,8 +383,9 @@ class EdgeHypothesis:
         ):
             return [expected]
         counts, cost = [], motion.priors.change_cost
+        extra_max = min(steps, EXTRA_MAX) if self._may_be_additional else 0
         for missed in sorted({0, floor(beyond), ceil(beyond)}):
-            if not -min(steps, EXTRA_MAX) <= missed <= MISSED_MAX:
+            if not -extra_max <= missed <= MISSED_MAX:
                 continue
             log_prior = self.faults.log_prior(missed)
             fit = robust_log_likelihood(beyond - missed, variance, cost)
@@ -399,7 +405,8 @@ class EdgeHypothesis:
         counts: list[_Count] = []
         if not self.motion.finds_faults:
             return [_Count(0.0, 0.0, 0, False)]
-        for missed in (0, -1, 1):
+        others = (-1, 1) if self._may_be_additional else (1,)
+        for missed in (0, *others):
             log_prior = self.faults.log_prior(missed)
             place = _edge_place(self.edge_slot + direction * (steps + missed), direction)
             fit = self.motion.bounds_log_likelihood(*bounds(place, direction, False))

@@ -110,3 +110,17 @@ def test_the_edge_of_a_hypothesis_is_that_of_the_counts_less_its_faults(is_extra
         assert one.edge_slot - first.edge_slot == difference - (
             first.faults.missed - first.faults.extra
         )
+
+
+def test_edges_of_a_wheel_that_is_taken_for_standing_are_no_additional_ones():
+    """They would be, one by one, for as long as the wheel turns, and its pose would stay behind."""
+    frame, hypotheses = 20 * MS, [EdgeHypothesis(WheelKalman(Priors(lag=0.1), 20), 0, 0)]
+    for number in range(1, 101):
+        edges = WheelFrame(number * frame, number // 5, None, 10.0, 0, 0.3)
+        hypotheses = hypotheses[0].update(edges)
+    hypotheses[0].motion.speed = 0.0
+    for number in range(101, 120):  # no drive is known of, and the edges go on
+        edges = WheelFrame(number * frame, number // 5, None, 0.0, 100 * frame, 0.0)
+        hypotheses = [branch for one in hypotheses for branch in one.update(edges)]
+        assert all(one.faults.extra == 0 for one in hypotheses)
+        hypotheses = hypotheses[:1]
