@@ -1,4 +1,4 @@
-"""Tests run in the root of the checkout, and do not write to the user's state folder."""
+"""Tests run in the root of the checkout, and do not use the user's folders."""
 
 import atexit
 import os
@@ -24,6 +24,10 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 _state = tempfile.mkdtemp(prefix="diffbotctl-state-")
 os.environ["XDG_STATE_HOME"] = _state  # folder of the black box
 atexit.register(shutil.rmtree, _state, ignore_errors=True)
+# The sockets of running engines: a command that names none would reach that of another test.
+_runtime = tempfile.mkdtemp(prefix="run-")
+os.environ["XDG_RUNTIME_DIR"] = _runtime
+atexit.register(shutil.rmtree, _runtime, ignore_errors=True)
 
 
 def pytest_configure(config):

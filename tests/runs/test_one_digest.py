@@ -12,6 +12,7 @@ import pytest
 from diffbotctl.testing.background import BackgroundDevice
 from diffbotctl.testing.book_board import BookBoardPort
 from diffbotctl.testing.command_process import command_line
+from diffbotctl.testing.trials.child_faults import SensingBoard
 
 LONGEST = 60  # s
 
@@ -78,7 +79,7 @@ class Shaken(BackgroundDevice):
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_live_run_over_a_line_that_splits_and_pauses_is_replayed_as_it_was(tmp_path, seed):
     log = tmp_path / "live.mcap"
-    board = BookBoardPort()
+    board = BookBoardPort(SensingBoard())  # a constant voltage would be a fault after 3 s
     line = Shaken(board, seed)
     try:
         live, said = digest(
