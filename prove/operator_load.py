@@ -140,12 +140,7 @@ def rows() -> Iterator[Row]:
             os.close(master)
             os.close(slave)
         times = ticks.times(recording)
-    yield from load_rows(
-        {
-            load.name: wire.timing([t for part in load.segments for t in times[part]])
-            for load in loads
-        }
-    )
+    yield from load_rows({load.name: load.timing(times) for load in loads})
     growth = after - before
     yield Row(
         "memory of the hub after these loads",

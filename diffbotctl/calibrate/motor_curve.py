@@ -25,18 +25,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from math import hypot
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from diffbotctl.calibrate.dead_reckoning import Floats
+from diffbotctl.config.robot import Decay
 from diffbotctl.estimation.wheel_kalman import LAG_DUTY
 
-Decay = Literal["slow", "fast"]
 # The parameter that both motors share: sag or viscous friction. Beyond these limits the motors
 # follow another law: a line is as good.
-SHARED_MIN: dict[Decay, float] = {"slow": -0.02, "fast": -0.02}
-SHARED_MAX: dict[Decay, float] = {"slow": 0.30, "fast": 0.30}
+SHARED_MIN, SHARED_MAX = -0.02, 0.30
 SHARED_STEP = 0.001
 SPEED_SD_RATIO_MIN = 0.0007  # of a mean speed: ripple of the gears over the last, unfinished turn
 DERIVATIVE_STEP = 1e-5
@@ -90,8 +89,7 @@ class _CurveFit(NamedTuple):
     @property
     def is_within(self) -> bool:
         """Whether the shared parameter is between its limits."""
-        low, high = SHARED_MIN[self.decay], SHARED_MAX[self.decay]
-        return low + SHARED_STEP / 2 < self.shared < high - SHARED_STEP / 2
+        return SHARED_MIN + SHARED_STEP / 2 < self.shared < SHARED_MAX - SHARED_STEP / 2
 
 
 def fit_curves(points: Mapping[str, Sequence[tuple[float, float]]]) -> dict[str, MotorCurve]:
@@ -151,7 +149,7 @@ def _best_fit(tables: Sequence[Floats], decay: Decay) -> _CurveFit:
             float(shared),
             sum(float(_line(table, shared, decay)[1]) for table in tables),
         )
-        for shared in np.arange(SHARED_MIN[decay], SHARED_MAX[decay] + SHARED_STEP, SHARED_STEP)
+        for shared in np.arange(SHARED_MIN, SHARED_MAX + SHARED_STEP, SHARED_STEP)
     ]
     return min(fits, key=lambda fit: fit.error)
 
