@@ -5,6 +5,11 @@ fourth difference of the counts in successive spans of time removes the smooth p
 too steadily for anything else to remain than the faults and the rounding to whole edges. The
 variance that remains for each edge is the share of faults (variance of a Poisson process).
 
+Rounding depends on the rate: at nearly a whole number of edges in a span all counts are equal, at a
+whole number and a half every second one is rounded up. One variance for all rates would hide faults
+at the first, and take the second for faults. With faults the edges have another rate than the
+counts, which each hypothesis takes into account.
+
 Whether edges were missing or counted twice would follow from the third moment, but on the few
 hundred spans of a drive its sign is too uncertain: a wrong correction of one wheel turned simulated
 robots by 30 degrees. So the share is taken as a standard deviation of the travel: the root of its
@@ -13,30 +18,34 @@ mean square over what the share may be, since on a short drive no counts rule a 
 
 from __future__ import annotations
 
+from itertools import pairwise
 from math import exp, log, sqrt
 from operator import mul
 
 # The first span has so many edges; the next ones have as many frames, so that rounding is not
 # favoured in one direction, until their edges leave the limits.
-FIRST_EDGES_MIN = 8
+FIRST_EDGES_MIN, FIRST_TIMED_EDGES_MIN = 16, 8  # rounding hides faults in shorter ones
 SPAN_EDGES_MIN, SPAN_EDGES_RATIO_MAX = 5, 2.5
 SPAN_SECONDS_MAX = 0.2
 WEIGHTS = (1.0 / 6.0, -4.0 / 6.0, 1.0, -4.0 / 6.0, 1.0 / 6.0)
 SQUARES = sum(weight**2 for weight in WEIGHTS)
-# Variance of the fourth difference by rounding the counts: the sum of the squared differences of
-# successive weights, times that of a uniform distribution over one edge.
-ROUNDING_VARIANCE = (
-    sum(
-        (after - before) ** 2
-        for before, after in zip((0.0, *WEIGHTS), (*WEIGHTS, 0.0), strict=True)
-    )
-    / 12.0
+# Variance of the fourth difference by rounding counts at a constant rate, by the distance of the
+# edges in a span from a whole number: means over all phases, exact at these points and linear
+# between them.
+ROUNDING = (
+    (0.0, 0.0),
+    (0.2, 7.0 / 18.0),
+    (0.25, 0.5),
+    (1.0 / 3.0, 0.5),
+    (0.4, 1.0),
+    (0.5, 16.0 / 9.0),
 )
-# At a rate of a whole number and a half, every second count is rounded up: the alternating weights
-# add up to 32 / 6, times a quarter of an edge.
-NOISE_RATIO_MAX = (32.0 / 6.0 / 4.0) ** 2 / ROUNDING_VARIANCE
-# The same of edges with times: the slots are cut with a tolerance of 3 % of the pitch.
-SLOT_VARIANCE = 12.0 * ROUNDING_VARIANCE * 0.03**2
+SLOPE_SD = sqrt(2.0)  # standard deviation of five successive numbers
+EDGES_GAIN, EDGES_CHANGE_MAX = 0.3, 1.0
+RATE_SD = 0.1  # edges in a span; of the rate that is taken from five counts
+# The same of edges with times: the slots are cut with a tolerance of 3 % of the pitch, and the
+# squared differences of successive weights add up to 7.
+SLOT_VARIANCE = 7.0 * 0.03**2
 SLOPE_MAX = 0.3  # of the mean speed in all spans; a faster change is not smooth enough
 # Successive deviations have four of five spans in common: so many are worth one independent one.
 DEVIATIONS_PER_SAMPLE = 2.9
@@ -53,35 +62,63 @@ SHARES = (
     (0.1, 0.05),
     (0.2, 0.03),
 )
-# The remaining variance without faults, relative to that of rounding: a motor turns unevenly, and
-# at a rate near a whole number and a half every second count is rounded up. With probabilities.
+# The remaining variance without faults, relative to that of rounding: a motor turns unevenly. With
+# probabilities.
 UNEVENNESS = ((1.0, 0.99), (2.0, 0.01))
 DEVIATIONS_MIN = 8  # before a fault is told
-# By which the remaining variance differs from what rounding can cause, for a fault to be told, in
+# By which the remaining variance differs from what rounding causes, for a fault to be told, in
 # standard errors: one strange count is none. Successive deviations have four of five spans in
 # common, so that the true error is some 1.7 times larger.
 CERTAIN_ERRORS_MIN = 5.0
 SHARE_REPORTED = 0.004
-HYPOTHESES = tuple(
-    (factor, share, log(likely * probability))
-    for factor, likely in UNEVENNESS
-    for share, probability in ((0.0, 1.0 - FAULTY), *((at, FAULTY * part) for at, part in SHARES))
+UNEVEN_MAX = max(factor for factor, _ in UNEVENNESS)
+# Unevenness, signed share (of additional edges; of missing ones if negative) and log probability.
+HYPOTHESES = (
+    *((factor, 0.0, log(likely * (1.0 - FAULTY))) for factor, likely in UNEVENNESS),
+    *(
+        (1.0, sign * share, log(0.5 * FAULTY * part))
+        for share, part in SHARES
+        for sign in (-1.0, 1.0)
+    ),
 )
 SHARE_UNKNOWN = sqrt(FAULTY * sum(share * share * part for share, part in SHARES))
+
+
+def rounding_variance(rate: float) -> float:
+    """Variance of the fourth difference of counts by rounding, at `rate` edges in a span."""
+    distance = abs(rate - round(rate))
+    for (low, before), (high, after) in pairwise(ROUNDING):
+        if distance <= high:
+            return before + (after - before) * (distance - low) / (high - low)
+    return ROUNDING[-1][1]
+
+
+def _smoothed(rate: float) -> float:
+    """The same where `rate` is known to `RATE_SD`: the mean over a normal distribution."""
+    weights = {0.25 * step: exp(-0.5 * (0.25 * step) ** 2) for step in range(-12, 13)}
+    total = sum(weight * rounding_variance(rate + sds * RATE_SD) for sds, weight in weights.items())
+    return total / sum(weights.values())
+
+
+RATES = 50  # in which a whole edge is divided
+ROUNDING_NOISE = tuple(_smoothed(place / RATES) for place in range(RATES))
 
 
 class CountFaults:
     """Share of missed or additional edges of one encoder."""
 
     def __init__(self, has_edge_times: bool) -> None:
-        self.noise = SLOT_VARIANCE if has_edge_times else ROUNDING_VARIANCE
+        self.has_edge_times = has_edge_times
         self.rates: list[tuple[float, int]] = []  # edges/s and edges of the last spans
         self.direction = 0
         self.seconds = 0.0
         self.edges = self.frames = 0
         self.first_edges = self.first_frames = 0
         self.number = 0
-        self.sum_edges = self.sum_squares = self.sum_fourths = 0.0
+        self.sum_squares = self.sum_fourths = 0.0
+        self.sum_noise = 0.0
+        self.logs = [prior for _, _, prior in HYPOTHESES]
+        self.edges_mean = 0.0  # in a span
         self.share = SHARE_UNKNOWN
         """standard deviation: missed or additional edges per edge"""
         self.is_certain = False
@@ -116,7 +153,7 @@ class CountFaults:
         if self.rates:
             return self.frames >= self.first_frames
         self.first_edges = self.edges
-        return self.edges >= FIRST_EDGES_MIN
+        return self.edges >= (FIRST_TIMED_EDGES_MIN if self.has_edge_times else FIRST_EDGES_MIN)
 
     def _restart(self) -> None:
         self.rates.clear()
@@ -131,29 +168,41 @@ class CountFaults:
         if abs(slope) * number > SLOPE_MAX * mean:
             return
         edges = sum(edges for _, edges in self.rates) / number
-        square = (edges / mean * sum(map(mul, WEIGHTS, rates))) ** 2
+        scale = edges / mean  # seconds of a span
+        square = (scale * sum(map(mul, WEIGHTS, rates))) ** 2
         self.number += 1
-        self.sum_edges += edges
         self.sum_squares += square
         self.sum_fourths += square * square
-        self._weigh()
+        # The rate of many spans: an edge in excess also changes the rate of its own ones.
+        predicted = self.edges_mean + slope * scale
+        is_new = self.number == 1 or abs(edges - predicted) > EDGES_CHANGE_MAX
+        self.edges_mean = edges if is_new else predicted + EDGES_GAIN * (edges - predicted)
+        self.sum_noise += self._noise(self.edges_mean, slope * scale)
+        self._weigh(self.edges_mean, slope * scale, square)
 
-    def _weigh(self) -> None:
+    def _noise(self, edges: float, slope: float) -> float:
+        """Variance without faults of five successive counts: `edges` on average, `slope` more in
+        each."""
+        if self.has_edge_times:
+            return SLOT_VARIANCE
+        low = round(RATES * (edges - SLOPE_SD * slope))
+        high = round(RATES * (edges + SLOPE_SD * slope))
+        return 0.5 * (ROUNDING_NOISE[low % RATES] + ROUNDING_NOISE[high % RATES])
+
+    def _weigh(self, edges: float, slope: float, square: float) -> None:
         """Probability of each hypothesis: the deviations are normal with its variance."""
-        samples = self.number / DEVIATIONS_PER_SAMPLE
-        edges, square = self.sum_edges / self.number, self.sum_squares / self.number
-        logs = []
-        for unevenness, share, prior in HYPOTHESES:
-            variance = unevenness * self.noise + SQUARES * edges * share
-            logs.append(prior - 0.5 * samples * (log(variance) + square / variance))
-        best = max(logs)
+        for index, (unevenness, share, _) in enumerate(HYPOTHESES):
+            noise = self._noise(edges * (1.0 - share), slope)
+            variance = unevenness * noise + SQUARES * edges * abs(share)
+            self.logs[index] -= 0.5 / DEVIATIONS_PER_SAMPLE * (log(variance) + square / variance)
+        best = max(self.logs)
         total = mean_square = 0.0
-        for (_, share, _), value in zip(HYPOTHESES, logs, strict=True):
+        for (_, share, _), value in zip(HYPOTHESES, self.logs, strict=True):
             weight = exp(value - best)
             total += weight
             mean_square += weight * share * share
         self.share = sqrt(mean_square / total)
-        excess = self.sum_squares - NOISE_RATIO_MAX * self.noise * self.number
+        excess = self.sum_squares - UNEVEN_MAX * self.sum_noise
         error = sqrt(max(self.sum_fourths - self.sum_squares**2 / self.number, 0.0))
         is_enough = self.number >= DEVIATIONS_MIN
         self.is_certain = is_enough and excess > CERTAIN_ERRORS_MIN * error
