@@ -51,15 +51,13 @@ class OdometryBlock(Block):
         choices=("model", "count"),
         help="`model`: one filter per wheel with its motor model; `count`: counts alone.",
     )
-    slip = Param(
-        float, default=0.0015, unit="m", minimum=0.0, help="Slip of a wheel: sd after one metre."
-    )
     command_delay: float = FromRobot("link.command_delay")
     command_jitter: float = FromRobot("link.command_jitter")
     stamp_jitter: float = FromRobot("link.stamp_jitter")
     telemetry: float = FromRobot("board.telemetry")
     edge_times: bool = FromRobot("board.edge_times")
     track: float = FromRobot("drive.track")
+    slip: float = FromRobot("drive.slip")
     wheelbase: float | None = FromRobot("drive.wheelbase")
     left_side: SideConfig = FromRobot("drive.left")
     right_side: SideConfig = FromRobot("drive.right")

@@ -14,6 +14,7 @@ from diffbotctl.params import with_unit
 
 RIGHT_DIAMETER, LEFT_DIAMETER = "drive.right.wheel.diameter", "drive.left.wheel.diameter"
 TRACK = "drive.track"
+SLIP = "drive.slip"
 GYRO_SCALE, GYRO_AXES = "imu.scale", "imu.axes"
 NOT_MEASURED = "not measured"
 # Significant digits that are written. A tape measure gives four at best, but what two wheels differ

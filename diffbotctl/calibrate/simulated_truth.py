@@ -10,6 +10,7 @@ from diffbotctl.calibrate.result import (
     GYRO_SCALE,
     LEFT_DIAMETER,
     RIGHT_DIAMETER,
+    SLIP,
     TRACK,
     Finding,
 )
@@ -58,6 +59,7 @@ def true_values(plant: SimulatedRobot) -> dict[str, float]:
         LEFT_DIAMETER: 2 * chassis.left_radius,
         RIGHT_DIAMETER: 2 * chassis.right_radius,
         TRACK: chassis.track,
+        SLIP: plant.simulation.slip,
         "link.command_delay": plant.board.model.command_delay * 1e-9,
         "battery.divider": plant.parameters.built_divider
         * (1 + plant.simulation.battery.divider_error),

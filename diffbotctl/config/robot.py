@@ -363,6 +363,14 @@ class DriveSection(Section):
         help="Distance of front and rear axle of a robot with four driven wheels, whose `track` is "
         "the one at which it turns; none: two wheels.",
     )
+    slip = Param(
+        float,
+        unit="m",
+        default=0.0015,
+        minimum=0.0,
+        below=0.05,
+        help="Slip of each wheel: standard deviation after 1 m, growing with the square root.",
+    )
     polarity: Polarity = Choice(
         Polarity,
         default="unproven",

@@ -22,11 +22,12 @@ from itertools import pairwise
 from math import exp, log, sqrt
 from operator import mul
 
-# The first span has so many edges; the next ones have as many frames, so that rounding is not
-# favoured in one direction, until their edges leave the limits.
-FIRST_EDGES_MIN, FIRST_TIMED_EDGES_MIN = 16, 8  # rounding hides faults in shorter ones
+# The first span has so many edges, as rounding hides faults in shorter ones; fewer where edges have
+# times, or come too slowly. The next ones have as many frames, so that rounding is not favoured in
+# one direction, until their edges leave the limits.
+FIRST_EDGES_MIN, SHORT_FIRST_EDGES_MIN, FIRST_SECONDS_MAX = 16, 8, 0.1
 SPAN_EDGES_MIN, SPAN_EDGES_RATIO_MAX = 5, 2.5
-SPAN_SECONDS_MAX = 0.2
+SPAN_SECONDS_MAX = 0.3
 WEIGHTS = (1.0 / 6.0, -4.0 / 6.0, 1.0, -4.0 / 6.0, 1.0 / 6.0)
 SQUARES = sum(weight**2 for weight in WEIGHTS)
 # Variance of the fourth difference by rounding counts at a constant rate, by the distance of the
@@ -153,7 +154,8 @@ class CountFaults:
         if self.rates:
             return self.frames >= self.first_frames
         self.first_edges = self.edges
-        return self.edges >= (FIRST_TIMED_EDGES_MIN if self.has_edge_times else FIRST_EDGES_MIN)
+        may_be_short = self.has_edge_times or self.seconds >= FIRST_SECONDS_MAX
+        return self.edges >= (SHORT_FIRST_EDGES_MIN if may_be_short else FIRST_EDGES_MIN)
 
     def _restart(self) -> None:
         self.rates.clear()

@@ -14,8 +14,9 @@ from diffbotctl.calibrate import umbmark
 from diffbotctl.calibrate.autonomous_drive import Waypoint, drive_to
 from diffbotctl.calibrate.dead_reckoning import EndError, Geometry, wrap_angle
 from diffbotctl.calibrate.known_lengths import known_mean_sd
-from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, TRACK, Finding
+from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, SLIP, TRACK, Finding
 from diffbotctl.calibrate.session import RobotSession
+from diffbotctl.calibrate.slip_fit import SlipFit, fit_slip
 from diffbotctl.calibrate.step import Event, Message, Outcome, ScatterPlot, StepProgress, StepRun
 from diffbotctl.calibrate.umbmark import SquareErrors, UmbmarkResult
 from diffbotctl.config.robot import Robot
@@ -78,8 +79,9 @@ class SquaresStep:
                 fix = "was every end measured from the start mark, with its sign, in millimetres?"
                 problem = Problem("E-CALIBRATE-ROBOT", "geometry", str(error), fix)
                 raise RunError(problem) from error
-            findings = _findings(before, result, side)
-            report += _report(side, used, result)
+            slip = fit_slip(squares, result.geometry)
+            findings = [*_findings(before, result, side), *_slip_findings(slip)]
+            report += [*_report(side, used, result), *_slip_report(slip)]
             plot = _end_plot(squares)
             pictures[f"ends-{number}.svg"] = end_error_svg(plot.title, plot.points)
             yield plot
@@ -166,6 +168,19 @@ def _findings(robot: Robot, result: UmbmarkResult, side: float) -> list[Finding]
     ]
     scale_sd = max(mean_sds.values()) / geometry.mean
     return [*findings, Finding(TRACK, geometry.track, hypot(track_sd, geometry.track * scale_sd))]
+
+
+def _slip_findings(slip: SlipFit | None) -> list[Finding]:
+    return [] if slip is None else [Finding(SLIP, slip.value, slip.sd)]
+
+
+def _slip_report(slip: SlipFit | None) -> list[str]:
+    if slip is None:
+        return []
+    return [
+        f"slip of a wheel: {slip.value * MM:.2f} mm after 1 m, +- {2 * slip.sd * MM:.2f} mm, from "
+        "the scatter of equal squares"
+    ]
 
 
 POSITION_QUESTIONS = {
