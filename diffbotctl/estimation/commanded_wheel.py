@@ -35,6 +35,9 @@ class CommandedWheelOdometer:
         self._settled = 0.0  # m/s, with the command in effect
         self._time = time
 
+    def pose_is_set(self) -> None:
+        """Nothing is remembered of the time before."""
+
     def skipped_command(self, command: float, is_duty: bool, since: int) -> None:
         """Take a command that was replaced in the next frame; in effect since `since` (ns)."""
         self._roll(since)

@@ -28,6 +28,9 @@ MODEL_SD, DRIFT_SD = 0.3, 0.1  # of a change of the speed that is predicted, and
 ROUNDING_SD = 0.41  # pitches; of the difference of two counts
 EDGE_SD = 0.05  # pitches; the same with edge times
 ROUNDING_MAX = 1.5  # edges; of two counts
+# Edges and angle (rad) without a command that are told: a wheel that comes to rest later than
+# predicted, or trembles, makes less.
+PUSHED_EDGES_MIN, PUSHED_ANGLE_MIN = 3, 0.1
 
 
 class FineWheelOdometer:
@@ -47,7 +50,9 @@ class FineWheelOdometer:
         self.board_direction = 1
         self.span, self.decay = 0.0, 1.0  # s, of a frame; what remains of a speed after it
         self.rolled_for = 0.0  # s, against the drive
-        self.pushed = 0  # edges, without a drive
+        self.pushed = 0  # edges without a drive, since the wheel was at rest
+        self.pushed_since = 0.0  # pitches2, their variance since the last report
+        self.pushed_in_all = 0  # edges, since the pose was set
         self.rate = self.rate_before = 0.0  # edges/s in the last frames
         self.edges_before = 0
         self.signed_speed = 0.0
@@ -96,8 +101,20 @@ class FineWheelOdometer:
 
     @property
     def fault(self) -> str:
-        """What is wrong with the encoder, or an empty text."""
-        return self.faults.text
+        """Why its travel is known less well than usual, or an empty text."""
+        return "; ".join(filter(None, (self.pushed_text, self.faults.text)))
+
+    @property
+    def pushed_text(self) -> str:
+        """That somebody has turned the wheel, or an empty text."""
+        edges = self.pushed_in_all
+        if edges < PUSHED_EDGES_MIN or edges < PUSHED_ANGLE_MIN * self.pitches_per_rad:
+            return ""
+        return f"turned by {edges} edges without a command, its encoder does not show which way"
+
+    def pose_is_set(self) -> None:
+        """What happened before does not matter any more."""
+        self.pushed_in_all = 0
 
     def skipped_command(self, command: float, is_duty: bool, since: int) -> None:
         """A command that was replaced in the next frame: the counts show what it did."""
@@ -179,12 +196,10 @@ class FineWheelOdometer:
     def _add_pushed(self, edges: int) -> None:
         """Take edges without a drive into account: a wheel at rest is pushed by somebody, in either
         direction."""
-        is_at_rest = abs(self.signed_speed) < self.creep
-        if is_at_rest and not edges:
-            self.pushed = 0
-        elif is_at_rest or self.pushed:
+        if self.pushed or abs(self.signed_speed) < self.creep:
             before, self.pushed = self.pushed, self.pushed + edges
-            self.added_since += self.pushed**2 - before**2
+            self.pushed_since += pushed_variance(before, self.pushed)
+            self.pushed_in_all += edges
 
     def _net_against(
         self, edges: int, span: float, predicted: float, is_signed_anew: bool
@@ -263,12 +278,20 @@ class FineWheelOdometer:
 
     def report(self) -> None:
         """Set `travel` to its value since the last call."""
-        added, self.added_since = self.added_since, 0.0
+        added = self.added_since + self.pushed_since
+        self.added_since = self.pushed_since = 0.0
         self.added_variance = added * self.pitch * self.pitch
         self.reversal_variance += added
         place = self.position + self.beyond
         self.travel = (place - self.reported) * self.pitch
         self.reported = place
+
+
+def pushed_variance(before: int, after: int) -> float:
+    """Variance (pitches2) that is added when the edges of a pushed wheel grow from `before` to
+    `after`: they are counted on in the last direction, and as probable the other way, twice as far
+    from there."""
+    return 2.0 * (after * after - before * before)
 
 
 def _net_share(share: float) -> float:

@@ -6,7 +6,11 @@ from math import copysign, pi, sqrt
 
 from diffbotctl.control.speed_loop import SpeedLoopMirror, speed_gains
 from diffbotctl.estimation.edge_hypothesis import DriveChange, WheelFrame
-from diffbotctl.estimation.fine_wheel import FineWheelOdometer
+from diffbotctl.estimation.fine_wheel import (
+    PUSHED_EDGES_MIN,
+    FineWheelOdometer,
+    pushed_variance,
+)
 from diffbotctl.estimation.priors import Priors
 from diffbotctl.estimation.slot_errors import EdgeErrors, SlotEstimate
 from diffbotctl.estimation.wheel_filter import LOG_RATIO_MAX, WheelFilter
@@ -59,6 +63,7 @@ class WheelOdometer:
         # m, added by another hypothesis in each of the last frames
         self.late_corrections: list[float] = []
         self.disagreement_frames = 0
+        self.reported_pushed = 0  # edges
         self.reported_travel = 0.0  # pitches
         self.reported_start = self.filter.motion.start
         self.reported_hypothesis = self.filter.hypotheses[0]
@@ -70,8 +75,12 @@ class WheelOdometer:
 
     @property
     def fault(self) -> str:
-        """What is wrong with the encoder, or an empty text."""
-        return self.filter.fault
+        """Why its travel is known less well than usual, or an empty text."""
+        return "; ".join(filter(None, (self.counting.pushed_text, self.filter.fault)))
+
+    def pose_is_set(self) -> None:
+        """What happened before does not matter any more."""
+        self.counting.pose_is_set()
 
     def skipped_command(self, command: float, is_duty: bool, since: int) -> None:
         """Take a command that was replaced in the next frame; in effect since `since` (ns)."""
@@ -128,6 +137,17 @@ class WheelOdometer:
             variance += unexplained * unexplained
         return variance
 
+    def _pushed_variance(self) -> float:
+        """Variance (pitches2) of what somebody has turned the wheel since the last report: one
+        channel does not measure the direction. The last edges of a wheel that comes to rest are
+        none."""
+        pushed = self.counting.pushed
+        if pushed < PUSHED_EDGES_MIN:
+            self.reported_pushed = 0
+            return 0.0
+        before, self.reported_pushed = self.reported_pushed, pushed
+        return pushed_variance(before, pushed)
+
     def unobserved_travel(self, count: int) -> float:
         """Metres to `count` after a gap in the telemetry, to the middle of the slot.
 
@@ -147,7 +167,9 @@ class WheelOdometer:
         self.counting.report()
         is_unusual = self.filter.is_unusual
         square = self.pitch * self.pitch
-        self.added_variance = self.counting.added_variance if is_unusual else 0.0
+        self.added_variance = (
+            self.counting.added_variance if is_unusual else self._pushed_variance() * square
+        )
         self.end_variance = self.counting.end_variance if is_unusual else 0.0
         # Of a few slots the filter's hypotheses include what the counts do not show.
         self.fault_share = self.counting.faults.shown_share if is_unusual else 0.0

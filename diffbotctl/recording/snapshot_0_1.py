@@ -233,6 +233,7 @@ def present_attributes(kind: type, attributes: dict[str, Any]) -> dict[str, Any]
         present["travels"] = []
     if issubclass(kind, WheelOdometer):
         present["reported_hypothesis"] = present["filter"].hypotheses[0]
+        present["reported_pushed"] = 0
         present["counting"] = _counting(present)
     if kind is GoalFollower:
         return {**present, **_goal_follower(attributes)}

@@ -1,6 +1,6 @@
 """Odometry of a simulated robot: travel, variance, slot errors, restarts."""
 
-from math import degrees, pi
+from math import degrees, pi, sqrt
 from random import Random
 from statistics import mean
 
@@ -261,3 +261,31 @@ def test_frames_that_have_queued_up_have_one_time(kind):
             pose, _ = odometry.react(frame.time, frame)
         assert abs(pose.x) < 1.5 and abs(pose.y) < 1.5
         assert all(-100.0 < part < 100.0 for part in pose.covariance)
+
+
+@pytest.mark.parametrize("kind", ["edges", "counts"])
+@pytest.mark.parametrize("period", [3, 9, 40])
+def test_a_robot_that_is_pushed_may_have_moved_either_way(kind, period):
+    """One channel does not show the direction: a push back is counted forward. `period`: frames
+    from edge to edge."""
+    tour = [*[(0.03, 0.9 * k, 0.9 * k) for k in range(1, 8)], (2.0, 6.5, 6.5), (2.0, 0.0, 0.0)]
+    *_, (odometry, rested, before, _) = drive(kind, 1, tour=tour)
+    assert sqrt(before.covariance[0]) < PITCH and not before.warning
+    pushed = 12
+    for frame in range(1, pushed * period + 1):
+        edges, time = frame // period, rested.time + frame * 25 * MS
+        edge = None if rested.left_edge is None or not edges else time
+        frame_message = rested._replace(
+            time=time,
+            left=rested.left + edges,
+            right=rested.right + edges,
+            left_edge=edge or rested.left_edge,
+            right_edge=edge or rested.right_edge,
+        )
+        pose, _ = odometry.react(time, frame_message)
+    back = before.x - pushed * PITCH
+    assert sqrt(pose.covariance[0]) > 0.4 * (pose.x - back) > 0.05
+    assert "left wheel: turned by 12 edges without a command" in pose.warning
+    odometry.set_pose(0)
+    pose, _ = odometry.react(0, frame_message._replace(time=frame_message.time + 25 * MS))
+    assert "without a command" not in pose.warning

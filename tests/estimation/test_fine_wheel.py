@@ -103,7 +103,7 @@ def test_a_wheel_that_is_pushed_at_rest_may_turn_in_either_direction():
     before = wheel.odometer.reversal_variance
     wheel.count += 7
     wheel.frame(0.0)
-    assert wheel.odometer.reversal_variance - before == pytest.approx(7**2)
+    assert wheel.odometer.reversal_variance - before == pytest.approx(2 * 7**2)
 
 
 def test_edges_before_any_command_may_be_in_either_direction():
@@ -111,7 +111,7 @@ def test_edges_before_any_command_may_be_in_either_direction():
     for frame in range(1, 6):
         wheel.update(frame * FRAME, 2 * frame, None, 0.0, False, 0)
         wheel.report()
-    assert sqrt(wheel.reversal_variance) == pytest.approx(5 * 2)
+    assert sqrt(wheel.reversal_variance) == pytest.approx(sqrt(2) * 5 * 2)
 
 
 def test_a_wheel_that_friction_holds_does_not_jump_when_its_drive_reverses():
