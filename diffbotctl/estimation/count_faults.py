@@ -22,11 +22,12 @@ from itertools import pairwise
 from math import exp, log, sqrt
 from operator import mul
 
-# The first span has so many edges, as rounding hides faults in shorter ones; fewer where edges have
-# times, or come too slowly. The next ones have as many frames, so that rounding is not favoured in
-# one direction, until their edges leave the limits.
-FIRST_EDGES_MIN, SHORT_FIRST_EDGES_MIN, FIRST_SECONDS_MAX = 16, 8, 0.1
+# The first span has so many edges, as rounding hides faults in shorter ones, fewer where edges come
+# slowly, and very few where they have times. The next ones have as many frames, so that rounding is
+# not favoured in one direction, until their edges leave the limits.
+FIRST_EDGES_MIN, SLOW_FIRST_EDGES_MIN, FIRST_SECONDS_MAX = 16, 8, 0.1
 SPAN_EDGES_MIN, SPAN_EDGES_RATIO_MAX = 5, 2.5
+TIMED_FIRST_EDGES_MIN, TIMED_SPAN_EDGES_MIN = 3, 1
 SPAN_SECONDS_MAX = 0.3
 WEIGHTS = (1.0 / 6.0, -4.0 / 6.0, 1.0, -4.0 / 6.0, 1.0 / 6.0)
 SQUARES = sum(weight**2 for weight in WEIGHTS)
@@ -135,7 +136,8 @@ class CountFaults:
         self.frames += 1
         if not direction or not self._is_span_complete():
             return
-        is_even = SPAN_EDGES_MIN <= self.edges <= SPAN_EDGES_RATIO_MAX * self.first_edges
+        least = TIMED_SPAN_EDGES_MIN if self.has_edge_times else SPAN_EDGES_MIN
+        is_even = least <= self.edges <= SPAN_EDGES_RATIO_MAX * self.first_edges
         if not is_even or self.seconds > SPAN_SECONDS_MAX:
             self._restart()
             return
@@ -154,8 +156,10 @@ class CountFaults:
         if self.rates:
             return self.frames >= self.first_frames
         self.first_edges = self.edges
-        may_be_short = self.has_edge_times or self.seconds >= FIRST_SECONDS_MAX
-        return self.edges >= (SHORT_FIRST_EDGES_MIN if may_be_short else FIRST_EDGES_MIN)
+        if self.has_edge_times:
+            return self.edges >= TIMED_FIRST_EDGES_MIN
+        is_slow = self.seconds >= FIRST_SECONDS_MAX
+        return self.edges >= (SLOW_FIRST_EDGES_MIN if is_slow else FIRST_EDGES_MIN)
 
     def _restart(self) -> None:
         self.rates.clear()

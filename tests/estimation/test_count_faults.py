@@ -78,3 +78,17 @@ def test_a_few_faults_show_where_rounding_is_small(rate):
     healthy = [counted(seed, **turning).share for seed in range(20)]
     faulty = [counted(seed, doubled=0.0125, **turning).share for seed in range(20)]
     assert median(healthy) < 0.001 and median(faulty) > 0.009
+
+
+def test_edge_times_show_faults_of_a_slow_wheel():
+    # 24 edges/s in frames of 25 ms; one of twenty is missing.
+    rng, faults, place, counted_at = Random(1), CountFaults(has_edge_times=True), 0.0, 0.0
+    for frame in range(400):
+        place += 24.0 * 0.025
+        if place >= 1.0:
+            place -= 1.0
+            edge = 0.025 * (frame + 1) - place / 24.0
+            if rng.random() >= 0.05:
+                faults.add(edge - counted_at, 1, 1)
+                counted_at = edge
+    assert faults.share == pytest.approx(0.05, abs=0.02) and faults.is_certain
