@@ -189,7 +189,8 @@ def motor_findings(robot: Robot, motors: dict[str, MotorFit]) -> list[Finding]:
     lines = _feed_forwards(robot, motors)
     # Gains that belong to the feed-forward: with a curved line its own slope is far too steep.
     slope = sum(line.slope for line in lines.values()) / len(lines)
-    proportional, integral = default_gains(slope)
+    gains = (motor.curve.gain_for(_stated_lag(robot, motor)[0]) for motor in motors.values())
+    proportional, integral = default_gains(max(slope, *gains))
     findings = []
     for side, motor in motors.items():
         line, curve, path = lines[side], motor.curve, f"drive.{side}.motor"
