@@ -33,7 +33,7 @@ MEANINGS = {
     ENCODER: "encoder",
     SENSOR: "sensor",
     BUTTON: "stop button",
-    STANDBY: "driver awake",
+    STANDBY: "driver on",
     TO_BOARD: "to board",
     FROM_BOARD: "from board",
 }
@@ -151,7 +151,7 @@ def _driver_rows(facts: MotorDriverFacts) -> dict[str, int]:
         4: (right.in1,),
         5: (right.first_output, right.in2),
         6: (right.second_output, right.enable),
-        7: (facts.standby,),
+        7: (facts.standby, facts.always_high),
         8: ("5V", facts.logic_pin),
         9: (facts.supply_pin,),
         10: ("GND",),
@@ -193,6 +193,9 @@ def _power(robot: Robot, board: BoardPins) -> Iterator[HarnessWire]:
     if facts.standby is not None:
         pin = board.supply.logic if motor.standby is None else board.named(str(motor.standby))
         yield _wire(BOARD, pin, DRIVER, facts.standby, STANDBY, "driver awake")
+    if facts.always_high is not None:
+        pin = board.supply.logic
+        yield _wire(BOARD, pin, DRIVER, facts.always_high, STANDBY, "driver on, always")
 
 
 def _motor(name: str, side: SideSection, board: BoardPins) -> Iterator[HarnessWire]:
@@ -428,11 +431,8 @@ def _voltage_notes(robot: Robot, board: BoardPins) -> Iterator[str]:
             f"Supply the encoders with {most}. One that works only with 5 V needs 1 kOhm in the "
             "wire of each of its outputs, and 2 kOhm from the pin to GND."
         )
-    if robot.board.supply == "usb" and not robot.link.has_radio:
-        yield (
-            f"The link is a USB-to-serial adapter with {most} outputs: its TXD to pin 1, its RXD "
-            "to pin 0, its GND to GND. The board's own USB socket only supplies it."
-        )
+    if not robot.link.has_radio:
+        yield f"The cable to the computer goes to the {board.title}'s own USB socket."
 
 
 def _floating_inputs(facts: MotorDriverFacts) -> str:
