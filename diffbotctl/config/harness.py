@@ -379,6 +379,11 @@ def notes(robot: Robot) -> Iterator[str]:
         f"{facts.bridge.drop(USUAL_CURRENT):.2g} V at {USUAL_CURRENT:g} A, and supplies "
         f"{facts.current:g} A per motor; the motors of the kit are rated for 5 to 9 V."
     )
+    if robot.drive.wheelbase is not None:
+        yield (
+            "Connect the two motors of a side in parallel, so that they turn in the same direction: "
+            "their currents add up."
+        )
     board = BOARDS[robot.board.type]
     yield from _voltage_notes(robot, board)
     if robot.link.has_radio and robot.link.level == "divider" and board.volts == FIVE_V:
