@@ -362,15 +362,7 @@ def notes(robot: Robot) -> Iterator[str]:
     """Instructions that the wires do not show, in the order of assembly."""
     facts = driver_facts(robot.drive.left.motor.driver)
     title = facts.title
-    if title == "L298N":
-        yield (
-            "Remove the jumpers ENA and ENB from the L298N: with them the motors run only at full "
-            "speed, and 5 V is applied to the PWM pins."
-        )
-        if robot.board.supply == "regulator":
-            yield "Keep the L298N's 5 V jumper: its regulator supplies the board. At most 12 V."
-        else:
-            yield "Do not connect the L298N's 5 V terminal: its regulator supplies only the L298N."
+    yield from _motor_notes(robot, title)
     yield f"Connect the grounds of battery, {title} and board. No signal works without it."
     full = robot.battery.full
     battery = f"{full:g} V when full" if full is not None else "7 to 12 V"
@@ -379,11 +371,6 @@ def notes(robot: Robot) -> Iterator[str]:
         f"{facts.bridge.drop(USUAL_CURRENT):.2g} V at {USUAL_CURRENT:g} A, and supplies "
         f"{facts.current:g} A per motor; the motors of the kit are rated for 5 to 9 V."
     )
-    if robot.drive.wheelbase is not None:
-        yield (
-            "Connect the two motors of a side in parallel, so that they turn in the same direction: "
-            "their currents add up."
-        )
     board = BOARDS[robot.board.type]
     yield from _voltage_notes(robot, board)
     if robot.link.has_radio and robot.link.level == "divider" and board.volts == FIVE_V:
@@ -423,6 +410,24 @@ def notes(robot: Robot) -> Iterator[str]:
             if names.in2 is not None:
                 how = f"{names.in1} low and {names.in2} high drive"
             yield f"The {name} motor is mounted mirrored (reversed: true): {how} it forward."
+
+
+def _motor_notes(robot: Robot, driver: str) -> Iterator[str]:
+    """What the driver and its motors need."""
+    if driver == "L298N":
+        yield (
+            "Remove the jumpers ENA and ENB from the L298N: with them the motors run only at full "
+            "speed, and 5 V is applied to the PWM pins."
+        )
+        if robot.board.supply == "regulator":
+            yield "Keep the L298N's 5 V jumper: its regulator supplies the board. At most 12 V."
+        else:
+            yield "Do not connect the L298N's 5 V terminal: its regulator supplies only the L298N."
+    if robot.drive.wheelbase is not None:
+        yield (
+            "Connect the two motors of a side in parallel, so that they turn in the same "
+            "direction: their currents add up."
+        )
 
 
 def _voltage_notes(robot: Robot, board: BoardPins) -> Iterator[str]:
