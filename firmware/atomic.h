@@ -22,6 +22,19 @@ static inline void atomic_end(const uint32_t *masked)
 
 #define ATOMIC \
     for (uint32_t masked __attribute__((cleanup(atomic_end))) = atomic_begin(), once = 1; once; once = 0)
+#elif defined ARDUINO
+#include <stdint.h>
+
+uint32_t esp32_lock(void);
+void esp32_unlock(uint32_t state);
+
+static inline void atomic_end(const uint32_t *state)
+{
+    esp32_unlock(*state);
+}
+
+#define ATOMIC \
+    for (uint32_t state __attribute__((cleanup(atomic_end))) = esp32_lock(), once = 1; once; once = 0)
 #else
 #define ATOMIC
 #endif

@@ -1,7 +1,8 @@
 /* The hardware layer: all that touches a register of the microcontroller. No other module does.
 
    board_<name>.c has the pins and timers of one board; avr_pins.c, avr.c and interrupts.c have what all
-   AVR boards share, rp2040.c and the other files with that name what is of the RP2040. */
+   AVR boards share, rp2040.c and the other files with that name what is of the RP2040, esp32/ what is of the
+   ESP32. */
 #ifndef BOARD_H
 #define BOARD_H
 
@@ -15,6 +16,8 @@
    pure parts use those of the AVR boards. */
 #ifdef __arm__
 #include "rp2040_types.h"
+#elif defined ARDUINO
+#include "esp32_types.h"
 #else
 #include "avr_types.h"
 #endif

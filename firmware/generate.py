@@ -91,11 +91,12 @@ def _c_type(width: int) -> str:
 
 
 def _c_size(frames: dict[str, Frame]) -> list[str]:
-    lines = ["/* Payload length of a type; 0 when there is no such type. */"]
+    lines = ["#ifndef __cplusplus /* C++ has no such initializer */"]
+    lines += ["/* Payload length of a type; 0 when there is no such type. */"]
     lines += ["static inline uint8_t payload_size(uint8_t type)", "{"]
     lines += ["    static const uint8_t sizes[16] PROGMEM = {"]
     lines += [f"        [TYPE_{name.upper()}] = sizeof({name}_t)," for name in frames]
-    return [*lines, "    };", "    return pgm_read_byte(&sizes[type]);", "}", ""]
+    return [*lines, "    };", "    return pgm_read_byte(&sizes[type]);", "}", "#endif", ""]
 
 
 def module(protocol: dict[str, Any]) -> str:

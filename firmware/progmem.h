@@ -4,7 +4,7 @@
 
 #ifdef __AVR__
 #include <avr/pgmspace.h>
-#else
+#elif !defined pgm_read_byte
 #define PROGMEM
 #define pgm_read_byte(at) (*(const uint8_t *)(at))
 #define pgm_read_word(at) (*(const uint16_t *)(at))

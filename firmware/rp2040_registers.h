@@ -101,6 +101,8 @@ void rp2040_repeat(uint8_t alarm);
 void rp2040_start(uint32_t parts); /* ends their reset */
 void rp2040_start_clocks(void);
 void rp2040_begin_store(void);
+#define IDENTITY_BYTES 8
+void rp2040_read_identity(uint8_t *identity); /* of the flash memory, after rp2040_begin_store */
 
 /* Resets the chip into BOOTSEL, where it waits for a program; its pins are inputs then. */
 void rp2040_boot_from_usb(void);

@@ -11,7 +11,8 @@
 #define ERASED 0xFF
 
 /* Commands that all chips of this kind know (data sheet of the W25Q16JV). */
-enum { WRITE_PAGE = 0x02, READ_STATUS = 0x05, ENABLE_WRITING = 0x06, ERASE_SECTOR = 0x20 };
+enum { WRITE_PAGE = 0x02, READ_STATUS = 0x05, ENABLE_WRITING = 0x06, ERASE_SECTOR = 0x20, READ_IDENTITY = 0x4B };
+#define BYTES_BEFORE_IDENTITY 4
 #define BUSY 1
 
 #define SELECTED (2u << 8) /* select line low, and high */
@@ -40,6 +41,18 @@ static uint8_t command(uint8_t code, const uint8_t *data, uint8_t count)
         answer = exchange(*data++);
     REGISTER(SELECT_CTRL) = DESELECTED;
     return answer;
+}
+
+/* The number that the memory was made with; no other has it. */
+void rp2040_read_identity(uint8_t *identity)
+{
+    REGISTER(SELECT_CTRL) = SELECTED;
+    exchange(READ_IDENTITY);
+    for (uint8_t i = 0; i < BYTES_BEFORE_IDENTITY; i++)
+        exchange(0);
+    for (uint8_t i = 0; i < IDENTITY_BYTES; i++)
+        identity[i] = exchange(0);
+    REGISTER(SELECT_CTRL) = DESELECTED;
 }
 
 static void change(uint8_t code, uint32_t at, uint8_t byte)

@@ -316,6 +316,9 @@ void rp2040_usb_sending(bool on)
 
 void rp2040_start_usb(void)
 {
+    uint8_t identity[IDENTITY_BYTES];
+    rp2040_read_identity(identity);
+    usb_set_serial(identity, sizeof identity);
     for (uint32_t at = MEMORY; at < MEMORY + 0x100; at += 4)
         REGISTER(at) = 0;
     REGISTER(USB_PINS) = PINS_OF_PORT | PINS_CONNECTED;

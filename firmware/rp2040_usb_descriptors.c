@@ -15,7 +15,7 @@ enum { NOTES = 0x81, TO_HOST = 0x82, FROM_HOST = 0x02 }; /* addresses of the end
 #define SUPPLIED_BY_USB 0x80
 
 const uint8_t usb_device[] = {
-    18, DEVICE, WORD(0x0200), COMMUNICATION, 0, 0, USB_PACKET, WORD(VENDOR), WORD(PRODUCT), WORD(0x0100), 1, 2, 0, 1,
+    18, DEVICE, WORD(0x0200), COMMUNICATION, 0, 0, USB_PACKET, WORD(VENDOR), WORD(PRODUCT), WORD(0x0100), 1, 2, 3, 1,
 };
 
 const uint8_t usb_configuration[USB_CONFIGURATION_BYTES] = {
@@ -35,4 +35,16 @@ const uint8_t usb_configuration[USB_CONFIGURATION_BYTES] = {
 static const uint8_t languages[] = {4, STRING, WORD(0x0409)};
 static const uint8_t maker[] = {22, STRING, 'd', 0, 'i', 0, 'f', 0, 'f', 0, 'b', 0, 'o', 0, 't', 0, 'c', 0, 't', 0, 'l', 0};
 static const uint8_t name[] = {10, STRING, 'P', 0, 'i', 0, 'c', 0, 'o', 0};
-const uint8_t *const usb_strings[USB_STRINGS] = {languages, maker, name};
+#define SERIAL_BYTES 34 /* 16 hexadecimal digits */
+static uint8_t serial[SERIAL_BYTES] = {2, STRING};
+const uint8_t *const usb_strings[USB_STRINGS] = {languages, maker, name, serial};
+
+void usb_set_serial(const uint8_t *identity, uint8_t size)
+{
+    static const uint8_t digits[] = "0123456789ABCDEF";
+    for (; size-- && serial[0] + 2 * 2 <= SERIAL_BYTES; identity++) {
+        serial[serial[0]] = digits[*identity >> 4];
+        serial[serial[0] + 2] = digits[*identity & 0xF];
+        serial[0] += 2 * 2;
+    }
+}

@@ -20,9 +20,7 @@ KITS = {
         "Nano, L298N, slotted discs, HC-05, Sharp sensor", "kit_nano_l298n_hc05.yaml"
     ),
     "ros_car": KitFile(
-        "Mega 2560, TB6612, Hall encoders, HC-05",
-        "kit_ros_car.yaml",
-        "the IMU and the HC-SR04 are comments in the file",
+        "Mega 2560, TB6612, Hall encoders, MPU6050, HC-SR04, HC-05", "kit_ros_car.yaml"
     ),
     "four_wheels": KitFile(
         "four wheels in skid steering: Uno, L298N, slotted discs", "kit_four_wheels.yaml"
@@ -37,7 +35,7 @@ KITS = {
         "chassis and encoders of an XRP",
         "kit_xrp.yaml",
         "our firmware does not run on the XRP's board (RP2040, RP2350); the file has an Uno and a "
-        "DRV8835 in its place, and no ultrasonic sensor",
+        "DRV8835 in its place",
     ),
     "pico_tc1508s": KitFile(
         "Pico, TC1508S, slotted discs, Sharp sensor",

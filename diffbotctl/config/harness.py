@@ -33,7 +33,7 @@ MEANINGS = {
     ENCODER: "encoder",
     SENSOR: "sensor",
     BUTTON: "stop button",
-    STANDBY: "driver awake",
+    STANDBY: "driver on",
     TO_BOARD: "to board",
     FROM_BOARD: "from board",
 }
@@ -151,7 +151,7 @@ def _driver_rows(facts: MotorDriverFacts) -> dict[str, int]:
         4: (right.in1,),
         5: (right.first_output, right.in2),
         6: (right.second_output, right.enable),
-        7: (facts.standby,),
+        7: (facts.standby, facts.always_high),
         8: ("5V", facts.logic_pin),
         9: (facts.supply_pin,),
         10: ("GND",),
@@ -193,6 +193,9 @@ def _power(robot: Robot, board: BoardPins) -> Iterator[HarnessWire]:
     if facts.standby is not None:
         pin = board.supply.logic if motor.standby is None else board.named(str(motor.standby))
         yield _wire(BOARD, pin, DRIVER, facts.standby, STANDBY, "driver awake")
+    if facts.always_high is not None:
+        pin = board.supply.logic
+        yield _wire(BOARD, pin, DRIVER, facts.always_high, STANDBY, "driver on, always")
 
 
 def _motor(name: str, side: SideSection, board: BoardPins) -> Iterator[HarnessWire]:
@@ -359,15 +362,7 @@ def notes(robot: Robot) -> Iterator[str]:
     """Instructions that the wires do not show, in the order of assembly."""
     facts = driver_facts(robot.drive.left.motor.driver)
     title = facts.title
-    if title == "L298N":
-        yield (
-            "Remove the jumpers ENA and ENB from the L298N: with them the motors run only at full "
-            "speed, and 5 V is applied to the PWM pins."
-        )
-        if robot.board.supply == "regulator":
-            yield "Keep the L298N's 5 V jumper: its regulator supplies the board. At most 12 V."
-        else:
-            yield "Do not connect the L298N's 5 V terminal: its regulator supplies only the L298N."
+    yield from _motor_notes(robot, title)
     yield f"Connect the grounds of battery, {title} and board. No signal works without it."
     full = robot.battery.full
     battery = f"{full:g} V when full" if full is not None else "7 to 12 V"
@@ -417,6 +412,24 @@ def notes(robot: Robot) -> Iterator[str]:
             yield f"The {name} motor is mounted mirrored (reversed: true): {how} it forward."
 
 
+def _motor_notes(robot: Robot, driver: str) -> Iterator[str]:
+    """What the driver and its motors need."""
+    if driver == "L298N":
+        yield (
+            "Remove the jumpers ENA and ENB from the L298N: with them the motors run only at full "
+            "speed, and 5 V is applied to the PWM pins."
+        )
+        if robot.board.supply == "regulator":
+            yield "Keep the L298N's 5 V jumper: its regulator supplies the board. At most 12 V."
+        else:
+            yield "Do not connect the L298N's 5 V terminal: its regulator supplies only the L298N."
+    if robot.drive.wheelbase is not None:
+        yield (
+            "Connect the two motors of a side in parallel, so that they turn in the same "
+            "direction: their currents add up."
+        )
+
+
 def _voltage_notes(robot: Robot, board: BoardPins) -> Iterator[str]:
     """What a board of 3.3 V needs."""
     if board.volts == FIVE_V:
@@ -428,11 +441,8 @@ def _voltage_notes(robot: Robot, board: BoardPins) -> Iterator[str]:
             f"Supply the encoders with {most}. One that works only with 5 V needs 1 kOhm in the "
             "wire of each of its outputs, and 2 kOhm from the pin to GND."
         )
-    if robot.board.supply == "usb" and not robot.link.has_radio:
-        yield (
-            f"The link is a USB-to-serial adapter with {most} outputs: its TXD to pin 1, its RXD "
-            "to pin 0, its GND to GND. The board's own USB socket only supplies it."
-        )
+    if not robot.link.has_radio:
+        yield f"The cable to the computer goes to the {board.title}'s own USB socket."
 
 
 def _floating_inputs(facts: MotorDriverFacts) -> str:

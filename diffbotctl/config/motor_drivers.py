@@ -69,6 +69,7 @@ class MotorDriverFacts(NamedTuple):
     supply_pin: str = "VM"
     logic_pin: str | None = None  # supplied with 5 V by the board
     standby: str | None = None
+    always_high: str | None = None  # an input that has to be connected to the board's logic supply
     always_brakes: bool = False  # at duty 0 the outputs short the motor
 
     @property
@@ -173,6 +174,7 @@ MOTOR_DRIVERS = {
         (2.7, 10.8),
         _BRIDGES["drv8833"],
         *_letters(None, "#IN1", "#IN2", "#OUT1", "#OUT2"),
+        always_high="nSLEEP",
     ),
     "tc1508s": MotorDriverFacts(
         "TC1508S", "two_pwm", (2.2, 9.6), _BRIDGES["tc1508s"], *_FOUR_INPUTS
@@ -194,6 +196,7 @@ MOTOR_DRIVERS = {
         *_letters(None, "# RPWM", "# LPWM", "# M+", "# M-"),
         supply_pin="B+",
         logic_pin="VCC",
+        always_high="R_EN, L_EN",
         always_brakes=True,
     ),
     "drv8835": MotorDriverFacts(
@@ -204,6 +207,7 @@ MOTOR_DRIVERS = {
         *_PHASE,
         supply_pin="VIN",
         logic_pin="VCC",
+        always_high="MODE",
         always_brakes=True,
     ),
     "drv8838": MotorDriverFacts(

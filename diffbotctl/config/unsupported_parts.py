@@ -47,7 +47,7 @@ LASER = UnsupportedPart(
 # By the last part of the field's path and the name in small letters without punctuation.
 PARTS: dict[str, dict[str, UnsupportedPart]] = {
     "board.type": {
-        "esp32": _board("an ESP32", "its chip has no firmware here"),
+        "esp32": _board("an ESP32", "the sketch for its chip has never run on one"),
         "esp8266": _board("an ESP8266", "its chip has no firmware here"),
         "rp2040": UnsupportedPart("an RP2040 is the chip of a Pico", "write type: pico"),
         "pico2": _board("a Pico 2", "its chip, the RP2350, has no firmware here"),

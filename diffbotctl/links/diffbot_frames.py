@@ -156,6 +156,7 @@ class BoardCode(ProtocolCode):
     MEGA2560 = 1, "Arduino Mega 2560"
     ATMEGA328P = 2, "Arduino Uno or Nano"
     RP2040 = 3, "Raspberry Pi Pico"
+    ESP32 = 4, "ESP32"
 
 
 class CapabilityCode(ProtocolCode):

@@ -8,7 +8,7 @@ from diffbotctl.config.harness import GROUND, LOGIC, SUPPLY, Harness
 from diffbotctl.render.wiring_layout import BRAIN, SENSES, Layout, PlacedPart, WireRun, layout
 
 # First and last character column of each column of parts; the wires are in the gaps.
-BOXES = ((0, 12), (16, 30), (36, 51), (64, 79))
+BOXES = ((0, 12), (15, 34), (38, 51), (64, 79))
 RAILS = {SUPPLY: 54, LOGIC: 52, GROUND: 56}
 NODE_AT_BOARD = 60  # the node of a divider at the board's pin
 RESISTOR, NODE = 58, 61  # of the divider: its resistors, and the node between them
@@ -23,6 +23,7 @@ STYLES = {
     "yellow": "yellow",
     "cyan": "cyan",
     "white": "bold",
+    "pink": "hot_pink",
     "grey": "grey74",
     "brown": "orange4",
 }
@@ -143,7 +144,9 @@ def _box(canvas: _Canvas, placed: PlacedPart) -> None:
     if len(title) <= inner - 2:
         title = f" {title} "
     canvas.put(first, placed.top, f"╭{title:─^{inner}}╮", "bold")
-    remark = f" {placed.part.remark} " if placed.part.remark else ""
+    remark = placed.part.remark
+    if 0 < len(remark) <= inner - 2:
+        remark = f" {remark} "
     canvas.put(first, placed.bottom, f"╰{remark:─^{inner}}╯", "bold")
     for y in range(placed.top + 1, placed.bottom):
         wall = "│" + " " * inner + "│"

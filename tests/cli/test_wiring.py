@@ -6,14 +6,16 @@ from xml.etree import ElementTree
 import pytest
 from rich.console import Console
 
-from diffbotctl.cli import wiring
+from diffbotctl.cli import new, wiring
+from diffbotctl.cli.kits import KITS
 from diffbotctl.config import lookup
 from diffbotctl.config.board_pins import BOARDS
-from diffbotctl.config.harness import BOARD, IMU, RADIO, harness, notes
+from diffbotctl.config.harness import BOARD, DRIVER, IMU, MEANINGS, RADIO, RAILED, harness, notes
 from diffbotctl.config.load import load_robot
+from diffbotctl.config.motor_drivers import MOTOR_DRIVERS
 from diffbotctl.errors import UserError
 from diffbotctl.render.wiring_svg import BOXES, PAINTS, wiring_svg
-from diffbotctl.render.wiring_terminal import wiring_text
+from diffbotctl.render.wiring_terminal import STYLES, wiring_text
 from tests.command_result import invoke
 
 # Written by hand from robots/book_2wd.yaml: pin of the Mega 2560, part, its pin, colour.
@@ -230,7 +232,7 @@ def part_at(lines, x, y, right):
     return lines[top][first + 1 : last].strip("─ "), name
 
 
-BOXES_OF_TERMINAL = ((0, 12), (16, 30), (36, 51), (64, 79))
+BOXES_OF_TERMINAL = ((0, 12), (15, 34), (38, 51), (64, 79))
 
 
 def followed(lines):
@@ -249,6 +251,46 @@ def test_the_lines_in_the_terminal_lead_where_the_file_says(robot):
     wanted = {(pin, shortened(part), name) for pin, part, name, _ in expected(robot)}
     assert set(followed(lines)) == wanted
     assert max(map(len, lines)) <= 80
+
+
+@pytest.mark.parametrize("name", KITS)
+@pytest.mark.usefixtures("empty_folder")
+def test_the_lines_in_the_terminal_lead_where_a_kit_s_harness_says(name):
+    invoke(new.command, "robot", "--kit", name)
+    robot = load_robot(name).robot
+    wires = harness(robot)
+    wanted = set()
+    for wire in wires.of(*wires.parts):
+        for board, other in ((wire.start, wire.end), (wire.end, wire.start)):
+            if board.part == BOARD and wire.colour not in RAILED:
+                pin = bare(wires.printed.get(board.name, board.name))
+                wanted.add((pin, shortened(wires.parts[other.part].title), other.name))
+    lines = lines_of(robot)
+    assert set(followed(lines)) >= wanted
+    assert max(map(len, lines)) <= 80
+
+
+def test_each_colour_of_a_wire_can_be_drawn():
+    assert MEANINGS.keys() == STYLES.keys() == PAINTS.keys()
+
+
+@pytest.mark.parametrize(
+    ("driver", "pin"),
+    [("drv8833", "nSLEEP"), ("drv8835", "MODE"), ("bts7960", "R_EN, L_EN")],
+)
+def test_an_input_that_must_be_high_is_wired(tmp_path, driver, pin):
+    """Without it the driver is asleep, or takes its inputs for those of another mode."""
+    two_pwm = MOTOR_DRIVERS[driver].mode == "two_pwm"
+    inputs = ("in1: 7, in2: 8, enable: none", "in1: 9, in2: 10, enable: none")
+    left, right = inputs if two_pwm else ("enable: 7, in1: 22, in2: none", "enable: 8, in2: none")
+    file = tmp_path / "robot.yaml"
+    file.write_text(
+        "format: 1\nkind: robot\ninclude: book_2wd\nbattery: {full: 8.4 V}\n"
+        f"drive:\n  motor: {{driver: {driver}, idle: brake}}\n"
+        f"  left: {{motor: {{{left}}}}}\n  right: {{motor: {{{right}}}}}\n"
+    )
+    wires = harness(load_robot(str(file)).robot).wires
+    assert {wire.start for wire in wires if wire.end == (DRIVER, pin)} == {(BOARD, "5V")}
 
 
 def shortened(title):

@@ -1,9 +1,11 @@
 """The USB port of a Pico, as a host sees it: its link, who reads it, and the way to BOOTSEL."""
 
+import subprocess
+
 import pytest
 
 from diffbotctl.emulator.emulated_robot import board_emulator
-from diffbotctl.emulator.program import image_of
+from diffbotctl.emulator.program import SOURCES, image_of
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import FrameDecoder, encode
 from diffbotctl.testing.board_bench import PICO, speed
@@ -108,3 +110,22 @@ def test_a_restart_is_found_again(emulator):
     port.wait(FOUND // MS)
     assert port.result.was_reset
     assert of(frames.HelloFrame, port.wait(20, frames.AskFrame(frames.VERSION)))
+
+
+DESCRIPTORS = """
+const { readFileSync } = await import("node:fs");
+const { Board } = await import(process.argv[1]);
+const board = new Board({ image: readFileSync(process.argv[2]), motors: [], sonars: [] });
+board.run(Number(process.argv[3]));
+for (const each of board.usb.descriptors) console.log(Buffer.from(each).toString("hex"));
+"""
+
+
+def test_its_serial_number_is_that_of_its_flash_memory():
+    """So that two Picos have different names below /dev/serial/by-id."""
+    board = SOURCES / "rp2040" / "board.mjs"
+    words = ["node", "--input-type=module", "-e", DESCRIPTORS, board, image_of(PICO.board), FOUND]
+    done = subprocess.run(map(str, words), capture_output=True, text=True, check=True)
+    device, *_, serial = [bytes.fromhex(line) for line in done.stdout.split()]
+    assert device[16] == 3  # number of the string
+    assert serial[2:].decode("utf-16-le") == "E66058388332172C"  # of flash.mjs

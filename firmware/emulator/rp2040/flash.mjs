@@ -10,6 +10,9 @@ const WRITE_PAGE = 0x02;
 const READ_STATUS = 0x05;
 const ENABLE_WRITING = 0x06;
 const ERASE_SECTOR = 0x20;
+const READ_IDENTITY = 0x4b;
+const BEFORE_IDENTITY = 5; // the command, and bytes without a meaning
+const IDENTITY = Buffer.from("e66058388332172c", "hex");
 const BUSY = 1;
 const LATCH = 2;
 // The serial unit's registers and flags, and the select line's override.
@@ -94,7 +97,9 @@ export class Flash {
   exchange(byte) {
     if (!this.selected) return 0xff;
     this.command.push(byte);
-    if (this.command[0] !== READ_STATUS || this.command.length === 1) return 0xff;
+    const number = this.command.length - 1; // of this byte
+    if (this.command[0] === READ_IDENTITY) return IDENTITY[number - BEFORE_IDENTITY] ?? 0xff;
+    if (this.command[0] !== READ_STATUS || !number) return 0xff;
     return (this.busy ? BUSY : 0) | (this.latch ? LATCH : 0);
   }
 

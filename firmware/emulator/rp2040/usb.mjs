@@ -89,6 +89,7 @@ export class Usb {
       descriptor(STRING, 0, 255),
       descriptor(STRING, 1, 255),
       descriptor(STRING, 2, 255),
+      descriptor(STRING, 3, 255),
       { request: setup(0, SET_CONFIGURATION, 1, 0) },
       lineCoding(this.baud),
       controlLines(this.open),
