@@ -59,6 +59,13 @@ class TurtleCanvas(Block):
         """Erase the line; the turtles stay."""
         self.sheet += 1
 
+    @action
+    def start_over(self, now: int) -> None:
+        """Erase the line, and remove all turtles but the first."""
+        self.clear(now)
+        for number in list(self.turtles):
+            self.kill(now, number)
+
     @action(x="m", y="m", heading="rad", number="1")
     def spawn(
         self, now: int, x: float = 0.0, y: float = 0.0, heading: float = 0.0, number: float = 0.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Container, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -180,21 +181,30 @@ def _yaml_value(row: dict[str, Any]) -> str:
 def call(action: str | None, arguments: tuple[str, ...], as_json: bool, engine: str | None) -> int:
     """Call ACTION, such as odometry.set_pose x=0.5 heading=90deg; without ACTION, list all.
 
-    What the action returns is printed.
+    What the action returns is printed. `call reset` puts everything back to the start: the
+    simulated robot, the odometry, and the turtles.
     """
     with attached(engine, "call") as client:
-        rows = client.request("list_actions")["actions"]
+        rows = {row["action"]: row for row in client.request("list_actions")["actions"]}
         if action is None:
-            _print_actions(rows, as_json)
+            _print_actions(rows.values(), as_json)
             return 0
-        row: dict[str, Any] = next((row for row in rows if row["action"] == action), {})
-        values = dict(_argument(text, row) for text in arguments)
-        value = client.request("call_action", action=action, arguments=values).get("value")
-    if as_json:
-        print_json({"action": action, "value": value})
-    else:
-        click.echo(f"{action}: {'done' if value is None else _returned_text(value)}")
+        for name in _meant(action, rows):
+            values = dict(_argument(text, rows.get(name, {})) for text in arguments)
+            value = client.request("call_action", action=name, arguments=values).get("value")
+            if as_json:
+                print_json({"action": name, "value": value})
+            else:
+                click.echo(f"{name}: {'done' if value is None else _returned_text(value)}")
     return 0
+
+
+def _meant(action: str, known: Container[str]) -> list[str]:
+    """The actions that `action` means: several for `reset`, as a service of ROS is called."""
+    from diffbotctl.control_socket.protocol import RESET_ACTIONS
+
+    parts = [name for name in RESET_ACTIONS if name in known]
+    return parts if action.strip("/") == "reset" and parts else [action]
 
 
 def _returned_text(value: Any) -> str:
@@ -202,7 +212,7 @@ def _returned_text(value: Any) -> str:
     return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
 
 
-def _print_actions(rows: list[dict[str, Any]], as_json: bool) -> None:
+def _print_actions(rows: Iterable[dict[str, Any]], as_json: bool) -> None:
     for row in rows:
         if as_json:
             print_json(row)

@@ -13,6 +13,8 @@ Fields = dict[str, Any]
 PROTOCOL = 2
 LINE_MAX_BYTES = 64 << 10  # the longest sensible request has a few hundred
 DRIVE_LEASE_S = 0.3  # age at which a command to drive is refused, if it states when it was made
+# The actions that together put everything back to the start, as far as a run has them.
+RESET_ACTIONS = ("robot.home", "odometry.set_pose", "canvas.start_over")
 EXAMPLE = 'send one JSON object a line, such as {"method": "stop"}'
 
 

@@ -14,7 +14,7 @@ from diffbotctl.block import action_arguments, actions, takes_text
 from diffbotctl.config.declared_inputs import INPUT
 from diffbotctl.control_socket import requests
 from diffbotctl.control_socket.engine_channel import EngineRequest, PublishInput
-from diffbotctl.control_socket.protocol import Fields, RefusalError
+from diffbotctl.control_socket.protocol import RESET_ACTIONS, Fields, RefusalError
 from diffbotctl.control_socket.requests import (
     TEXT_MAX_LENGTH,
     finite,
@@ -31,7 +31,7 @@ from diffbotctl.units import UnitError, quantity
 
 # The last part of a service's name in ROS and turtlesim: the actions that do the same here.
 ROS_SERVICES = {
-    "reset": ("robot.home", "odometry.set_pose", "canvas.clear"),
+    "reset": RESET_ACTIONS,
     "clear": ("canvas.clear",),
     "spawn": ("canvas.spawn",),
     "kill": ("canvas.kill",),
