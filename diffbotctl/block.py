@@ -99,7 +99,8 @@ def action(method: Method | None = None, /, **units: str) -> Any:
     """Mark a method `name(self, now, **arguments)` that may be called on a running block.
 
     `units`: the SI unit of each argument, as in `@action(x="m", heading="rad")`. An argument
-    without a declared unit takes a number in any unit.
+    without a declared unit takes a number in any unit, one annotated `str` takes a text. The caller
+    gets what the method returns: None, a number, text, truth value or message, or a tuple of them.
     """
 
     def mark(marked: Method) -> Method:
@@ -180,6 +181,16 @@ def actions(block: type) -> dict[str, Callable[..., Any]]:
     }
 
 
+def action_arguments(method: Callable[..., Any]) -> list[inspect.Parameter]:
+    """The arguments of an action, without `self` and `now`."""
+    return list(inspect.signature(method).parameters.values())[2:]
+
+
+def takes_text(argument: inspect.Parameter) -> bool:
+    """Whether an argument of an action is a text; all others are numbers."""
+    return argument.annotation in (str, "str")
+
+
 __all__ = [
     "Block",
     "Declaration",
@@ -188,7 +199,9 @@ __all__ = [
     "In",
     "Out",
     "action",
+    "action_arguments",
     "actions",
     "inputs",
     "outputs",
+    "takes_text",
 ]

@@ -3,6 +3,7 @@
 Recordings are read by `recording.json_codec`, which accepts what an earlier version has written.
 """
 
+import sys
 from collections.abc import Callable
 from math import inf, isfinite, isnan
 from types import NoneType
@@ -14,6 +15,12 @@ from diffbotctl.units import UnitError, quantity
 
 TEXT_MAX_LENGTH = 10_000  # characters
 INFINITIES = {"inf": inf, "-inf": -inf}
+USUAL_LIMITS: dict[Any, tuple[float, float]] = {  # of a text: its length
+    float: (-sys.float_info.max, sys.float_info.max),
+    int: (-INTEGER_LIMIT, INTEGER_LIMIT - 1),
+    bool: (0, 1),
+    str: (0, TEXT_MAX_LENGTH),
+}
 
 Reader = Callable[[Any, str], Any]
 
@@ -35,11 +42,50 @@ def message_parser(kind: type, with_units: bool = False) -> Parser:
     `with_units`: a text with a unit is a number too, as in files. The function raises MessageError.
     """
     read = _record_reader(kind, kind in FINITE, with_units)
+    read_usual = _usual_reader(kind)
 
     def parse(values: dict[str, Any], time: int = 0) -> Any:
+        if read_usual is not None:
+            message = read_usual(values, time)
+            if message is not None:
+                return message
         return read({**values, "time": time}, "")
 
     return parse
+
+
+def _usual_reader(kind: type) -> Callable[[dict[str, Any], int], Any] | None:
+    """A short way for messages with exactly their fields, all numbers, texts and truth values.
+
+    The function returns None for all others. None where a field of the class is something else.
+    """
+    declared = fields(kind)
+    place = list(declared).index("time")
+    checks: list[tuple[str, Any, float, float]] = []
+    for name, (hint, field) in declared.items():
+        if name == "time":
+            continue
+        if hint not in USUAL_LIMITS:
+            return None
+        minimum, maximum = USUAL_LIMITS[hint]
+        checks.append((name, hint, max(minimum, field.minimum), min(maximum, field.maximum)))
+    count, make = len(checks), kind._make  # type: ignore[attr-defined]
+
+    def read(values: dict[str, Any], time: int) -> Any:
+        if len(values) != count:
+            return None
+        found: list[Any] = []
+        for name, hint, minimum, maximum in checks:
+            value: Any = values.get(name)
+            if type(value) is not hint:
+                return None
+            if not minimum <= (len(value) if hint is str else value) <= maximum:
+                return None
+            found.append(value)
+        found.insert(place, time)
+        return make(found)
+
+    return read
 
 
 def _record_reader(kind: type, is_finite: bool, with_units: bool) -> Reader:

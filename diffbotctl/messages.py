@@ -366,7 +366,10 @@ class Call(NamedTuple):
     time: Time
     block: Annotated[str, Field("", "Name of the block in the pipeline, or `robot`.")]
     action: Annotated[str, Field("", "Name of the action.")]
-    arguments: Annotated[tuple[float, ...], Field("SI", "Arguments, in order.")] = ()
+    arguments: Annotated[
+        tuple[float, ...], Field("SI", "Arguments that are numbers, in order.")
+    ] = ()
+    texts: Annotated[tuple[str, ...], Field("", "Arguments that are texts, in order.")] = ()
 
 
 Message = (

@@ -59,11 +59,21 @@ class TurtleCanvas(Block):
         """Erase the line; the turtles stay."""
         self.sheet += 1
 
+    @action
+    def start_over(self, now: int) -> None:
+        """Erase the line, and remove all turtles but the first."""
+        self.clear(now)
+        for number in list(self.turtles):
+            self.kill(now, number)
+
     @action(x="m", y="m", heading="rad", number="1")
     def spawn(
         self, now: int, x: float = 0.0, y: float = 0.0, heading: float = 0.0, number: float = 0.0
-    ) -> None:
-        """Add a turtle at x and y in m, heading in rad. Their numbers start at 2; 0: the next."""
+    ) -> int:
+        """Add a turtle at x and y in m, heading in rad; returns its number.
+
+        The numbers start at 2; 0: the next one.
+        """
         if len(self.turtles) >= TURTLES_MAX:
             raise ValueError(f"there are {TURTLES_MAX} turtles already; kill some")
         if number and (number < 2 or number != int(number)):
@@ -75,6 +85,7 @@ class TurtleCanvas(Block):
         self._place(given, (x, y, heading))
         if given > self.driven:
             self.log.warning(f"turtle {given} stands still: {self._who_drives()}")
+        return given
 
     def _next_number(self) -> int:
         """The next number; when those that can be driven are used up, the first free one."""

@@ -114,6 +114,7 @@ def _choose_topics(
     client: ControlClient, names: Iterable[str], exclude: Iterable[str]
 ) -> list[LiveTopic]:
     """The topics that names and patterns mean. Raises RunError for an unknown one."""
+    from diffbotctl.graph import LOG
     from diffbotctl.recording.live_recording import LiveTopic
 
     known = [row["topic"] for row in client.request("list_topics")["topics"]]
@@ -128,8 +129,17 @@ def _choose_topics(
             del chosen[topic]
     if not chosen:
         raise click.UsageError("no topic is left to record")
+    blocks = {LOG, *(row["block"] for row in client.request("list_blocks")["blocks"])}
     described = (client.request("describe_topic", topic=topic) for topic in chosen)
-    return [LiveTopic(reply["topic"], reply["type"], reply["schema"]) for reply in described]
+    return [
+        LiveTopic(
+            reply["topic"],
+            reply["type"],
+            reply["schema"],
+            reply["topic"].partition(".")[0] in blocks,
+        )
+        for reply in described
+    ]
 
 
 def _open(path: Path, client: ControlClient, topics: list[LiveTopic]) -> LiveRecording:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Container, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -178,36 +179,64 @@ def _yaml_value(row: dict[str, Any]) -> str:
 @json_option
 @engine_option
 def call(action: str | None, arguments: tuple[str, ...], as_json: bool, engine: str | None) -> int:
-    """Call ACTION, such as odometry.set_pose x=0.5 heading=90deg; without ACTION, list all."""
+    """Call ACTION, such as odometry.set_pose x=0.5 heading=90deg; without ACTION, list all.
+
+    What the action returns is printed. `call reset` puts everything back to the start: the
+    simulated robot, the odometry, and the turtles.
+    """
     with attached(engine, "call") as client:
-        rows = client.request("list_actions")["actions"]
+        rows = {row["action"]: row for row in client.request("list_actions")["actions"]}
         if action is None:
-            _print_actions(rows, as_json)
+            _print_actions(rows.values(), as_json)
             return 0
-        units: dict[str, str] = next((row["units"] for row in rows if row["action"] == action), {})
-        values = dict(_argument(text, units) for text in arguments)
-        client.request("call_action", action=action, arguments=values)
-    click.echo(f"{action}: done")
+        for name in _meant(action, rows):
+            values = dict(_argument(text, rows.get(name, {})) for text in arguments)
+            value = client.request("call_action", action=name, arguments=values).get("value")
+            if as_json:
+                print_json({"action": name, "value": value})
+            else:
+                click.echo(f"{name}: {'done' if value is None else _returned_text(value)}")
     return 0
 
 
-def _print_actions(rows: list[dict[str, Any]], as_json: bool) -> None:
+def _meant(action: str, known: Container[str]) -> list[str]:
+    """The actions that `action` means: several for `reset`, as a service of ROS is called."""
+    from diffbotctl.control_socket.protocol import RESET_ACTIONS
+
+    parts = [name for name in RESET_ACTIONS if name in known]
+    return parts if action.strip("/") == "reset" and parts else [action]
+
+
+def _returned_text(value: Any) -> str:
+    """What an action returned: a text and a number as they are."""
+    return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+
+
+def _print_actions(rows: Iterable[dict[str, Any]], as_json: bool) -> None:
     for row in rows:
         if as_json:
             print_json(row)
             continue
-        arguments = (f"[{name}={row['units'].get(name) or '...'}]" for name in row["arguments"])
+        texts = row.get("texts", ())
+        arguments = (
+            f"[{name}={'TEXT' if name in texts else row['units'].get(name) or '...'}]"
+            for name in row["arguments"]
+        )
         click.echo(f"{row['action']} {' '.join(arguments)}".rstrip())
         click.echo(f"    {row['help']}")
 
 
-def _argument(text: str, units: dict[str, str]) -> tuple[str, float]:
-    """NAME and value in SI; the unit must be of the argument's declared kind."""
+def _argument(text: str, action: dict[str, Any]) -> tuple[str, float | str]:
+    """NAME and value: a text, or a number in SI whose unit is of the argument's declared kind."""
     name, equals, value = text.partition("=")
     if not equals:
         raise click.UsageError(f"'{text}': write NAME=VALUE, such as x=0.5")
+    if name in action.get("texts", ()):  # an engine of an earlier version has none
+        return name, value
     # An argument without a declared unit takes a length, an angle or a plain number.
-    unit = units.get(name) or ("rad" if value.endswith(("deg", "rad", "turn")) else "m")
+    unit = action.get("units", {}).get(name) or (
+        "rad" if value.endswith(("deg", "rad", "turn")) else "m"
+    )
     try:
         return name, Quantity(unit).convert(value, None, None)
     except click.BadParameter as error:

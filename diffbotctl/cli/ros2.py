@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -58,7 +59,7 @@ def command(
         raise ros_error(["ros2", *words]) or click.UsageError(f"unknown word '{words[0]}'")
     found = find_python(python)
     if check:
-        return _report(found)
+        return _report(found, python)
     if not found.is_usable:
         from diffbotctl.errors import RunError
 
@@ -69,8 +70,8 @@ def command(
     return 0
 
 
-def _report(python: RosPython) -> int:
-    """Print what the bridge would use; 0 when it can run."""
+def _report(python: RosPython, given: str | None) -> int:
+    """Print what the bridge would use; 0 when it can run. `given`: the option --python."""
     from diffbotctl.ros2.find_python import OPTIONAL_MODULES, missing_problem, version_text
 
     click.echo(f"python      {python.path} ({version_text(python)})")
@@ -81,7 +82,8 @@ def _report(python: RosPython) -> int:
             package = f"ros-{python.distribution or 'jazzy'}-{name.replace('_', '-')}"
             click.echo(f"missing     {name}: no {purpose}; sudo apt-get install {package}")
     if python.is_usable:
-        click.echo("the bridge can run: diffbotctl ros2")
+        option = "" if given is None else f" --python {shlex.quote(given)}"
+        click.echo(f"the bridge can run: diffbotctl ros2{option}")
         return 0
     click.echo(missing_problem(python).render(), err=True)
     return 1

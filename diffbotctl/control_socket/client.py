@@ -42,9 +42,11 @@ def choose_engine(name: str | None, at: str = "") -> EngineAddress:
     if len(named) == 1:
         return named[0]
     names = ", ".join(engine.name for engine in running)
-    code = "E-NO-ENGINE"
+    code, place = "E-NO-ENGINE", "--engine"
     if not running:
-        cause, fix = "no engine that you may access is running", "start one: diffbotctl run goal"
+        place = place if name else "engine"  # the option may be unknown to who did not give it
+        cause = "no engine that you may access is running"
+        fix = "start one in another terminal: diffbotctl run goal"
     elif name is None:
         code, cause = "E-SEVERAL-ENGINES", f"several engines are running: {names}"
         fix = f"choose one: --engine {running[0].name}"
@@ -55,7 +57,7 @@ def choose_engine(name: str | None, at: str = "") -> EngineAddress:
         near = closest_match(name, [engine.name for engine in running])
         cause = f"there is no engine '{name}'"
         fix = f"did you mean {near}?" if near else f"there is {names}"
-    raise UsageError(Problem(code, "--engine", cause, fix))
+    raise UsageError(Problem(code, place, cause, fix))
 
 
 class ControlClient:

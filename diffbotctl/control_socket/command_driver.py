@@ -20,10 +20,11 @@ from diffbotctl.control_socket.engine_channel import (
     ResultCode,
 )
 from diffbotctl.control_socket.protocol import DRIVE_LEASE_S
+from diffbotctl.control_socket.returned_value import sendable_value
 from diffbotctl.drivers.goal_queue import Operator
 from diffbotctl.drivers.input_leases import InputLeases
 from diffbotctl.engine.driver import Delivery
-from diffbotctl.engine.live_changes import LiveChanges
+from diffbotctl.engine.live_changes import CallOutcome, LiveChanges
 from diffbotctl.engine.loop import Engine
 from diffbotctl.engine.profiler import BlockProfiler
 from diffbotctl.messages import Call, Goal, Message, Setting, Stop, StopCode, Twist
@@ -135,9 +136,8 @@ class ControlClientDriver:
         """Follow the commands that have come. Called when the instant's commands have left."""
         was_open = self.channel.is_open
         while self.changes.outcomes:
-            refusal = self.changes.outcomes.pop(0)
-            code = ResultCode.REFUSED if refusal else ResultCode.DONE
-            self.channel.answer(CommandResult(self.calls.pop(0), code, refusal))
+            outcome = self.changes.outcomes.pop(0)
+            self.channel.answer(call_result(self.calls.pop(0), outcome))
         for command in self.channel.receive():
             if isinstance(command.request, PublishInput):
                 self.channel.answer(self._publish(now, command, command.request))
@@ -302,6 +302,16 @@ class ControlClientDriver:
             self.outbox = [delivery for delivery in self.outbox if delivery.wire != wire]
         self.outbox.append(Delivery(wire, message))
         self.outbox_due = now + 1
+
+
+def call_result(number: int, outcome: CallOutcome) -> CommandResult:
+    """The answer to the command `number`, a call of an action."""
+    if outcome.refusal:
+        return CommandResult(number, ResultCode.REFUSED, outcome.refusal)
+    try:
+        return CommandResult(number, ResultCode.DONE, value=sendable_value(outcome.value))
+    except ValueError as error:
+        return CommandResult(number, ResultCode.NOT_SENDABLE, str(error))
 
 
 def is_late(now: int, stamp: float | None, lease: float | None) -> bool:

@@ -17,6 +17,7 @@ STREAM_LINES_MAX = 500  # that wait for a client which reads slowly; the oldest 
 REPLIES_MAX = 50  # that wait; then nothing more is read from that client
 CREDENTIALS = struct.Struct("3i")
 READ_BYTES = 1 << 16  # at once
+SEND_BYTES = 1 << 12  # after which no further line is sent in the same piece
 REQUESTS_PER_SECOND = 300.0
 REQUEST_BURST = 100.0
 HELLO_TIMEOUT_S = 10.0
@@ -164,14 +165,24 @@ class Client:
         return self.is_closing or not (self.is_readable or self.topics)
 
     def _load(self) -> bool:
-        """Fill `sending`: replies first, then the number of lost lines, then the stream."""
-        if not self.sending:
-            if self.replies:
-                self.sending = self.replies.popleft()
-            elif self.lost:
-                self.sending, self.lost = encode_line({"lost": self.lost}), 0
-            elif self.stream:
-                self.sending = self.stream.popleft()
+        """Fill `sending`: replies first, then the number of lost lines, then the stream.
+
+        Several lines go together: each call of the system wakes the client.
+        """
+        if self.sending:
+            return True
+        lines = []
+        size = 0
+        while self.replies and size < SEND_BYTES:
+            lines.append(self.replies.popleft())
+            size += len(lines[-1])
+        if not self.replies and self.lost:
+            lines.append(encode_line({"lost": self.lost}))
+            self.lost = 0
+        while not self.replies and self.stream and size < SEND_BYTES:
+            lines.append(self.stream.popleft())
+            size += len(lines[-1])
+        self.sending = b"".join(lines)
         return bool(self.sending)
 
 

@@ -82,6 +82,7 @@ class ResultCode(StrEnum):
     NOT_DRIVING = "not_driving"
     DRIVING = "driving"
     REFUSED = "refused"
+    NOT_SENDABLE = "not_sendable"
     OVERLOADED = "overloaded"
     LATE = "late"
     EXPIRED = "expired"
@@ -89,11 +90,12 @@ class ResultCode(StrEnum):
 
 
 class CommandResult(NamedTuple):
-    """The engine's answer to command `number`."""
+    """The engine's answer to command `number`. `value`: what an action returned."""
 
     number: int
     code: ResultCode
     detail: str = ""
+    value: Any = None
 
 
 def reply_to(code: ResultCode, detail: str = "") -> Fields:
@@ -116,6 +118,10 @@ def reply_to(code: ResultCode, detail: str = "") -> Fields:
             )
         case ResultCode.REFUSED:
             refusal = RefusalError("E-REQUEST", f"the block refused: {detail}")
+        case ResultCode.NOT_SENDABLE:
+            cause = f"the action was done, but what it returned cannot be sent: {detail}"
+            fix = "return a number, text, truth value or message, or a tuple of them"
+            refusal = RefusalError("E-REQUEST", cause, fix)
         case ResultCode.LATE:
             cause = "the command to drive is older than its lease: the link was too slow"
             refusal = RefusalError("E-LATE", cause, "drive again when the link works")
@@ -296,7 +302,10 @@ class EngineLink:
         client, request_id = self.waiting.pop(result.number, (None, None))
         if client is not None:
             client.unanswered -= 1
-            client.answer({"id": request_id, **reply_to(result.code, result.detail)})
+            reply = reply_to(result.code, result.detail)
+            if result.value is not None:
+                reply["value"] = result.value
+            client.answer({"id": request_id, **reply})
         return client
 
     def _has_token(self) -> bool:

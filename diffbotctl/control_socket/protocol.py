@@ -13,6 +13,8 @@ Fields = dict[str, Any]
 PROTOCOL = 2
 LINE_MAX_BYTES = 64 << 10  # the longest sensible request has a few hundred
 DRIVE_LEASE_S = 0.3  # age at which a command to drive is refused, if it states when it was made
+# The actions that together put everything back to the start, as far as a run has them.
+RESET_ACTIONS = ("robot.home", "odometry.set_pose", "canvas.start_over")
 EXAMPLE = 'send one JSON object a line, such as {"method": "stop"}'
 
 
@@ -47,6 +49,17 @@ class LineBuffer:
         """Append what came from the socket."""
         self.rest += data
 
+    def take(self, data: bytes) -> list[bytes]:
+        """The complete lines after `data` has come. Raises RefusalError if one is too long."""
+        is_line = data.find(b"\n") == len(data) - 1 and 0 < len(data) <= LINE_MAX_BYTES
+        if is_line and not self.rest:
+            return [data[:-1]]  # most times one line comes, and nothing else
+        self.add(data)
+        lines = []
+        while (line := self.next()) is not None:
+            lines.append(line)
+        return lines
+
     def next(self) -> bytes | None:
         """The next complete line without its newline, or None. Raises RefusalError if too long."""
         end = self.rest.find(b"\n", self.searched)
@@ -65,7 +78,12 @@ class LineBuffer:
 def parse_line(line: bytes) -> Fields:
     """The JSON object in one line. Raises RefusalError when it is none."""
     try:
-        fields = DECODER.decode(line.decode("utf-8"))
+        text = line.decode("utf-8")
+        if text.startswith("{"):
+            fields, end = DECODER.raw_decode(text)
+            if end == len(text):  # most lines have no space around the object
+                return fields  # type: ignore[no-any-return]
+        fields = DECODER.decode(text)
     except RecursionError:
         raise RefusalError(
             "E-PROTOCOL", "this line is not JSON: nested too deeply", EXAMPLE

@@ -174,10 +174,10 @@ class ListActionsRequest(NamedTuple):
 
 
 class CallActionRequest(NamedTuple):
-    """Call an action of a block; the reply comes when it is done."""
+    """Call an action of a block; when it is done the reply has in `value` what it returned."""
 
     action: Annotated[str, RequestField("block and action, such as odometry.set_pose")]
-    arguments: Annotated[dict[str, Any], RequestField("numbers in SI units")] = {}
+    arguments: Annotated[dict[str, Any], RequestField("numbers in SI units, and texts")] = {}
 
 
 class ListBlocksRequest(NamedTuple):

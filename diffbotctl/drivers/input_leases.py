@@ -30,7 +30,14 @@ class InputLease:
         self.publisher: Hashable | None = None
         self.who = ""
         self.deadline = NEVER
-        self.cause = ""  # why it ends at `deadline`
+        self.cause = ""  # why it ends at `deadline`; empty: nothing came until then
+
+    @property
+    def end_cause(self) -> str:
+        """Why it ends at `deadline`."""
+        return self.cause or (
+            f"{self.who} has published nothing on {self.use.wire} for {self.use.timeout:g} s"
+        )
 
 
 class InputLeases:
@@ -53,7 +60,7 @@ class InputLeases:
             self.operator.log(now, "info", "operator", f"{who} publishes {wire}")
         lease.publisher, lease.who = publisher, who
         lease.deadline = now + lease.timeout
-        lease.cause = f"{who} has published nothing on {wire} for {lease.use.timeout:g} s"
+        lease.cause = ""
         return None
 
     def release(self, wire: str, publisher: Hashable) -> None:
@@ -107,11 +114,10 @@ class InputLeases:
         lease.publisher, lease.deadline = None, NEVER
         deliveries = self._neutral(now, lease)
         # Also where another stop came before this one: it does not name the publisher.
-        self.operator.log(
-            now, "warning", "operator", f"{lease.use.wire} has expired: {lease.cause}"
-        )
+        cause = lease.end_cause
+        self.operator.log(now, "warning", "operator", f"{lease.use.wire} has expired: {cause}")
         if lease.use.feeds_motion:
-            stop = Stop(now, "input_stale", lease.cause, True)
+            stop = Stop(now, "input_stale", cause, True)
             deliveries.append(Delivery("operator.halt", stop))
         return deliveries
 

@@ -6,26 +6,34 @@ live run and in its replay.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
+from diffbotctl.block import action_arguments, takes_text
 from diffbotctl.graph import Graph, Sink
 from diffbotctl.log import LEVEL
 from diffbotctl.messages import Call, Setting
 from diffbotctl.params import declared
 
 
+class CallOutcome(NamedTuple):
+    """What came of a call: why the block refused it, or what the action returned."""
+
+    refusal: str
+    value: Any = None
+
+
 class LiveChanges:
     """Applies Settings and Calls to the blocks of `graph`, and to `drivers` by node name.
 
     A call to a driver that does not exist, as in a replay, is ignored: its effects were recorded.
-    `outcomes` gets one entry for each call: "", or why the block refused it.
+    `outcomes` gets one entry for each call.
     """
 
     def __init__(self, graph: Graph, drivers: dict[str, Any]) -> None:
         self.targets: dict[str, Any] = {node.name: node.block for node in graph.nodes}
         self.targets.update(drivers)
         self.book = graph.book
-        self.outcomes: list[str] = []
+        self.outcomes: list[CallOutcome] = []
 
     def sinks(self) -> dict[str, Sink]:
         """The function to call for each wire."""
@@ -50,12 +58,18 @@ class LiveChanges:
         target = self.targets.get(call.block)
         if target is None:
             return
+        numbers, texts = iter(call.arguments), iter(call.texts)
+        arguments: dict[str, Any] = {}
+        for argument in action_arguments(getattr(type(target), call.action)):
+            value = next(texts if takes_text(argument) else numbers, None)
+            if value is not None:  # otherwise its default
+                arguments[argument.name] = value
         try:
-            getattr(target, call.action)(now, *call.arguments)
+            value = getattr(target, call.action)(now, **arguments)
         except ValueError as error:
-            self.outcomes.append(str(error) or "it refuses")
+            self.outcomes.append(CallOutcome(str(error) or "it refuses"))
         else:
-            self.outcomes.append("")
+            self.outcomes.append(CallOutcome("", value))
 
 
 def live_sinks(graph: Graph) -> dict[str, Sink]:

@@ -90,6 +90,8 @@ class Engine:
         self.ending: tuple[int, str] | None = None
         self.failure: RunError | None = None
         self.signals = signals
+        self.driver_files: list[list[int]] = []
+        self.files = self._all_files([])  # that are waited for
         self.overruns: dict[str, int] = {}
         periods = [period for _, period in self.compiled.timer_owners]
         self.overrun_tolerance = min(periods, default=NEVER)
@@ -133,8 +135,11 @@ class Engine:
     def step(self, until: int) -> bool:
         """Wait for the next event and process it. False when logical time has reached `until`."""
         dues = [driver.due() for driver in self.drivers]
+        files = [driver.files() for driver in self.drivers]
         wake = min(self.compiled.due(), until, *dues)
-        now, ready = self.clock.wait(wake, self._files())
+        if files != self.driver_files:
+            self.driver_files, self.files = files, self._all_files(files)
+        now, ready = self.clock.wait(wake, self.files)
         if self.monitor is not None:
             self._check_time(self.monitor)
         if self.clock.late > self.overrun_tolerance:
@@ -148,8 +153,8 @@ class Engine:
             self._catch_up(until)
             return False
         deliveries: list[Delivery] = []
-        for driver, due in zip(self.drivers, dues, strict=True):
-            if due <= now or (ready and not set(ready).isdisjoint(driver.files())):
+        for driver, due, its_files in zip(self.drivers, dues, files, strict=True):
+            if due <= now or (ready and its_files and not set(ready).isdisjoint(its_files)):
                 deliveries += driver.deliver(now)
         if deliveries:
             self.deliver(now, deliveries)
@@ -252,8 +257,8 @@ class Engine:
         self.compiled.publish(now)
         raise RunError(Problem(code, f"block {name}", cause, fix)) from error
 
-    def _files(self) -> list[int]:
-        files = [file for driver in self.drivers for file in driver.files()]
+    def _all_files(self, of_drivers: list[list[int]]) -> list[int]:
+        files = [file for files in of_drivers for file in files]
         return files if self.signals is None else [*files, self.signals.file]
 
     def _stop(self) -> bool | None:

@@ -44,11 +44,15 @@ class ProgramLink:
 
     def __init__(self, use: ProgramUse) -> None:
         self.use = use
-        self.parsers = {wire: message_parser(kind) for wire, kind in use.outputs.items()}
+        self.outputs = {  # by port: the wire, and what reads its messages
+            wire.partition(".")[2]: (wire, message_parser(kind))
+            for wire, kind in use.outputs.items()
+        }
         # A program that publishes rarely sends empty objects meanwhile.
         self.silence_max = max(SILENCE_MAX, round(4 * use.timeout * SECOND))
         self.socket: socket.socket | None = None
         self.pid = 0
+        self.who = use.name  # the program as the cause of a stop names it
         self.lines = LineBuffer()
         self.queue = bytearray()  # that waits to be sent
         self.dropped = 0
@@ -57,18 +61,14 @@ class ProgramLink:
         self.lost_at = NEVER  # when its outputs expire, whatever is known of its end
         self.end_text = ""  # how it ended; what it sent before is still read
 
-    @property
-    def who(self) -> str:
-        """The program as the cause of a stop names it."""
-        return f"program {self.use.name} (process {self.pid})" if self.pid else self.use.name
-
     def open(self, now: int, pid: int, file: int) -> None:
         """A new process has been started; `file` is this end of its socket."""
         self.close()
         self.socket, self.pid = socket.socket(fileno=file), pid
+        self.who = f"program {self.use.name} (process {pid})"
         self.socket.setblocking(False)
         self.lines, self.queue, self.dropped = LineBuffer(), bytearray(), 0
-        self.silent_at = now + FIRST_LINE_TIMEOUT if self.parsers else NEVER
+        self.silent_at = now + FIRST_LINE_TIMEOUT if self.outputs else NEVER
         self.lost_at, self.end_text = NEVER, ""
 
     def close(self) -> None:
@@ -102,14 +102,14 @@ class ProgramLink:
         """The messages in one line, stamped. Raises RefusalError for a line that is invalid."""
         deliveries = []
         for port, values in parse_line(line).items():
-            wire = f"{self.use.name}.{port}"
-            if wire not in self.parsers:
-                known = ", ".join(wire.partition(".")[2] for wire in self.parsers)
+            if port not in self.outputs:
+                known = ", ".join(self.outputs)
                 raise RefusalError("E-PROGRAM", f"there is no output '{port[:40]}'; it has {known}")
+            wire, parse = self.outputs[port]
             if not isinstance(values, dict):
                 raise RefusalError("E-PROGRAM", f"{port} is not an object")
             try:
-                deliveries.append(Delivery(wire, self.parsers[wire](values, now)))
+                deliveries.append(Delivery(wire, parse(values, now)))
             except MessageError as error:
                 raise RefusalError("E-PROGRAM", f"{port}: {error}") from None
         return deliveries
@@ -121,9 +121,12 @@ class ProgramLink:
         if len(self.queue) + len(data) > SEND_QUEUE_MAX_BYTES:
             self.dropped += 1
             return
-        self.queue += data
+        unsent = self.queue + data if self.queue else data
+        sent = 0
         with suppress(OSError):  # what does not fit waits; that it has ended is read
-            del self.queue[: self.socket.send(self.queue, socket.MSG_NOSIGNAL)]
+            sent = self.socket.send(unsent, socket.MSG_NOSIGNAL)
+        if self.queue or sent < len(data):
+            self.queue = bytearray(unsent[sent:])
 
 
 class ProgramsDriver:
@@ -230,8 +233,7 @@ class ProgramsDriver:
                 link.close()
                 return deliveries
             self.has_data = self.has_data or bool(data)
-            link.lines.add(data)
-            while (line := link.lines.next()) is not None:
+            for line in link.lines.take(data):
                 link.silent_at = now + link.silence_max
                 deliveries += link.messages(now, line)
         except RefusalError as refusal:

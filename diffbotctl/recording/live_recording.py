@@ -17,11 +17,15 @@ from diffbotctl.recording.run_metadata import LIVE
 
 
 class LiveTopic(NamedTuple):
-    """A topic: the name of its message class, and the JSON Schema of that class."""
+    """A topic: the name of its message class, and the JSON Schema of that class.
+
+    `is_of_block`: a block publishes it, and no driver, program, device or client.
+    """
 
     name: str
     kind: str
     schema: Mapping[str, Any]
+    is_of_block: bool = True
 
 
 class LiveRecording(RecordingFile):
@@ -36,8 +40,7 @@ class LiveRecording(RecordingFile):
             if topic.kind not in schemas:
                 text = json.dumps(topic.schema).encode()
                 schemas[topic.kind] = self.add_schema(topic.kind, text)
-            is_driver = topic.name.partition(".")[0] in ("robot", "operator", "input")
-            origin = "driver" if is_driver else "block"
+            origin = "block" if topic.is_of_block else "driver"
             channel = self.add_channel(topic.name, schemas[topic.kind], origin, topic.kind)
             self.channels[topic.name] = channel
         self.messages = 0

@@ -53,14 +53,14 @@ class Recorder:
     def drain(self) -> None:
         """Send a full batch. Called in the loop's idle time, after commands have left."""
         pending = self.pending
-        if not pending or not (self.immediate or self._is_batch(pending)):
+        if not pending:
+            return
+        is_batch = len(pending) >= BATCH_INSTANTS or (not self.waits and spans_batch(pending))
+        if not (is_batch or self.immediate):
             return
         self.sender.send(pending)
         pending.clear()
         self._check_child()
-
-    def _is_batch(self, pending: list[tuple[Any, ...]]) -> bool:
-        return len(pending) >= BATCH_INSTANTS or (not self.waits and spans_batch(pending))
 
     def close(self, summary: dict[str, str] | None = None) -> None:
         """Send the rest, wait for the child and end it.

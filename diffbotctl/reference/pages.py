@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_args
 
 from diffbotctl import messages
-from diffbotctl.block import Every, In, actions, inputs, outputs, robot_fields
+from diffbotctl.block import Every, In, action_arguments, actions, inputs, outputs, robot_fields
 from diffbotctl.codes import code_texts
 from diffbotctl.config import registry
 from diffbotctl.config.configuration import Pipeline
@@ -129,8 +130,10 @@ def blocks() -> Iterator[str]:
         fields = ", ".join(f"`{field}`" for field in robot_fields(kind).values())
         if fields:
             lines.append(f"- from the robot file: {fields}")
-        for action in actions(kind):
-            lines.append(f"- action `{action}`")
+        for action, method in actions(kind).items():
+            names = ", ".join(argument.name for argument in action_arguments(method))
+            first_line = inspect.cleandoc(method.__doc__ or "").partition("\n")[0]
+            lines.append(f"- action `{action}({names})`: {first_line}")
         yield "\n".join([*lines[:2], "", *lines[2:]])
         yield table(declared(kind).values())
 

@@ -65,8 +65,21 @@ class Smell(Block):
 
     @action(by="1")
     def raise_count(self, now, by=1.0):
-        """Raise the count."""
+        """Raise the count; returns it."""
         self.count += by
+        return self.count
+
+    @action(near="m")
+    def describe(self, now, name: str, near=1.0, mood: str = "glad"):
+        """Describe a face."""
+        if name == "nobody":
+            raise ValueError("there is nobody")
+        return ("{name} is {mood}".format(name=name, mood=mood), near, NAN)
+
+    @action
+    def itself(self, now):
+        """Return what no answer can carry."""
+        return self
 
     def react(self, now, odometry):
         if odometry is None:

@@ -8,9 +8,9 @@ from time import monotonic
 
 from rich.console import Group, RenderableType
 from rich.live import Live
-from rich.markup import escape
 from rich.panel import Panel
 from rich.table import Table
+from rich.text import Text as StyledText
 
 from diffbotctl.estimation.imu_text import imu_text
 from diffbotctl.messages import Goal, GoalState, Imu, Link, Range, Text, Wheels
@@ -48,12 +48,12 @@ class LiveView:
         The last picture of a run has no facts: the summary below it has them, and the whole cause.
         """
         self.map.update(snapshot)
-        title = title_markup(self.map.scene)
+        title = title_text(self.map.scene)
         if snapshot.ending:
             style = "bold red" if snapshot.has_failed else "bold green"
             names = f"{self.map.scene.title}   {self.map.scene.simulated}  "
             ending = shorten_text(snapshot.ending, width - len(names) - FRAME_WIDTH)
-            title += f"  [{style}]{escape(ending)}[/]"
+            title.append("  ").append(ending, style)
         progress = None
         if now is not None:
             progress = progress_text(snapshot.time / SECOND, now - self.began, self.duration)
@@ -92,10 +92,12 @@ def duration_text(seconds: float) -> str:
     return f"{whole // 3600} h {whole % 3600 // 60} min"
 
 
-def title_markup(scene: Scene) -> str:
-    """The pipeline's name, and SIMULATED when it is, as rich markup."""
-    title = f"[bold]{scene.title}[/]"
-    return title + (f"  [black on yellow] {scene.simulated} [/]" if scene.simulated else "")
+def title_text(scene: Scene) -> StyledText:
+    """The pipeline's name, and SIMULATED when it is."""
+    title = StyledText().append(scene.title, "bold")
+    if scene.simulated:
+        title.append("  ").append(f" {scene.simulated} ", "black on yellow")
+    return title
 
 
 def facts_table(snapshot: RunSnapshot, progress: str | None = None) -> Table:
@@ -103,28 +105,33 @@ def facts_table(snapshot: RunSnapshot, progress: str | None = None) -> Table:
     table = Table.grid(padding=(0, 1))
     table.add_column(style="bold", justify="right", no_wrap=True)
     table.add_column(overflow="ellipsis")
+
+    def add(name: str, text: str, style: str | None = None) -> None:
+        # As it is: a program or a person may have written brackets, which would be markup.
+        table.add_row(StyledText(name), StyledText(text), style=style)
+
     odometry, stop = run_text.newest_odometry(snapshot), run_text.active_stop(snapshot)
     time = f"{snapshot.time / SECOND:.1f} s"
-    table.add_row("time", time if progress is None else f"{time}  {progress}")
+    add("time", time if progress is None else f"{time}  {progress}")
     if odometry is not None:
-        table.add_row("pose", run_text.pose_text(odometry))
+        add("pose", run_text.pose_text(odometry))
     if (goal := run_text.newest_message(snapshot, Goal)) is not None and goal.number:
-        table.add_row("goal", run_text.goal_text(goal, snapshot.goals))
+        add("goal", run_text.goal_text(goal, snapshot.goals))
     if (state := run_text.newest_message(snapshot, GoalState)) is not None:
-        table.add_row("state", run_text.goal_state_text(state))
+        add("state", run_text.goal_state_text(state))
     if (wheels := run_text.newest_message(snapshot, Wheels)) is not None:
-        table.add_row("wheels", run_text.wheel_speeds_text(wheels, odometry))
+        add("wheels", run_text.wheel_speeds_text(wheels, odometry))
     if (imu := run_text.newest_message(snapshot, Imu)) is not None:
-        table.add_row("imu", imu_text(imu))
+        add("imu", imu_text(imu))
     for wire, message in snapshot.messages.items():
         if isinstance(message, Text):
-            table.add_row(wire, message.text)
+            add(wire, message.text)
     if (reading := run_text.newest_message(snapshot, Range)) is not None:
-        table.add_row("range", run_text.range_text(reading))
+        add("range", run_text.range_text(reading))
     if (link := run_text.newest_message(snapshot, Link)) is not None:
-        table.add_row("link", run_text.link_text(link))
+        add("link", run_text.link_text(link))
     if odometry is not None or stop is not None:
-        table.add_row("stop", run_text.stop_text(stop), style="bold red" if stop else None)
+        add("stop", run_text.stop_text(stop), "bold red" if stop else None)
     return table
 
 

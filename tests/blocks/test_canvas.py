@@ -46,6 +46,19 @@ def test_clear_starts_a_new_line(canvas):
     assert canvas.react(1, HERE)[0].sheet == 1
 
 
+def test_starting_over_erases_the_line_and_removes_all_further_turtles(canvas):
+    assert [canvas.spawn(1), canvas.spawn(1, number=7)] == [2, 7]
+    canvas.start_over(2)
+    state, *sent = *canvas.react(3, HERE), *(canvas.react(now, HERE)[1] for now in (4, 5, 6))
+    assert (state.sheet, state.turtles) == (1, ())
+    assert [(one.number, one.is_present) for one in sent] == [
+        (2, True),
+        (7, True),
+        (2, False),
+        (7, False),
+    ]
+
+
 def test_turtles_are_spawned_moved_and_killed(canvas):
     canvas.spawn(1, 2.0, 3.0, 0.5)
     canvas.spawn(1)

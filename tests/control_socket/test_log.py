@@ -189,11 +189,11 @@ def test_blocks_are_measured_while_someone_asks(folder):
         lambda rows: rows["odometry"]["busy"] is not None,
     )
     assert 30 < rows["odometry"]["reactions"] < 50  # this board sends 40 frames a second
-    assert 0 < rows["odometry"]["busy"] < 0.1
+    assert 0 < rows["odometry"]["busy"] < 1
     assert rows["odometry"]["overruns"] == 0
     code, out, _ = cli(folder, "blocks", "--running", "--json")
     row = json.loads(out.splitlines()[0])
-    assert code == 0 and 0 < row["busy"] < 0.1
+    assert code == 0 and 0 < row["busy"] < 1
 
 
 def test_timers_that_a_standstill_made_late_are_counted(tmp_path):

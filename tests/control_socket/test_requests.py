@@ -46,6 +46,22 @@ def test_lines_are_complete_however_they_were_cut(size):
     assert buffer.rest == b"rest"
 
 
+@given(st.lists(st.sampled_from([b"", b"\n", b"a", b"ab\n", b"\n\n", b"a\nb"])))
+def test_lines_are_the_same_in_whatever_way_they_are_taken(pieces):
+    one, other, taken = LineBuffer(), LineBuffer(), []
+    for piece in pieces:
+        taken += one.take(piece)
+        other.add(piece)
+    assert taken == list(lines_in(other)) and one.rest == other.rest
+
+
+def test_a_line_of_the_greatest_length_is_taken_and_one_byte_more_is_refused():
+    buffer = LineBuffer()
+    assert len(buffer.take(b"x" * LINE_MAX_BYTES + b"\n")[0]) == LINE_MAX_BYTES
+    with pytest.raises(RefusalError, match="more than"):
+        buffer.take(b"x" * (LINE_MAX_BYTES + 1) + b"\n")
+
+
 def test_a_line_of_the_greatest_length_passes_and_one_byte_more_is_refused():
     buffer = LineBuffer()
     buffer.add(b"x" * LINE_MAX_BYTES + b"\n")

@@ -87,6 +87,12 @@ def test_others_are_spawned_moved_killed_and_the_sheet_is_wiped(folder):
     done(folder, "call", "canvas.kill", "number=2")
     done(folder, "call", "canvas.clear")
     becomes(folder, "canvas.canvas", lambda sheet: sheet["turtles"] == [] and sheet["sheet"] == 1)
+    done(folder, "call", "canvas.spawn", "x=2")
+    done(folder, "call", "robot.teleport", "x=9")
+    for word in ("/reset", "reset"):
+        assert done(folder, "call", word) == "robot.home: done\ncanvas.start_over: done\n"
+    becomes(folder, "canvas.canvas", lambda sheet: sheet["turtles"] == [] and sheet["sheet"] == 3)
+    becomes(folder, "robot.pose", lambda pose: pose["x"] < 9)
 
 
 def test_the_turtlebot_wanders_and_manual_driving_has_priority(tmp_path):

@@ -49,6 +49,8 @@ def test_chosen_topics_are_recorded_until_the_interrupt(folder):
     counts = {topic.name: topic.messages for topic in info.topics}
     imu = {"odometry.imu"}  # without messages: this robot has none
     assert set(counts) - imu == {"odometry.odometry", "operator.twist", "gate.wheels"}
+    origins = {topic.name: topic.origin for topic in info.topics}
+    assert origins["odometry.odometry"] == "block" and origins["operator.twist"] == "driver"
     assert counts["odometry.odometry"] > 20 and counts["gate.wheels"] > 20
     messages = [m for m in RecordingReader(file).messages() if m.wire == "odometry.odometry"]
     times = [item.message.time for item in messages]

@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 from math import inf, isnan, nan
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
@@ -10,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from diffbotctl.control_socket.returned_value import sendable_value
 from diffbotctl.message_types import full_name, type_name, type_problem
 from diffbotctl.messages import BUILT_IN, Field, Goal, Range, fields
 from diffbotctl.recording.json_codec import message_decoder, message_encoder
@@ -124,6 +126,48 @@ def test_a_running_engine_shows_and_takes_them(installed):
             assert line.get("message", {"ppm": before})["ppm"] >= before
         ok(folder, "dash", "--once")
         client.close()
+
+
+def test_actions_take_texts_and_return_values(installed):
+    folder, pipeline, _ = installed
+    recording = folder / "calls.mcap"
+    words = (str(pipeline), "--stay", "--goal", "0 0", "--record", str(recording))
+    with running(folder, *words) as process:
+        assert "[name=TEXT] [near=m] [mood=TEXT]" in ok(folder, "call")
+        out = ok(folder, "call", "nose.describe", "name=Ada L. = x", "near=20 cm")
+        assert out == 'nose.describe: ["Ada L. = x is glad", 0.2, "nan"]\n'
+        out = ok(folder, "call", "nose.describe", "mood=sad", "name=7", "--json")
+        assert json.loads(out)["value"] == ["7 is sad", 1.0, "nan"]
+        assert float(ok(folder, "call", "nose.raise_count", "by=1000").split()[1]) >= 1000
+        assert ok(folder, "call", "odometry.set_pose").endswith("done\n")
+        for words, complaint in {
+            ("nose.describe",): "the field 'name' must be a printable text",
+            ("nose.describe", "name=\n"): "printable text",
+            ("nose.describe", "name=nobody"): "there is nobody",
+            ("nose.itself",): "it is a Smell",
+        }.items():
+            code, _, error = cli(folder, "call", *words)
+            assert code == 1 and complaint in error
+        process.send_signal(signal.SIGTERM)
+        process.wait()
+    assert "same" in ok(folder, "replay", recording, "--check")
+
+
+@pytest.mark.parametrize("value", [{"a": 1}, object(), "x" * 10_001, (0,) * 1001, [[[[0]]]], {1}])
+def test_what_an_action_cannot_return(value):
+    with pytest.raises(ValueError):
+        sendable_value(value)
+
+
+def test_what_an_action_returns_is_json():
+    value = [nan, (Range(1, inf, "clear"), True), None, "text", 10**30]
+    assert json.loads(json.dumps(sendable_value(value), allow_nan=False)) == [
+        "nan",
+        [{"time": 1, "state": "clear", "distance": "inf"}, True],
+        None,
+        "text",
+        10**30,
+    ]
 
 
 def test_a_black_box_that_begins_in_the_middle_holds_them(installed, monkeypatch):

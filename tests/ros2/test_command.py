@@ -36,6 +36,16 @@ def test_a_ros_without_some_packages_is_told_their_names(tmp_path):
     assert "rclpy" in MODULES
 
 
+def test_the_command_that_is_named_uses_the_python_that_was_checked(tmp_path):
+    record = '{"missing": {}, "version": [3, 12, 3], "distribution": "jazzy", "middleware": ""}'
+    program = tmp_path / "my python"
+    program.write_text(f"#!/bin/sh\necho '{record}'\n")
+    program.chmod(program.stat().st_mode | stat.S_IXUSR)
+    code, out, complaint = cli(tmp_path, "ros2", "--check", "--python", str(program))
+    assert code == 0, complaint
+    assert f"the bridge can run: diffbotctl ros2 --python '{program}'" in out
+
+
 def test_words_of_the_ros2_command_are_answered_with_ours(tmp_path):
     code, _, complaint = cli(tmp_path, "ros2", "topic", "echo", "/odom")
     assert code == 2 and "diffbotctl topic echo /odom" in complaint

@@ -5,7 +5,7 @@ import io
 import pytest
 from rich.console import Console
 
-from diffbotctl.messages import GoalState, Odometry
+from diffbotctl.messages import GoalState, Odometry, Text
 from diffbotctl.processes.screen import RunSnapshot
 from diffbotctl.render.map_scene import Scene
 from diffbotctl.testing.running import command
@@ -40,6 +40,16 @@ def test_progress(time, elapsed, duration, text):
 )
 def test_durations(seconds, text):
     assert duration_text(seconds) == text
+
+
+def test_brackets_in_what_programs_send_are_text_and_those_of_the_title_style():
+    view = LiveView(Scene("goal [x]", "SIMULATED"))
+    console = Console(file=io.StringIO(), width=80, color_system=None)
+    snapshot = RunSnapshot(9, {"nose.said": Text(9, "a [/] [red]b")}, 0, 1, (), "", False)
+    for markup in (True, False):  # a line of the log above is printed without
+        console.print(view.render(snapshot, 80, 24), markup=markup)
+    shown = console.file.getvalue()
+    assert shown.count("a [/] [red]b") == shown.count("goal [x]   SIMULATED") == 2
 
 
 @pytest.mark.parametrize(("width", "height"), [(60, 20), (80, 24), (120, 40)])

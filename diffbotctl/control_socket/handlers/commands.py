@@ -10,11 +10,11 @@ from collections.abc import Callable, Iterable
 from math import isfinite
 from typing import Any, TypeVar
 
-from diffbotctl.block import actions
+from diffbotctl.block import action_arguments, actions, takes_text
 from diffbotctl.config.declared_inputs import INPUT
 from diffbotctl.control_socket import requests
 from diffbotctl.control_socket.engine_channel import EngineRequest, PublishInput
-from diffbotctl.control_socket.protocol import Fields, RefusalError
+from diffbotctl.control_socket.protocol import RESET_ACTIONS, Fields, RefusalError
 from diffbotctl.control_socket.requests import (
     TEXT_MAX_LENGTH,
     finite,
@@ -31,7 +31,7 @@ from diffbotctl.units import UnitError, quantity
 
 # The last part of a service's name in ROS and turtlesim: the actions that do the same here.
 ROS_SERVICES = {
-    "reset": ("robot.home", "odometry.set_pose", "canvas.clear"),
+    "reset": RESET_ACTIONS,
     "clear": ("canvas.clear",),
     "spawn": ("canvas.spawn",),
     "kill": ("canvas.kill",),
@@ -211,7 +211,8 @@ def handle_list_actions(context: RequestContext, request: requests.ListActionsRe
     rows = [
         {
             "action": name,
-            "arguments": list(_arguments(method)),
+            "arguments": [argument.name for argument in action_arguments(method)],
+            "texts": [each.name for each in action_arguments(method) if takes_text(each)],
             "units": getattr(method, "units", {}),
             "help": inspect.cleandoc(method.__doc__ or ""),
         }
@@ -227,15 +228,27 @@ def handle_call_action(context: RequestContext, request: requests.CallActionRequ
     if method is None:
         cause = f"there is no action '{request.action}'"
         raise RefusalError("E-REQUEST", cause, _action_hint(request.action, available))
-    arguments = _arguments(method)
-    refuse_unknown(request.arguments, arguments)
-    numbers = []
-    for name, value in {**arguments, **request.arguments}.items():
+    arguments = action_arguments(method)
+    refuse_unknown(request.arguments, [argument.name for argument in arguments])
+    numbers: list[float] = []
+    texts: list[str] = []
+    for argument in arguments:
+        default = None if argument.default is argument.empty else argument.default
+        value = request.arguments.get(argument.name, default)
+        if takes_text(argument):
+            texts.append(_text_argument(argument.name, value))
+            continue
         number = finite(value)
         if number is None:
-            raise wrong_field(name, float, "SI", is_missing=value is None)
+            raise wrong_field(argument.name, float, "SI", is_missing=value is None)
         numbers.append(number)
-    return Call(0, block, action, tuple(numbers))
+    return Call(0, block, action, tuple(numbers), tuple(texts))
+
+
+def _text_argument(name: str, value: Any) -> str:
+    if isinstance(value, str) and len(value) <= TEXT_MAX_LENGTH and value.isprintable():
+        return value
+    raise wrong_field(name, str, "", is_missing=value is None)
 
 
 def _action_hint(name: str, available: Iterable[str]) -> str:
@@ -252,15 +265,6 @@ def _actions(context: RequestContext) -> dict[str, Callable[..., Any]]:
         f"{node}.{name}": method
         for node, kind in {**targets, **context.info.drivers}.items()
         for name, method in actions(kind).items()
-    }
-
-
-def _arguments(method: Callable[..., Any]) -> dict[str, Any]:
-    """The arguments of an action with their defaults, None where there is none."""
-    parameters = list(inspect.signature(method).parameters.values())[2:]  # without self and now
-    return {
-        each.name: None if each.default is inspect.Parameter.empty else each.default
-        for each in parameters
     }
 
 

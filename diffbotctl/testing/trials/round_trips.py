@@ -19,7 +19,7 @@ from pathlib import Path
 from statistics import median
 from typing import NamedTuple
 
-from diffbotctl.testing.command_process import command_line, processor_s
+from diffbotctl.testing.command_process import children_of, command_line, processor_s
 from diffbotctl.testing.running import PlainClient
 
 RATE = 200.0
@@ -195,8 +195,8 @@ def through_program(folder: Path, run: str, seconds: float) -> RoundTrips:
     line = f"{run} {round(seconds * RATE)} {result}"
     pipeline.write_text(PIPELINE.format(wire="sender.said", rest=WITH_PROGRAM.format(run=line)))
     with _engine(folder, pipeline, "--no-socket", "--allow-programs") as process:
-        time.sleep(1.0)  # it has started
-        engine = _share(process.pid, seconds - 1.5)
+        _wait_for_program(process.pid)
+        engine = _share(process.pid, seconds - 1.0)
         _wait_for(result)
     return RoundTrips(_times(result), engine, pipeline.with_suffix(".mcap"))
 
@@ -259,6 +259,15 @@ def _share(pid: int, seconds: float) -> float:
     used = processor_s(pid)
     time.sleep(seconds)
     return (processor_s(pid) - used) / seconds
+
+
+def _wait_for_program(engine: int) -> None:
+    """Wait until the engine has started its program, which is a child of its supervisor."""
+    deadline = time.monotonic() + 60
+    while not any(children_of(child) for child in children_of(engine)):
+        if time.monotonic() > deadline:
+            raise TimeoutError("the engine started no program")
+        time.sleep(0.05)
 
 
 def _wait_for(result: Path) -> None:
