@@ -2,8 +2,8 @@
 
 A scale of one axis is a fourth unknown beside the three of the geometry. Drives in several
 directions determine it. Drives that all end ahead of their start do not: there a scale of 5 % and
-wheels that are larger by 5 % are the same. Only what a ruler says of the wheels is left then: a scale
-that brings them within 3 % of it cannot be found.
+wheels that are larger by 5 % are the same. Only what a ruler says of the wheels is left then: a
+scale that brings them within 3 % of it cannot be found.
 """
 
 from __future__ import annotations
