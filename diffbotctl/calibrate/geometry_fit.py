@@ -30,6 +30,7 @@ from diffbotctl.calibrate.dead_reckoning import (
     end_error,
 )
 from diffbotctl.calibrate.end_noise import CAMERA_NOISE, TAPE_NOISE, NoiseGrid
+from diffbotctl.calibrate.end_scale import end_scales, refuse_other_scale
 from diffbotctl.calibrate.geometry_posterior import (
     DIAMETER_SD,
     RATIO_SD,
@@ -110,6 +111,10 @@ def fit_geometry(
     noise = _noise(drives)
     kept = _good_drives(aligned, rough, prior, noise)
     used = [aligned[number] for number in kept]
+
+    def cut(drives: Sequence[RecordedDrive]) -> tuple[list[Segment], Floats]:
+        return _flatten(_segments(drives, stated, SEGMENTS_MAX, SEGMENT_OVERLAP))
+
     groups = _segments(used, stated, SEGMENTS_MAX, SEGMENT_OVERLAP)
     segments, weights = _flatten(groups)
     solution = solve(segments, weights, rough.geometry, prior, noise)
@@ -127,6 +132,8 @@ def fit_geometry(
         sees_diameter,
     )
     _refuse_unproven(fit, prior)
+    scales = end_scales(used, cut, solution.geometry, prior, noise)
+    refuse_other_scale(scales, float(prior.offset(result.geometry)[0]))
     _refuse_no_gain(segments, weights, stated, result)
     return fit
 

@@ -173,15 +173,35 @@ def posterior(
     covariance.
     """
     linear = linearize(segments, geometry)
+    precision = np.diag(1 / np.square(prior.sds))
+    share, mean, covariance = average_over_noise(
+        linear, weights, noise, precision, prior.offset(geometry)
+    )
+    grid = (noise.slip, noise.position, noise.heading, noise.start)
+    expected = [float((share @ values**2) ** 0.5) for values in grid]
+    return Posterior(
+        apply_log_step(geometry, mean),
+        covariance,
+        (expected[0], expected[1], expected[2], expected[3]),
+    )
+
+
+def average_over_noise(
+    linear: Linearized, weights: Floats, noise: NoiseGrid, precision: Floats, offset: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """The shares (combinations,) of the noise, and mean and covariance of the unknowns.
+
+    The unknowns are those of the Jacobians of `linear`. `precision` is the inverse covariance of
+    their prior, `offset` their distance from its mean.
+    """
     covariances = linear.covariances(noise)
     inverses = np.linalg.inv(covariances) * weights[None, :, None, None]
-    precision = np.diag(1 / np.square(prior.sds))
     jacobians, residuals = linear.jacobians, linear.residuals
     normal = precision + np.einsum("nki,gnkl,nlj->gij", jacobians, inverses, jacobians)
-    offset = precision @ prior.offset(geometry)
-    gradient = offset + np.einsum("nki,gnkl,nl->gi", jacobians, inverses, residuals)
+    gradient = precision @ offset
+    gradient = gradient + np.einsum("nki,gnkl,nl->gi", jacobians, inverses, residuals)
     steps = -np.linalg.solve(normal, gradient[..., None])[..., 0]
-    # Evidence of each combination, with the geometry integrated out.
+    # Evidence of each combination, with the unknowns integrated out.
     logs = noise.log_prior + linear.log_densities(covariances) @ weights
     logs = logs - 0.5 * (gradient * steps).sum(axis=1) - 0.5 * np.linalg.slogdet(normal)[1]
     share = np.exp(logs - np.logaddexp.reduce(logs))
@@ -189,13 +209,7 @@ def posterior(
     deviations = steps - mean
     covariance = np.einsum("g,gij->ij", share, np.linalg.inv(normal))
     covariance += np.einsum("g,gi,gj->ij", share, deviations, deviations)
-    grid = (noise.slip, noise.position, noise.heading, noise.start)
-    expected = [float((share @ values**2) ** 0.5) for values in grid]
-    return Posterior(
-        apply_log_step(geometry, mean),
-        np.asarray(covariance),
-        (expected[0], expected[1], expected[2], expected[3]),
-    )
+    return share, mean, np.asarray(covariance)
 
 
 def squared_error(

@@ -99,8 +99,7 @@ def writable_copy(path: Path) -> tuple[Path, bool]:
     try:
         if copy.exists():
             if copy.samefile(path):
-                cause = "this folder belongs to diffbotctl itself, and its files are not changed"
-                raise _write_error(path, cause, "change to a folder of your own")
+                raise lookup.shipped_folder_error(path, "E-CALIBRATE-WRITE")
             return copy, False
         copy.parent.mkdir(exist_ok=True)
         shutil.copyfile(path, copy)

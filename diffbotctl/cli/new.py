@@ -204,12 +204,17 @@ def _write_package(name: str, what: str, files: dict[str, str]) -> None:
 
 
 def write(kind: str, name: str, template: str = "") -> None:
-    """Write a new `robot` or `pipeline` file. Raises UsageError when the file exists.
+    """Write a new `robot` or `pipeline` file. Raises UsageError when the file exists, and in a
+    checkout of diffbotctl.
 
     `template`: default: the one of its kind.
     """
+    from diffbotctl.config import lookup
+
     _check_word(name, kind)
     path = Path(f"{kind}s") / f"{name}.yaml"
+    if lookup.is_shipped(path):  # calibration and `param save` would refuse to write it
+        raise lookup.shipped_folder_error(path, "E-FILE-WRITE")
     _write(path, template or f"{kind}.yaml", {"name": name, "file": str(path)})
     _place_schemas()
     also = f"diffbotctl wiring {path}" if kind == "robot" else f"diffbotctl graph {path}"

@@ -180,15 +180,12 @@ class SetupGuide:
         from diffbotctl.cli import new
         from diffbotctl.config import lookup
         from diffbotctl.config.load import load_robot
-        from diffbotctl.errors import Problem, UsageError
 
         path = lookup.find_robot(self.robot)
         if self.robot is None and lookup.is_shipped(path):
             path = Path("robots") / f"{NEW_ROBOT}.yaml"
             if lookup.is_shipped(path):
-                cause = "this folder belongs to diffbotctl itself, and its files are not changed"
-                fix = "change to a folder of your own: mkdir ~/robot; cd ~/robot; diffbotctl start"
-                raise UsageError(Problem("E-FILE-WRITE", str(path), cause, fix))
+                raise lookup.shipped_folder_error(path, "E-FILE-WRITE")
             if not path.exists():
                 _print("  It describes the kit of the book; change what differs on your robot.")
                 new.write("robot", NEW_ROBOT)

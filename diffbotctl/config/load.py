@@ -7,6 +7,7 @@ checks compare them with each other. All problems of all files are reported toge
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -358,5 +359,7 @@ def _without_repetition(problems: Iterable[Problem]) -> list[Problem]:
     for problem in problems:
         if str(problem.place) in unknown and problem.code != "E-VAR-UNKNOWN":
             continue  # a consequence of the variable that is not set
-        first.setdefault((problem.code, str(problem.place), problem.cause), problem)
+        # A common part of `drive` is read once for itself and once for each side.
+        cause = re.sub(r"\bdrive\.(?:left|right)\.", "drive.", problem.cause)
+        first.setdefault((problem.code, str(problem.place), cause), problem)
     return sorted(first.values(), key=lambda problem: (problem.file, problem.line, problem.column))

@@ -111,6 +111,13 @@ def is_shipped(path: Path) -> bool:
         return False
 
 
+def shipped_folder_error(path: Path, code: str) -> UsageError:
+    """The error for a file of the user in a folder whose files ship with diffbotctl."""
+    cause = "this folder belongs to diffbotctl itself, and its files are not changed"
+    fix = "change to a folder of your own: mkdir ~/robot; cd ~/robot"
+    return UsageError(Problem(code, str(path), cause, fix))
+
+
 def _not_found(name: str, kind: str) -> UsageError:
     known = sorted({*names(kind), *_own_names(kind)})
     near = closest_match(name, known)

@@ -22,10 +22,15 @@ def problem(source: Source, error: Any) -> Problem:
         return Problem("E-YAML-TAB", tab, cause, "replace each tab with spaces")
     if "mapping values are not allowed" in words:
         return _unexpected_key(source, place)
+    context = getattr(error, "context_mark", None)
+    if "could not find expected ':'" in words and context is not None:
+        return _missing_colon(source, Place(source, context.line + 1, context.column + 1))
+    if source.line(place.line)[place.column - 1 : place.column] in ("}", "]"):
+        cause = "this brace or bracket closes none that is open"
+        return Problem("E-YAML-SYNTAX", place, cause, "remove it, or add the one that opens it")
     for pattern, cause, fix in SYNTAX:
         if re.search(pattern, words):
-            opened = getattr(error, "context_mark", None)
-            where = f" (opened in line {opened.line + 1})" if opened and "closed" in cause else ""
+            where = f" (opened in line {context.line + 1})" if context and "closed" in cause else ""
             return Problem("E-YAML-SYNTAX", place, cause + where, fix)
     cause = f"invalid YAML from here: {words}"
     return Problem("E-YAML-SYNTAX", place, cause, "compare this line with the ones around it")
@@ -38,7 +43,7 @@ SYNTAX = [
         "close it, and put a comma between its entries",
     ),
     (
-        r"could not find expected ':'|expected ':'",
+        r"expected ':'",
         "a key without a colon",
         "write `key: value`, with a space after the colon",
     ),
@@ -63,13 +68,12 @@ SYNTAX = [
 def _unexpected_key(source: Source, colon: Place) -> Problem:
     """A key in a wrong place: the cause is usually the previous line, or the indentation."""
     line, before = source.line(colon.line), source.line(colon.line - 1)
-    glued = re.match(r"\s*[A-Za-z_][A-Za-z0-9_]*(:)\S", before)
-    if glued:
-        place = Place(source, colon.line - 1, glued.start(1) + 1)
-        return Problem(
-            "E-YAML-SYNTAX", place, "a space is missing after this colon", "write `key: value`"
-        )
+    glued = _glued_colon(source, colon.line - 1)
+    if glued is not None:
+        return glued
     indent = len(line) - len(line.lstrip())
+    if re.match(rf"[ ]{{{indent}}}[A-Za-z_][A-Za-z0-9_]*(?:[ ][^:#]*)?$", before):
+        return _missing_colon(source, Place(source, colon.line - 1, indent + 1))
     if ":" not in line[: colon.column - 1] and indent > len(before) - len(before.lstrip()):
         cause = "this line is indented below a line that already has a value"
         place = Place(source, colon.line, indent + 1)
@@ -78,6 +82,24 @@ def _unexpected_key(source: Source, colon: Place) -> Problem:
     cause = "a second colon in this line: the text before it cannot be a key"
     fix = "put braces around inner keys, `body: {front: 9 cm}`, or quotes around text"
     return Problem("E-YAML-SYNTAX", colon, cause, fix)
+
+
+def _missing_colon(source: Source, key: Place) -> Problem:
+    """A key without a colon, or without the space after it: the parser notices it a line later."""
+    glued = _glued_colon(source, key.line)
+    cause, fix = "a key without a colon", "write `key: value`, with a space after the colon"
+    return glued or Problem("E-YAML-SYNTAX", key, cause, fix)
+
+
+def _glued_colon(source: Source, number: int) -> Problem | None:
+    """A colon without a space after it."""
+    glued = re.match(r"\s*[A-Za-z_][A-Za-z0-9_]*(:)\S", source.line(number))
+    if glued is None:
+        return None
+    place = Place(source, number, glued.start(1) + 1)
+    return Problem(
+        "E-YAML-SYNTAX", place, "a space is missing after this colon", "write `key: value`"
+    )
 
 
 def _indented_by_tab(source: Source, number: int) -> Place | None:

@@ -17,6 +17,7 @@ fault.
 from __future__ import annotations
 
 from collections import deque
+from itertools import pairwise
 from math import exp, pi
 from typing import NamedTuple
 
@@ -110,9 +111,10 @@ class OverspeedDetector:
         if last is None or boot != self.boot:
             self.boot, self.moved_at = boot, now
             self.recent.clear()
+            self.recent.append((now, count))
             return None
         self.recent.append((now, count))
-        while self.recent[0][0] < now - SPEED_TIME:
+        while len(self.recent) > 2 and self.recent[0][0] < now - SPEED_TIME:
             self.recent.popleft()
         is_gap = now - last > GAP_TIME
         if steps or is_gap:  # a gap does not show that the wheel is at rest
@@ -153,15 +155,25 @@ class OverspeedDetector:
         )
         settling = (self.strongest - self.settled_speed) * self.settling
         if self.excess > self.resolution:
-            return WheelExcess(self._speed(), self.limit)
+            return WheelExcess(self._speed(self.limit), self.limit)
         if self.settled_excess > self.resolution + settling:
-            return WheelExcess(self._speed(), self.settled_limit)
+            return WheelExcess(self._speed(self.settled_limit), self.settled_limit)
         return None
 
-    def _speed(self) -> float:
-        """Mean speed over the last SPEED_TIME."""
-        (first, begin), (last, end) = self.recent[0], self.recent[-1]
-        return abs(end - begin) * self.pitch / max((last - first) / SECOND, 1e-3)
+    def _speed(self, limit: float) -> float:
+        """Mean speed over the last SPEED_TIME, or the highest if the mean is within `limit`.
+
+        Counts that jump, or go back and forth, are too fast for a moment only.
+        """
+        steps = [
+            (abs(count - before), (time - last) / SECOND)
+            for (last, before), (time, count) in pairwise(self.recent)
+        ]
+        counted, seconds = sum(count for count, _ in steps), sum(elapsed for _, elapsed in steps)
+        mean = counted * self.pitch / max(seconds, 1e-3)
+        if mean > limit:
+            return mean
+        return max(count * self.pitch / max(elapsed, 1e-3) for count, elapsed in steps)
 
     def _raise_limits(self, now: int) -> None:
         if self.target_limit >= self.limit:

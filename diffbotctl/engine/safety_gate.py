@@ -16,6 +16,9 @@ from diffbotctl.messages import Encoders, Link, Resume, Stop, Wheels
 from diffbotctl.params import FromRobot, Param
 from diffbotctl.time import SECOND
 
+# Of the newest telemetry, by the board's clock. Radios hold frames back for 0.2 s now and then; a
+# line that is slower than the frames on it delays each of them more than the last.
+TELEMETRY_AGE_MAX = SECOND // 2
 ROUNDING_TOLERANCE = 1e-6  # relative; for rounding between m/s and rad/s
 
 
@@ -155,6 +158,10 @@ class Gate(Block):
                 return fault
         if encoders is None and self.telemetry_time:
             return self.telemetry_stop(now)
+        if encoders is not None and now - encoders.time > TELEMETRY_AGE_MAX:
+            age = f"{(now - encoders.time) / SECOND:.1f} s"
+            cause = f"the telemetry of the board arrives {age} late: the link is too slow for it"
+            return Stop(now, "telemetry_stale", cause, False)
         if command is None and self.sent_motion:
             cause = "a block stopped sending commands while the robot was moving"
             return Stop(now, "command_stale", cause, True)

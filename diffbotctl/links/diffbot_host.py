@@ -40,6 +40,7 @@ SETTLE_TIMEOUT = 10 * SECOND  # until a board must have taken its settings
 # bootloader. The firmware sends a hello when it starts.
 USB_QUIET_TIME = 1_500 * MILLISECOND
 SILENT = "the board has gone silent"
+REPEATED = "the board repeats the same frame"
 
 
 class DiffbotHost:
@@ -79,6 +80,7 @@ class DiffbotHost:
         self._awaits_gyro = settings.gyro is not None  # no command is sent before it has worked
         self._gyro_due = NEVER
         self._silence = SILENT  # why the link became stale
+        self._last_state: State | None = None
         self._forget_board(0)
 
     def _forget_board(self, now: int) -> None:
@@ -111,7 +113,7 @@ class DiffbotHost:
             self._search.receive(data)
         output: LinkOutput = []
         for frame in self._decoder.feed(data):
-            if self._has_unknown_mode(frame):
+            if self._has_unknown_mode(frame) or self._is_repeated(frame):
                 continue
             self._last_frame_at = self._quiet_until = now
             output += self._on_frame(now, frame)
@@ -124,6 +126,18 @@ class DiffbotHost:
         is_unknown = ModeCode.find(frame.mode) is None
         self._silence = f"the board reports an unknown mode, {frame.mode}" if is_unknown else SILENT
         return is_unknown
+
+    def _is_repeated(self, frame: frames.Frame) -> bool:
+        """True for the same state frame again: its time and number change with each that is new.
+
+        It counts as no frame: what repeats it is no board that runs.
+        """
+        if not isinstance(frame, State):
+            return False
+        is_repeated, self._last_state = frame == self._last_state, frame
+        if is_repeated:
+            self._silence = REPEATED
+        return is_repeated
 
     # --- commands ---
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from math import degrees, hypot
+from math import degrees, hypot, sqrt
 from textwrap import wrap
 from typing import TypeVar
 
+from diffbotctl.control.goal_pursuit import position_sd
 from diffbotctl.errors import WIDTH
 from diffbotctl.messages import (
     Goal,
@@ -165,7 +166,8 @@ def _summary(result: RunResult, last_goal: Goal | None) -> Iterator[tuple[str, s
     if pose is not None:
         yield "pose", pose_text(pose)
         if last_goal is not None:
-            yield "estimated error", _goal_error(last_goal, pose.x, pose.y, pose.heading)
+            error = _goal_error(last_goal, pose.x, pose.y, pose.heading)
+            yield "estimated error", error + _known_to(pose)
     if last_goal is not None and truth is not None:
         actual = truth.pose
         error = _goal_error(last_goal, actual.x, actual.y, actual.heading)
@@ -185,6 +187,15 @@ def _summary(result: RunResult, last_goal: Goal | None) -> Iterator[tuple[str, s
         yield "recording", f"INCOMPLETE: {result.recording}"
     if result.digest is not None:
         yield "digest", result.digest
+
+
+def _known_to(pose: Odometry) -> str:
+    """How well the pose is known: a small estimated error proves little without it."""
+    if not any(pose.covariance):  # of a robot without wheels
+        return ""
+    distance = position_sd(pose, True) * 1000
+    turn = degrees(sqrt(pose.covariance[5]))
+    return f"; known to {distance:.0f} mm, {turn:.1f} deg (standard deviation)"
 
 
 def _goal_error(goal: Goal, x: float, y: float, heading: float) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from diffbotctl.errors import Problem, RunError
+from diffbotctl.errors import WIDTH, Problem, RunError
 from diffbotctl.prompts.question import AnswerError
 from diffbotctl.ui.text import fold_text
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 ANY_KEY = "Any key stops the robot. Press Enter to start"
 ANSWER_ATTEMPTS_MAX = 5
+PROMPT_END = ": "
 CONSENTS = ("", "y")  # Enter or y; no other text may start a motor
 # What a person would measure with, and what it does.
 INSTRUMENTS = {
@@ -85,12 +86,15 @@ class TerminalPrompter:
         Raises RunError after too many invalid answers.
         """
         reason = ""
-        text = fold_text(f"{question.text} ({question.expected})", hang=2)
         default = "" if question.default is None else question.format_answer(question.default)
         reading = "" if self.tools is None else self.tools.offer(question)
         if reading:
             click.echo(fold_text(f"SIMULATED: the {INSTRUMENTS[question.quantity]} {reading}"))
             default = reading
+        # Folded with the default: the terminal would break the line in the middle of it.
+        offered = f" [{default}]" if default else ""
+        text = f"{question.text} ({question.expected}){offered}"
+        text = fold_text(text, hang=2, width=WIDTH - len(PROMPT_END))
         for _ in range(ANSWER_ATTEMPTS_MAX):
             try:
                 return question.parse(self._type(text, default))
@@ -103,5 +107,7 @@ class TerminalPrompter:
     def _type(self, text: str, default: str = "") -> str:
         """A line of text; while it is typed, keys do not stop the robot."""
         with nullcontext() if self.keyboard is None else self.keyboard.resting():
-            typed: str = click.prompt(text, default=default, show_default=bool(default))
+            typed: str = click.prompt(
+                text, default=default, show_default=False, prompt_suffix=PROMPT_END
+            )
         return typed

@@ -75,6 +75,15 @@ def test_ends_of_two_scales_and_of_another_point_are_named(tmp_path, change, wor
     assert words in " ".join(saved.text.split())
 
 
+def test_wheels_that_depend_on_the_scale_of_one_axis_are_not_saved(tmp_path):
+    drawn = draw_set("scale 5")  # lines ahead, and squares that end at their start
+    assert calibrated(drawn, tmp_path / "right").exit_code == 0
+    wrong = CORRUPTIONS["x measured five per cent too long"](drawn, Random(1))
+    saved = calibrated(wrong, tmp_path / "wrong")
+    assert saved.exit_code != 0 and saved.deviations == []
+    assert "Check the tape, measure the wheels" in " ".join(saved.text.split())
+
+
 def test_corruptions_of_headings_need_headings():
     assert set(NEEDS_HEADINGS) <= set(CORRUPTIONS)
     drawn = next(each for each in map(draw_set, range(40)) if not each.has_headings)

@@ -3,8 +3,10 @@
 from math import pi
 
 import pytest
+from click.testing import CliRunner
 
 from diffbotctl.prompts.question import AnswerError, Question
+from diffbotctl.ui.terminal_prompter import TerminalPrompter
 
 READING = Question(
     "distance.reading",
@@ -62,3 +64,13 @@ def test_nonsense_is_refused_with_the_reason(question, typed, words):
 def test_enter_means_the_default_where_there_is_one():
     asked = Question("geometry.swapped", "Exchange?", choices=("yes", "no"), default="yes")
     assert asked.parse("") == "yes" and asked.parse(None) == "yes"
+
+
+@pytest.mark.parametrize("letters", range(1, 60))
+def test_a_question_with_its_default_is_folded_between_words(letters):
+    question = Question("", "x" * letters + "?", choices=("left forward",), default="left forward")
+    with CliRunner().isolation(input="\n") as (output, *_):
+        assert TerminalPrompter().answer(question) == "left forward"
+        printed = output.getvalue().decode()
+    assert all(len(line) <= 80 for line in printed.splitlines())
+    assert " ".join(printed.split()).endswith("? (left forward) [left forward]:")

@@ -40,6 +40,14 @@ def test_a_new_file_has_no_problem_and_asks_nothing(kind):
     assert (code, output) == (0, f"{path}: no errors\n")
 
 
+@pytest.mark.parametrize("kind", ["robot", "pipeline"])
+def test_a_new_file_among_the_shipped_ones_is_refused(monkeypatch, kind):
+    monkeypatch.chdir(ROOT)
+    with pytest.raises(UserError, match="mkdir ~/robot; cd ~/robot"):
+        invoke(new.command, kind, "mine_among_shipped_ones")
+    assert not (ROOT / f"{kind}s" / "mine_among_shipped_ones.yaml").exists()
+
+
 def test_a_new_robot_is_the_kit_of_the_book():
     invoke(new.command, "robot", "mine")
     ours, book = load_robot("mine").robot, load_robot("book_2wd").robot

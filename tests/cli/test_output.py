@@ -41,3 +41,9 @@ def test_a_full_disk_is_named_and_is_no_defect(words):
     assert done.returncode == 1
     assert "E-DISK-FULL" in done.stderr and "E-DEFECT" not in done.stderr
     assert "Traceback" not in done.stderr and "Exception" not in done.stderr
+
+
+def test_the_end_of_a_run_states_how_well_the_pose_is_known():
+    process = said("run", "goal", "--fast", "--quiet")
+    line = next(line for line in process.stdout.splitlines() if "estimated error" in line)
+    assert line.endswith("deg (standard deviation)") and "; known to " in line and len(line) <= 80

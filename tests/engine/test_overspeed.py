@@ -135,3 +135,15 @@ def test_frames_that_a_busy_host_reads_late_are_no_fast_wheel(delay, speed):
         read_at = max(late, read_at + MS)
         detector.command(read_at, speed)
         assert detector.counts(read_at, int(speed * sampled / 1e9 * SLOTS / (2 * pi)), 0) is None
+
+
+@pytest.mark.parametrize("jumps", [(40, 80), (-40, 0, -40, 0), (500,)])
+def test_the_speed_that_is_told_is_above_the_limit_that_is_told(jumps):
+    detector = OverspeedDetector(MOTOR, SLOTS, 0.1, 0.05, False)
+    detector.command(FRAME, 3.0)
+    detector.counts(FRAME, 0, 0)
+    excesses = [
+        detector.counts((number + 2) * FRAME, count, 0) for number, count in enumerate(jumps)
+    ]
+    excess = next(filter(None, excesses))
+    assert excess.speed > excess.limit

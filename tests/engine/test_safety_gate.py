@@ -108,6 +108,19 @@ def test_stale_telemetry_stops_at_once_and_ends_by_itself():
     assert stop.code == ""
 
 
+def test_telemetry_that_arrives_later_and_later_stops():
+    held = started()
+    for time in range(25, 2000, 25):
+        measured = Encoders(time * MS - 7 * time * MS // 10, 0, 0)  # a line with 0.3 of the rate
+        wheels, stop = held.at(time * MS, command=Wheels(time * MS, 1.0, 1.0), encoders=measured)
+        if stop is not None:
+            break
+    assert stop.code == "telemetry_stale" and "0.5 s late" in stop.cause and not stop.latched
+    assert wheels == Wheels(time * MS, 0.0, 0.0)
+    _, stop = held.at((time + 25) * MS, encoders=Encoders((time + 20) * MS, 0, 0))
+    assert stop.code == ""
+
+
 def test_a_second_of_silence_latches_when_the_board_is_back():
     held = started()
     held.at(300 * MS, encoders=None)

@@ -89,6 +89,16 @@ def test_states_with_an_unknown_mode_are_a_problem_of_the_link(up):
     assert links(up.receive(400 * MILLISECOND, state(12))) == ["up"]
 
 
+def test_a_frame_that_is_repeated_is_no_sign_of_life(up):
+    assert up.receive(2 * MILLISECOND, state(1)) != []
+    for number in range(9):
+        output = up.receive((27 + 25 * number) * MILLISECOND, state(1))
+        assert output + up.on_time((28 + 25 * number) * MILLISECOND) == []
+    ((port, link),) = up.on_time(253 * MILLISECOND)
+    assert (port, link.state) == ("link", "stale") and "repeats the same frame" in link.cause
+    assert links(up.receive(300 * MILLISECOND, state(2))) == ["up"]
+
+
 def test_a_stop_is_confirmed_by_its_number(up):
     (stop,) = FrameDecoder().feed(up.send(MILLISECOND))
     up.receive(30 * MILLISECOND, state(1, command=(stop.sequence + 1) % 16))

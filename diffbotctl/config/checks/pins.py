@@ -235,7 +235,8 @@ class _PinCheck(NamedTuple):
         if not free:
             choice = "no suitable pin is free; move another connection first"
         elif len(free) > PINS_SHOWN_MAX:
-            choice += f" ({len(free) - PINS_SHOWN_MAX} more are suitable)"
+            more = len(free) - PINS_SHOWN_MAX
+            choice += f" ({more} more {'is' if more == 1 else 'are'} suitable)"
         if len(candidates) > PINS_SHOWN_MAX * 2:
             return choice
         notes = [

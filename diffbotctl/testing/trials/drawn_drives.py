@@ -284,6 +284,8 @@ CORRUPTIONS: dict[str, Corruption] = {
     "ends of the next drive": _shifted,
     "random ends": _random_ends,
     "millimetres": _ends(lambda x, y, heading: (1000 * x, 1000 * y, heading)),
+    "x measured five per cent too long": _ends(lambda x, y, heading: (1.05 * x, y, heading)),
+    "y measured five per cent too short": _ends(lambda x, y, heading: (x, 0.95 * y, heading)),
     "yards": _ends(lambda x, y, heading: (x / 0.9144, y / 0.9144, heading)),
     "centimetres": _ends(lambda x, y, heading: (100 * x, 100 * y, heading)),
     "columns swapped": _swapped,
