@@ -25,9 +25,7 @@ ROOT = Path(__file__).parents[2]
 WARNINGS = {"W-UNGUARDED", "W-WIRING-SHARED", "W-SKID-STEER"}
 # Goals behind a turn, before the track of four wheels is calibrated.
 UNSURE = {"four_wheels"}
-# Seed of the simulated robot. Of 45 seeds 3 of the kit xrp, 1 among them, end `reached_unsure`:
-# odometry takes a speed that swings by one step of the duty for missed edges.
-SEED = 2
+SEED = 1
 
 
 pytestmark = pytest.mark.usefixtures("empty_folder")
