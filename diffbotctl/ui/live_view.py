@@ -13,7 +13,7 @@ from rich.panel import Panel
 from rich.table import Table
 
 from diffbotctl.estimation.imu_text import imu_text
-from diffbotctl.messages import Goal, GoalState, Imu, Link, Range, Text, Wheels
+from diffbotctl.messages import Goal, GoalState, Imu, Link, Range, Text
 from diffbotctl.processes.screen import RunSnapshot
 from diffbotctl.render.map_scene import Scene
 from diffbotctl.time import SECOND
@@ -112,7 +112,7 @@ def facts_table(snapshot: RunSnapshot, progress: str | None = None) -> Table:
         table.add_row("goal", run_text.goal_text(goal, snapshot.goals))
     if (state := run_text.newest_message(snapshot, GoalState)) is not None:
         table.add_row("state", run_text.goal_state_text(state))
-    if (wheels := run_text.newest_message(snapshot, Wheels)) is not None:
+    if (wheels := run_text.commanded_wheels(snapshot)) is not None:
         table.add_row("wheels", run_text.wheel_speeds_text(wheels, odometry))
     if (imu := run_text.newest_message(snapshot, Imu)) is not None:
         table.add_row("imu", imu_text(imu))

@@ -1,6 +1,7 @@
 """The page in a real browser, on a computer and on an emulated phone."""
 
 import json
+import signal
 import struct
 import time
 import zlib
@@ -204,6 +205,20 @@ def test_what_a_person_sees_is_what_the_engine_says(open_page, parts):
     press(page, "#resume")
     client.until(lambda status: status["held"] is None)
     page.until("document.getElementById('banner').hidden")
+
+
+def test_what_is_old_is_shown_as_old(tmp_path, browser):
+    page = browser.open_page()
+    with running(tmp_path, "standby", "--stay"), serving(tmp_path) as server:
+        page.open(server.next_link())
+        page.until("document.getElementById('facts').textContent.includes('pose')")
+        page.until("document.body.dataset.connected === 'yes'")
+        server.process.send_signal(signal.SIGSTOP)
+        page.until("document.getElementById('notice').textContent.includes('is old')")
+        assert float(page.evaluate("getComputedStyle(document.getElementById('map')).opacity")) < 1
+        server.process.send_signal(signal.SIGCONT)
+        page.until("document.body.dataset.connected === 'yes'")
+        page.until("document.getElementById('notice').hidden")
 
 
 def test_a_parameter_is_changed_with_its_unit(open_page, parts):
