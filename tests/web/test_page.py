@@ -382,6 +382,17 @@ AXES = [  # from, to, about how many ticks, their labels
 ]
 
 
+def test_the_page_says_how_it_is_installed(open_page):
+    page = open_page(True)
+    press(page, "#view-inside")
+    page.evaluate("document.getElementById('install').scrollIntoView()")
+    assert page.evaluate("document.getElementById('install').checkVisibility()")
+    assert "certificate.pem" in page.evaluate("document.getElementById('install').innerText")
+    assert page.evaluate("document.documentElement.scrollWidth") <= PHONE[0]
+    manifest = page.evaluate("fetch('/page.webmanifest').then(reply => reply.json())")
+    assert manifest["display"] == "standalone"
+
+
 def test_axes_have_round_numbers(open_page):
     page = open_page(False)
     work = "([a, b, n]) => { const axis = m.makeAxis(a, b, n); return axis.ticks.map(axis.label); }"
