@@ -18,7 +18,6 @@ from prove import wire
 RATE = 50.0  # ticks a second, as the book's robot
 SEGMENT_TIME_S = 3.0  # of one load before the next one
 ROUNDS = 4  # segments of each load
-BARE_TIME_S = 2.0  # of a program that only reads and writes, in each segment
 SETTLING_TIME_S = 4.0  # until the processes of a load have started; ten of them share two cores
 MEDIAN_INCREASE_MAX = 0.20  # fraction of the median without load
 P99_MAX_MS = 3.0  # under any load
@@ -51,7 +50,6 @@ class Load:
         self.name, self.words, self.count, self.environment = name, words, count, environment
         self.segments: list[slice] = []  # of the ticks, one for each round
         self.waiting_s = 0.0  # that the engine waited for a processor meanwhile
-        self.bare: list[float] = []  # times of a program that only reads and writes
         self.processes: list[subprocess.Popen[bytes]] = []
 
     def timing(self, times: list[float | None]) -> wire.Timing:
@@ -136,8 +134,7 @@ def rows() -> Iterator[Row]:
                 ),
             ]
             ticks = wire.Ticks(master, RATE)
-            with wire.bare_program(RATE) as bare:
-                before, after = run(ticks, bare, loads, process.pid, Path(folder))
+            before, after = run(ticks, loads, process.pid, Path(folder))
             ticks.send_last()
         finally:
             process.terminate()
@@ -146,14 +143,6 @@ def rows() -> Iterator[Row]:
             os.close(slave)
         times = ticks.times(recording)
     yield from load_rows({load.name: load.timing(times) for load in loads})
-    for load in loads:
-        bare_times = wire.timing(list(load.bare))
-        yield Row(
-            f"the same of a program that only reads and writes, {load.name}",
-            f"{bare_times.median * 1e3:.2f}, p99 {bare_times.p99 * 1e3:.2f} ms",
-            "(none)",
-            True,
-        )
     for load in loads:
         waiting = load.waiting_s / (SEGMENT_TIME_S * ROUNDS)
         yield Row(
@@ -171,13 +160,10 @@ def rows() -> Iterator[Row]:
     )
 
 
-def run(
-    ticks: wire.Ticks, bare: wire.Ticks, loads: list[Load], pid: int, folder: Path
-) -> tuple[float, float]:
+def run(ticks: wire.Ticks, loads: list[Load], pid: int, folder: Path) -> tuple[float, float]:
     """Measure under each load by turns. Returns the hub's memory in MB before and after.
 
-    `bare` is answered by a program that only reads and writes: its latency is that of the kernel,
-    which carries a pseudo-terminal's bytes in a thread of normal priority.
+    A robot that was stopped, as on a computer that did not run the engine, is resumed before each.
     """
     ticks.send(SETTLING_TIME_S)
     client = PlainClient(folder, "load")
@@ -187,10 +173,8 @@ def run(
         for load in loads:
             with load:
                 ticks.send(SETTLING_TIME_S / 2)
-                load.bare += bare.send(BARE_TIME_S)  # without ticks the robot stops meanwhile
-                ticks.send(SETTLING_TIME_S / 4)
-                client.request("resume")
-                ticks.send(SETTLING_TIME_S / 4)
+                client.request("resume")  # refused while nothing has stopped it
+                ticks.send(SETTLING_TIME_S / 2)
                 begin, waited = ticks.count, run_delay(pid)
                 ticks.send(SEGMENT_TIME_S)
                 load.segments.append(slice(begin, ticks.count))
