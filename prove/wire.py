@@ -11,12 +11,13 @@ import threading
 import time
 import tty
 from collections.abc import Iterator
+from contextlib import contextmanager
 from math import inf
 from pathlib import Path
 from statistics import median
 from typing import NamedTuple
 
-from diffbotctl.processes.real_time import preferred
+from diffbotctl.processes.real_time import ENGINE_PRIORITY, prefer, preferred
 from diffbotctl.testing.book_board import STOCK, BookBoard, frame
 from diffbotctl.testing.command_process import command_line
 from diffbotctl.testing.trials.row import Row, printed
@@ -124,14 +125,21 @@ def measure(rate: float, screen: bool) -> Timing:
 
 def bare(rate: float) -> Timing:
     """The times of a program that only reads and writes."""
+    with bare_program(rate) as ticks:
+        return Timing(sorted(ticks.send(SECONDS)), ticks.count)
+
+
+@contextmanager
+def bare_program(rate: float) -> Iterator[Ticks]:
+    """A program that only reads and writes, with an engine's priority: ticks that it answers."""
     master, slave = os.openpty()
     tty.setraw(slave)
     tick = 3 * len(frame(125, bytes(4)))
     answers = [pair(duty, duty).hex() for duty in (0, 1)]  # by turns; no wheel turns by them
     process = subprocess.Popen([sys.executable, "-c", BARE, os.ttyname(slave), str(tick), *answers])
-    ticks = Ticks(master, rate)
+    prefer(process.pid, ENGINE_PRIORITY)
     try:
-        return Timing(sorted(ticks.send(SECONDS)), ticks.count)
+        yield Ticks(master, rate)
     finally:
         process.kill()
         process.wait()

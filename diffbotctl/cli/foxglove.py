@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -43,7 +44,9 @@ def command(allow: str, origins: tuple[str, ...], tcp_port: int, engine: str | N
     import asyncio
 
     from diffbotctl.control_socket.client import choose_engine
+    from diffbotctl.processes.screen import DRIVING_NICENESS
 
+    os.nice(DRIVING_NICENESS)
     require_packages("E-FOXGLOVE-LIBRARY", "viewers", "foxglove", "aiohttp")
     allowed = _allowed(allow)
 

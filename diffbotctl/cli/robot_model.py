@@ -98,7 +98,7 @@ def frame_text(frame: RobotFrame) -> str:
     # The sum turns -0.0 into 0.0, so that no sign is printed.
     x, y, z = (round(value, 4) + 0.0 for value in (frame.x, frame.y, frame.z))
     heading = f"  heading {degrees(frame.heading):g} deg" if frame.heading else ""
-    return f"x {x:+.4f}  y {y:+.4f}  z {z:+.4f}{heading}  {MOTION_TEXTS[frame.moves]}"
+    return f"x {x:+.4f}  y {y:+.4f}  z {z:+.4f} m{heading}  {MOTION_TEXTS[frame.moves]}"
 
 
 @click.group(cls=CommandGroup)

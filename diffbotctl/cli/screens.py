@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -77,6 +78,9 @@ def screen_options_of(
 
 def launch(app: EngineApp) -> int:
     """Run the screen to its end. Raises RunError when the engine did not answer."""
+    from diffbotctl.processes.screen import DRIVING_NICENESS
+
+    os.nice(DRIVING_NICENESS)
     code = app.run_to_end()
     if app.problem is not None:
         raise app.problem

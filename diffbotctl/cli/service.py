@@ -46,6 +46,7 @@ Restart=on-failure
 RestartSec=5
 # The control path runs 40 times a second and must not wait for other processes.
 Nice=-5
+LimitRTPRIO=2
 NoNewPrivileges=yes
 ProtectSystem=full
 

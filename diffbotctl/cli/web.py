@@ -50,7 +50,9 @@ def web(lan: bool, tcp_port: int, view_file: Path | None, engine: str | None) ->
     """
     from diffbotctl.config.saved_view import read_view
     from diffbotctl.control_socket.client import choose_engine
+    from diffbotctl.processes.screen import DRIVING_NICENESS
 
+    os.nice(DRIVING_NICENESS)
     _require_library()
     view = None if view_file is None else read_view(str(view_file))
     _serve(choose_engine(engine), lan, tcp_port, view)

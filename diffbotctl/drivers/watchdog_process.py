@@ -34,6 +34,7 @@ from diffbotctl.processes.child_process import (
     fork_with_channel,
     wait_for_exit,
 )
+from diffbotctl.processes.real_time import prefer
 from diffbotctl.time import MILLISECOND, SECOND
 
 HEARTBEAT_PERIOD = 40 * MILLISECOND
@@ -142,6 +143,7 @@ def _serve(channel: socket.socket) -> int:
         signal.signal(number, signal.SIG_IGN)
     with suppress(OSError):
         os.nice(NICENESS)
+    prefer()
     close_inherited_files({channel.fileno()}, 0)
     _Watch(channel).run()
     return 0

@@ -183,8 +183,8 @@ def wrong_version(version: int) -> Refusal:
     fix = FLASH
     if version > frames.VERSION:
         fix = (
-            "upgrade diffbotctl (pip install --upgrade diffbotctl), or install the older firmware: "
-            "`diffbotctl flash firmware`"
+            "install the newer diffbotctl that wrote this firmware, or write the firmware of this "
+            "one: `diffbotctl flash firmware`"
         )
     cause = (
         f"the board's firmware uses version {version} of the protocol, this diffbotctl "

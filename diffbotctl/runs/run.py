@@ -6,6 +6,7 @@ import gc
 import json
 from collections import defaultdict
 from collections.abc import Callable
+from contextlib import nullcontext
 from typing import TYPE_CHECKING
 
 from diffbotctl.config.configuration import Configuration
@@ -20,6 +21,7 @@ from diffbotctl.errors import Problem, RunError, join_words
 from diffbotctl.graph import Sink
 from diffbotctl.log import ALL
 from diffbotctl.messages import Goal
+from diffbotctl.processes.real_time import preferred_engine
 from diffbotctl.recording import snapshot
 from diffbotctl.runs.build_graph import assemble
 from diffbotctl.runs.options import RunOptions, RunResult
@@ -171,7 +173,8 @@ class Run:
         """Run; stop the robot; end the children. Never raises for what happened in the run."""
         duration = self.options.duration
         until = NEVER if duration is None else round(duration * SECOND)
-        ending = self.engine.run(until, self._limit_code)
+        with preferred_engine() if self.is_real else nullcontext():
+            ending = self.engine.run(until, self._limit_code)
         self._close_after(ending)
         outputs, (reached, goals) = self.outputs, self._progress()
         is_alone = not self.assembly.parts  # the poses of several robots have no sum

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 
 from diffbotctl.config.load import load_robot
 from diffbotctl.emulator.virtual_board import virtual_board
-from diffbotctl.processes.real_time import prefer
+from diffbotctl.processes.real_time import ENGINE_PRIORITY, prefer
 from diffbotctl.testing.command_process import command_line, start_in_pipe
 
 LONGEST = 600  # s; everything that is waited for takes a few, up to thirty, on an idle machine
@@ -51,7 +51,7 @@ def start(*words, **options):
     what it does on a computer that is not overloaded, so it is preferred where that is permitted.
     """
     process = start_in_pipe(command_line(*words), stdin=subprocess.DEVNULL, **options)
-    prefer(process.pid)
+    prefer(process.pid, ENGINE_PRIORITY)
     return process
 
 

@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text as StyledText
 
 from diffbotctl.estimation.imu_text import imu_text
-from diffbotctl.messages import Goal, GoalState, Imu, Link, Range, Text, Wheels
+from diffbotctl.messages import Goal, GoalState, Imu, Link, Range, Text
 from diffbotctl.processes.screen import RunSnapshot
 from diffbotctl.render.map_scene import Scene
 from diffbotctl.time import SECOND
@@ -119,7 +119,7 @@ def facts_table(snapshot: RunSnapshot, progress: str | None = None) -> Table:
         add("goal", run_text.goal_text(goal, snapshot.goals))
     if (state := run_text.newest_message(snapshot, GoalState)) is not None:
         add("state", run_text.goal_state_text(state))
-    if (wheels := run_text.newest_message(snapshot, Wheels)) is not None:
+    if (wheels := run_text.commanded_wheels(snapshot)) is not None:
         add("wheels", run_text.wheel_speeds_text(wheels, odometry))
     if (imu := run_text.newest_message(snapshot, Imu)) is not None:
         add("imu", imu_text(imu))

@@ -11,6 +11,7 @@ from typing import TypeVar
 from diffbotctl.control.goal_pursuit import position_sd
 from diffbotctl.errors import WIDTH
 from diffbotctl.messages import (
+    Duty,
     Goal,
     GoalState,
     Link,
@@ -31,12 +32,20 @@ ROBOT_WIRES = "robot."  # prefix of the wires of the robot's driver
 BOARD_TEXT_WIRE = "robot.text"  # texts of the board are in the log
 LOG_STYLES = {"debug": "dim", "warning": "yellow", "error": "bold red"}  # of a line, by its level
 NAME_WIDTH = 16  # columns of the names in the summary
+GATE_WHEELS = "gate.wheels"
+PERCENT = 100
 
 
 def newest_message(snapshot: RunSnapshot, kind: type[M]) -> M | None:
     """The newest message of class `kind` in the snapshot, on any wire."""
     messages = [message for message in snapshot.messages.values() if isinstance(message, kind)]
     return max(messages, key=lambda message: message.time, default=None)
+
+
+def commanded_wheels(snapshot: RunSnapshot) -> Wheels | Duty | None:
+    """What the gate sends to the wheels: after a stop, blocks before it may command otherwise."""
+    message = snapshot.messages.get(GATE_WHEELS)
+    return message if isinstance(message, Wheels | Duty) else newest_message(snapshot, Wheels)
 
 
 def newest_odometry(snapshot: RunSnapshot) -> Odometry | None:
@@ -85,9 +94,11 @@ def goal_state_text(state: GoalState) -> str:
     return f"{state.state.replace('_', ' ')}, {remaining}{cause}"
 
 
-def wheel_speeds_text(wheels: Wheels, odometry: Odometry | None) -> str:
-    """Commanded wheel speeds, and the measured speed of the body."""
+def wheel_speeds_text(wheels: Wheels | Duty, odometry: Odometry | None) -> str:
+    """Commanded wheel speeds or duty, and the measured speed of the body."""
     commanded = f"commanded {wheels.left:+.2f} {wheels.right:+.2f} rad/s"
+    if isinstance(wheels, Duty):
+        commanded = f"commanded {wheels.left * PERCENT:+.0f} {wheels.right * PERCENT:+.0f} %"
     if odometry is None:
         return commanded
     return f"{commanded}  body {odometry.linear:+.3f} m/s {odometry.angular:+.2f} rad/s"

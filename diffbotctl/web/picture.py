@@ -19,7 +19,6 @@ from diffbotctl.messages import (
     Range,
     Scan,
     Text,
-    Wheels,
 )
 from diffbotctl.time import SECOND
 from diffbotctl.ui import run_text
@@ -155,7 +154,7 @@ def _facts(view: RunView) -> Iterator[Row]:
         speed = f"{odometry.linear:+.3f} m/s {odometry.angular:+.2f} rad/s"
         yield "body", speed, False
     yield from _goal_rows(view)
-    if (wheels := run_text.newest_message(snapshot, Wheels)) is not None:
+    if (wheels := run_text.commanded_wheels(snapshot)) is not None:
         yield "wheels", run_text.wheel_speeds_text(wheels, None), False
     if (imu := run_text.newest_message(snapshot, Imu)) is not None:
         yield "imu", imu_text(imu), imu.state != "working"

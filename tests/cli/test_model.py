@@ -25,6 +25,7 @@ def test_frames_prints_the_tree():
         "+0.0000",
         "z",
         "+0.0325",
+        "m",
         "fixed",
     ]
     (left,) = [line for line in lines if "left_wheel_link" in line]

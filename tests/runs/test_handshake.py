@@ -147,7 +147,7 @@ def test_another_protocol_version_and_its_fix_by_flashing(newer):
         assert "E-BOARD-VERSION" in said
         ours, theirs = frames.VERSION, frames.VERSION + 1
         assert f"uses version {theirs} of the protocol, this diffbotctl version {ours}" in said
-        assert "upgrade diffbotctl" in said
+        assert "install the newer diffbotctl" in said
         assert flash(virtual)[0] == 0
         code, said = meet(virtual.radio)
         assert code == 0, said

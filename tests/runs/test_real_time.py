@@ -4,13 +4,33 @@ import os
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
 from diffbotctl.config.load import load_robot
 from diffbotctl.emulator.process import Emulator
 from diffbotctl.emulator.virtual_board import virtual_board
-from diffbotctl.processes.real_time import prefer
+from diffbotctl.processes.real_time import (
+    BOARD_PRIORITY,
+    ENGINE_PRIORITY,
+    prefer,
+    preferred_engine,
+)
+from diffbotctl.testing.running import PlainClient, running
+from diffbotctl.testing.virtual_board import board
 
 NORMAL = os.SCHED_OTHER
+ROOT = Path(__file__).parents[2]
+UNPRIVILEGED = """
+import os, resource
+from diffbotctl.processes import real_time
+resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))
+if not os.getuid():
+    os.setuid(65534)
+niceness = os.nice(3)
+with real_time.preferred_engine():
+    policy = os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK
+    print(policy, os.getpriority(os.PRIO_PROCESS, 0) - niceness)
+"""
 POLICY = "import os; print(os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK)"
 
 
@@ -40,6 +60,37 @@ def test_a_thread_is_preferred_without_the_programs_that_it_starts():
 
 def test_a_board_that_keeps_pace_is_preferred_and_one_in_lockstep_is_not():
     expected = os.SCHED_RR if in_a_thread(prefer) else NORMAL
-    with virtual_board(load_robot("book_2wd").robot, seed=1) as board, Emulator([]) as lockstep:
-        assert policy(board.board.emulator.pid) == expected
+    with virtual_board(load_robot("book_2wd").robot, seed=1) as virtual, Emulator([]) as lockstep:
+        assert policy(virtual.board.emulator.pid) == expected
         assert policy(lockstep.pid) == NORMAL
+
+
+def test_an_engine_is_preferred_while_it_runs_and_boards_precede_it():
+    def work():
+        with preferred_engine():
+            return policy(), os.sched_getparam(0).sched_priority
+
+    expected = (os.SCHED_RR, ENGINE_PRIORITY) if in_a_thread(prefer) else (NORMAL, 0)
+    assert in_a_thread(work) == expected
+    assert ENGINE_PRIORITY < BOARD_PRIORITY
+    assert in_a_thread(lambda: (in_a_thread(work), policy()))[1] == NORMAL
+
+
+def test_an_engine_without_the_permission_runs_at_its_niceness():
+    words = [sys.executable, "-c", UNPRIVILEGED]
+    shown = subprocess.run(words, capture_output=True, check=True, text=True, cwd=ROOT)
+    assert shown.stdout.split() == [str(NORMAL), "0"]
+
+
+def test_a_run_on_a_port_is_preferred_and_a_simulated_one_is_not(tmp_path):
+    expected = os.SCHED_RR if in_a_thread(prefer) else NORMAL
+    with board() as virtual:
+        assert policy_of_a_run(tmp_path, "--port", virtual.usb) == expected
+    assert policy_of_a_run(tmp_path) == NORMAL
+
+
+def policy_of_a_run(folder, *words):
+    with running(folder, "standby", "--robot", "book_2wd", "--stay", *words, sets=()) as process:
+        client = PlainClient(folder)
+        client.until(lambda status: status["time"] > 0)
+        return policy(process.pid)

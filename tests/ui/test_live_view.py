@@ -5,17 +5,35 @@ import io
 import pytest
 from rich.console import Console
 
-from diffbotctl.messages import GoalState, Odometry, Text
+from diffbotctl.messages import Duty, GoalState, Odometry, Text, Wheels
 from diffbotctl.processes.screen import RunSnapshot
 from diffbotctl.render.map_scene import Scene
 from diffbotctl.testing.running import command
 from diffbotctl.testing.terminal import Terminal
 from diffbotctl.ui.live_view import LiveView, duration_text, progress_text
+from diffbotctl.ui.run_text import commanded_wheels, wheel_speeds_text
 
 MESSAGES = {
     "odometry.odometry": Odometry(0, 0.5, 0.2, 0.0, 0.1, 0.0, (0.0,) * 6),
     "follower.state": GoalState(0, 1, "reached", 0.002, 0.0),
 }
+
+
+@pytest.mark.parametrize(
+    ("messages", "text"),
+    [
+        ({"straight.wheels": Wheels(9, 5.0, 5.0)}, "commanded +5.00 +5.00 rad/s"),
+        # After a stop the blocks before the gate go on.
+        (
+            {"straight.wheels": Wheels(9, 5.0, 5.0), "gate.wheels": Wheels(9, 0.0, 0.0)},
+            "commanded +0.00 +0.00 rad/s",
+        ),
+        ({"gate.wheels": Duty(9, 0.4, -0.25)}, "commanded +40 -25 %"),
+    ],
+)
+def test_the_wheels_are_what_the_gate_commands(messages, text):
+    wheels = commanded_wheels(RunSnapshot(9, messages, 0, 0))
+    assert wheel_speeds_text(wheels, None) == text
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """The page in a real browser, on a computer and on an emulated phone."""
 
 import json
+import signal
 import struct
 import time
 import zlib
@@ -143,6 +144,51 @@ def test_on_a_phone_the_bars_of_the_browser_cover_no_key(open_page):
         assert place["top"] >= 0 and place["bottom"] <= PHONE_WITH_BARS[1], name
 
 
+# CSS pixels: low phones in portrait and landscape format.
+LOW_PHONES = [(320, 568), (360, 560), (568, 320), (667, 375), (844, 390)]
+
+
+@pytest.mark.parametrize("size", LOW_PHONES)
+def test_on_a_low_phone_everything_is_within_reach(open_page, size):
+    page = open_page(True)
+    page.emulate_phone(size)
+    page.until(f"innerHeight === {size[1]}")
+    for view, names in (
+        ("drive", ("stop", "resume", "take", "pad", "limit-input", "velocity", "facts", "map")),
+        ("map", ("stop", "resume", "take", "zoom-in", "zoom-out", "fit", "follow", "solid", "map")),
+        ("inside", ("stop", "resume", "take")),
+    ):
+        press(page, f"#view-{view}")
+        for name in names:
+            place = page.evaluate(
+                f"document.getElementById('{name}').getBoundingClientRect().toJSON()"
+            )
+            assert place["left"] >= 0 and place["right"] <= size[0], (view, name)
+            assert place["top"] >= 0 and place["bottom"] <= size[1], (view, name)
+            assert place["height"] >= (60 if name == "map" else 16), (view, name)
+
+
+@pytest.mark.parametrize("size", LOW_PHONES[:1])
+def test_a_tap_beside_the_robot_is_a_goal_beside_it_also_after_a_low_map(open_page, parts, size):
+    """A map that is lower than its borders was shown at a scale below zero."""
+    page, client = open_page(True), parts[1]
+    page.emulate_phone(size)
+    client.request("goto", x=0.2, y=-0.2)
+    client.until(lambda status: status["operator.goal"]["y"] == -0.2)
+    page.until("document.getElementById('facts').textContent.includes('-0.200')")
+    press(page, "#view-map")
+    page.until("document.body.dataset.view === 'map'")
+    page.touch("touchStart", page.centre("#map"))
+    page.touch("touchEnd")
+    page.until("document.getElementById('allow').open")
+    while page.evaluate("document.getElementById('allow').open"):
+        press(page, "#allow-yes")
+    status = client.until(lambda status: status["operator.goal"]["y"] != -0.2)
+    pose = client.request("snapshot")["messages"]["odometry.odometry"]
+    goal = status["operator.goal"]
+    assert abs(goal["x"] - pose["x"]) < 2 and abs(goal["y"] - pose["y"]) < 2
+
+
 def test_what_a_person_sees_is_what_the_engine_says(open_page, parts):
     page, client = open_page(False), parts[1]
     press(page, "#stop")
@@ -159,6 +205,20 @@ def test_what_a_person_sees_is_what_the_engine_says(open_page, parts):
     press(page, "#resume")
     client.until(lambda status: status["held"] is None)
     page.until("document.getElementById('banner').hidden")
+
+
+def test_what_is_old_is_shown_as_old(tmp_path, browser):
+    page = browser.open_page()
+    with running(tmp_path, "standby", "--stay"), serving(tmp_path) as server:
+        page.open(server.next_link())
+        page.until("document.getElementById('facts').textContent.includes('pose')")
+        page.until("document.body.dataset.connected === 'yes'")
+        server.process.send_signal(signal.SIGSTOP)
+        page.until("document.getElementById('notice').textContent.includes('is old')")
+        assert float(page.evaluate("getComputedStyle(document.getElementById('map')).opacity")) < 1
+        server.process.send_signal(signal.SIGCONT)
+        page.until("document.body.dataset.connected === 'yes'")
+        page.until("document.getElementById('notice').hidden")
 
 
 def test_a_parameter_is_changed_with_its_unit(open_page, parts):
@@ -322,6 +382,17 @@ AXES = [  # from, to, about how many ticks, their labels
 ]
 
 
+def test_the_page_says_how_it_is_installed(open_page):
+    page = open_page(True)
+    press(page, "#view-inside")
+    page.evaluate("document.getElementById('install').scrollIntoView()")
+    assert page.evaluate("document.getElementById('install').checkVisibility()")
+    assert "certificate.pem" in page.evaluate("document.getElementById('install').innerText")
+    assert page.evaluate("document.documentElement.scrollWidth") <= PHONE[0]
+    manifest = page.evaluate("fetch('/page.webmanifest').then(reply => reply.json())")
+    assert manifest["display"] == "standalone"
+
+
 def test_axes_have_round_numbers(open_page):
     page = open_page(False)
     work = "([a, b, n]) => { const axis = m.makeAxis(a, b, n); return axis.ticks.map(axis.label); }"
@@ -408,6 +479,26 @@ def test_a_phone_that_is_lost_stops_the_robot(folder, parts, name):
     loss = LOSSES[name]
     result = lose_once(folder, parts, loss)
     assert loss.cause is None or ("phone" in result.cause and "was driving" in result.cause)
+
+
+def test_a_tap_does_not_answer_the_question_that_it_opens(open_page, parts):
+    page, client = open_page(True), parts[1]
+    press(page, "#view-map")
+    page.evaluate("document.getElementById('allow').show()")
+    place = page.centre("#allow-yes")
+    page.evaluate("document.getElementById('allow').close()")
+    before = client.request("status")["operator.goal"]
+    page.touch("touchStart", place)
+    page.touch("touchEnd")
+    page.until("document.getElementById('allow').open")
+    page.touch("touchStart", place)  # a second one at once, of a person who expects the first to do
+    page.touch("touchEnd")
+    page.until("!document.getElementById('allow-yes').disabled")
+    assert page.evaluate("document.getElementById('allow').open")
+    assert client.request("status")["operator.goal"] == before
+    while page.evaluate("document.getElementById('allow').open"):
+        press(page, "#allow-yes")
+    client.until(lambda status: status["operator.goal"] != before)
 
 
 GOALS = [(is_phone, zoom, drag) for is_phone in (False, True) for zoom, drag in ((0, 1), (3, 0))]

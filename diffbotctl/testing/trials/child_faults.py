@@ -19,7 +19,7 @@ from pathlib import Path
 from random import Random
 from typing import NamedTuple
 
-from diffbotctl.processes.real_time import prefer
+from diffbotctl.processes.real_time import ENGINE_PRIORITY, prefer
 from diffbotctl.recording.reader import recording_info
 from diffbotctl.testing.book_board import STOCK, BookBoard, BookBoardPort
 from diffbotctl.testing.command_process import children_of
@@ -70,7 +70,7 @@ class DrivingRun:
             self.process = subprocess.Popen(
                 line, env=environment, stdout=output, stderr=subprocess.STDOUT
             )
-        prefer(self.process.pid)  # a host without a processor stops the robot
+        prefer(self.process.pid, ENGINE_PRIORITY)  # a host without a processor stops the robot
 
     @property
     def output(self) -> str:

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from diffbotctl.processes.real_time import prefer
+from diffbotctl.processes.real_time import ENGINE_PRIORITY, prefer
 from diffbotctl.testing.browser import Browser, Page, chromium
 from diffbotctl.testing.page_server import PageServer, serving
 from diffbotctl.testing.running import PlainClient, moves, running, stands
@@ -142,7 +142,7 @@ def station(folder: Path) -> Iterator[Station]:
     """
     with running(folder, "standby", "--stay"), serving(folder) as server:
         for pid in processes_of(folder):
-            prefer(pid)
+            prefer(pid, ENGINE_PRIORITY)
         yield server, PlainClient(folder), WheelWatcher(folder)
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from diffbotctl.messages import Stop, Wheels
-from diffbotctl.processes.real_time import prefer
+from diffbotctl.processes.real_time import ENGINE_PRIORITY, prefer
 from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.replay.replay import replay
 from diffbotctl.testing.command_process import command_line, processor_s
@@ -174,7 +174,7 @@ def fail(
         stderr=subprocess.PIPE,
     )
     # Without a processor for half a second the engine stops the robot that much later.
-    prefer(process.pid)
+    prefer(process.pid, ENGINE_PRIORITY)
     _wait_for(folder / "marker", process)
     used, begun = processor_s(process.pid), time.monotonic()
     _wait_for(folder / "marker_back", process)

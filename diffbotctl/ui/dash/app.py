@@ -54,7 +54,7 @@ class Dashboard(EngineApp):
     #banner { display: none; height: auto; max-height: 3; width: 100%; }
     #body { height: 1fr; }
     #view { width: 1fr; height: 1fr; display: none; padding: 0 1; }
-    #facts { height: 1fr; }
+    #facts { height: 1fr; padding: 0 0 0 1; }
     #below { height: 12; display: none; border-top: solid $primary; }
     #below Static { width: 1fr; height: 100%; padding: 0 1; }
     #below #blocks { width: 46; }

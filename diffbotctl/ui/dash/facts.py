@@ -14,7 +14,7 @@ from diffbotctl import messages
 from diffbotctl.estimation.imu_text import imu_lines
 from diffbotctl.messages import Battery, Duty, Goal, GoalState, Imu, Link, Range, Wheels
 from diffbotctl.ui.dash.state import RunView
-from diffbotctl.ui.run_text import newest_message, newest_odometry, range_text
+from diffbotctl.ui.run_text import commanded_wheels, newest_message, newest_odometry, range_text
 from diffbotctl.ui.text import render_bar, render_signed_bar
 
 NAME_WIDTH = 6  # characters of the names
@@ -113,7 +113,7 @@ class _WheelSpeeds(NamedTuple):
 
 def _wheel_speeds(view: RunView) -> Iterator[_WheelSpeeds]:
     robot, odometry = view.scene.robot, newest_odometry(view.snapshot)
-    commanded = view.snapshot.messages.get("gate.wheels") or newest_message(view.snapshot, Wheels)
+    commanded = commanded_wheels(view.snapshot)
     if robot is None:
         return
     for side, sign, diameter in (

@@ -2,7 +2,11 @@
 
 const PROOF = "proof"; // kept with the origin, unlike a cookie, which other ports of a machine get
 const RETRY_MS = 700;
-const SILENCE_MS = 3000; // the server sends ten pictures a second
+// The server sends ten pictures a second. What is shown is old after the first time without any,
+// after the second the connection is made anew.
+const SILENCE_MS = 1000;
+const RECONNECT_MS = 3000;
+const CHECK_MS = 250;
 
 export class Connection {
   /** `onMessage` takes each message, `onState` a text: empty when all is well. */
@@ -13,7 +17,8 @@ export class Connection {
     this.number = 0; // the newest of the server, echoed by drive commands
     this.heardAt = 0;
     this.ended = false;
-    setInterval(() => this.checkSilence(), 500);
+    this.isSilent = false;
+    setInterval(() => this.checkSilence(), CHECK_MS);
   }
 
   /** Present the code of the link, if there is one, and connect. */
@@ -48,6 +53,7 @@ export class Connection {
     this.socket.onclose = () => this.retry("no connection to the robot's computer");
     this.socket.onopen = () => {
       this.heardAt = performance.now();
+      this.isSilent = false;
       this.onState("");
     };
   }
@@ -62,6 +68,10 @@ export class Connection {
 
   take(message) {
     this.heardAt = performance.now();
+    if (this.isSilent) {
+      this.isSilent = false;
+      this.onState("");
+    }
     if (message.n !== undefined) this.number = message.n;
     if (message.ended) {
       this.ended = true;
@@ -73,7 +83,13 @@ export class Connection {
   /** A network that is gone closes no socket: say so, and start anew. */
   checkSilence() {
     if (this.socket?.readyState !== WebSocket.OPEN) return;
-    if (performance.now() - this.heardAt > SILENCE_MS && !document.hidden) {
+    if (document.hidden || this.ended) return;
+    const silence = performance.now() - this.heardAt;
+    if (silence > SILENCE_MS && !this.isSilent) {
+      this.isSilent = true;
+      this.onState("nothing comes from the robot's computer; what is shown is old");
+    }
+    if (silence > RECONNECT_MS) {
       const silent = this.socket;
       silent.onclose = null;
       silent.close();

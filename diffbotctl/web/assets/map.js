@@ -8,6 +8,7 @@ const GOAL_ARROW_PX = 40;
 const FIT_BORDER_PX = 24;
 const KEYS_WIDTH_PX = 84; // of the keys on the right, under which nothing is fitted
 const FIT_SCALE_MAX = 600; // px/m
+const FIT_ROUNDS = 5;
 const START_MARGIN_M = 0.3; // floor kept in view around the start
 const DRAG_MIN_PX = 14; // a shorter drag is a tap
 const BEAM_HALF_ANGLE = 0.09; // rad; about 10 degrees wide, as on the dashboard
@@ -140,22 +141,33 @@ export class RunMap {
     if (this.draft || this.pointers.size || !pose) return; // the floor must not move under a finger
     if (this.mode === "robot") [this.camera.x, this.camera.y] = pose;
     if (this.mode !== "all") return;
-    const [xs, ys] = [[], []];
-    const add = (x, y, margin = 0) => {
-      xs.push(x - margin, x + margin);
-      ys.push(y - margin, y + margin);
-    };
     const { robot } = this.scene;
-    add(0, 0, START_MARGIN_M);
-    add(pose[0], pose[1], robot ? Math.hypot(Math.max(robot.front, robot.back), robot.width / 2) : 0);
-    if (this.scene.field.length) this.scene.field.forEach(([x, y]) => add(x, y));
-    for (let i = 0; i < this.trail.length; i += 2) add(this.trail[i], this.trail[i + 1]);
-    if (this.state.goal) add(this.state.goal[0], this.state.goal[1], GOAL_ARROW_PX / this.camera.scale);
-    const [left, right] = [Math.min(...xs), Math.max(...xs)];
-    const [low, high] = [Math.min(...ys), Math.max(...ys)];
-    const [width, height] = [this.width - KEYS_WIDTH_PX - 2 * FIT_BORDER_PX, this.height - 2 * FIT_BORDER_PX];
-    const scale = Math.min(width / (right - left), height / (high - low), FIT_SCALE_MAX);
-    this.camera = { x: (left + right + KEYS_WIDTH_PX / scale) / 2, y: (low + high) / 2, scale };
+    const places = [
+      [0, 0, START_MARGIN_M],
+      [pose[0], pose[1], robot ? Math.hypot(Math.max(robot.front, robot.back), robot.width / 2) : 0],
+      ...this.scene.field.map(([x, y]) => [x, y, 0]),
+    ];
+    for (let i = 0; i < this.trail.length; i += 2) places.push([this.trail[i], this.trail[i + 1], 0]);
+    this.camera = this.fitted(places, this.state.goal);
+  }
+
+  /** A camera that shows all `places` (x, y and what is around them, in m), and a goal's arrow. */
+  fitted(places, goal) {
+    const room = [this.width - KEYS_WIDTH_PX - 2 * FIT_BORDER_PX, this.height - 2 * FIT_BORDER_PX];
+    // Beside the joystick of a small phone the map is lower than its borders.
+    const [width, height] = [Math.max(room[0], this.width / 3), Math.max(room[1], this.height / 3)];
+    const arrow = Math.min(GOAL_ARROW_PX, width / 4, height / 4);
+    const bounds = (axis, margin) => {
+      const ends = places.flatMap((place) => [place[axis] - place[2], place[axis] + place[2]]);
+      if (goal) ends.push(goal[axis] - margin, goal[axis] + margin);
+      return ends.reduce(([low, high], end) => [Math.min(low, end), Math.max(high, end)], [ends[0], ends[0]]);
+    };
+    let [scale, xs, ys] = [FIT_SCALE_MAX];
+    for (let round = 0; round < FIT_ROUNDS; round++) { // the arrow's length in m follows from the scale
+      [xs, ys] = [bounds(0, arrow / scale), bounds(1, arrow / scale)];
+      scale = Math.min(width / (xs[1] - xs[0]), height / (ys[1] - ys[0]), FIT_SCALE_MAX);
+    }
+    return { x: (xs[0] + xs[1] + KEYS_WIDTH_PX / scale) / 2, y: (ys[0] + ys[1]) / 2, scale };
   }
 
   // Fingers and mouse.

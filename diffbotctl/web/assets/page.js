@@ -7,6 +7,7 @@ import { Pad } from "./pad.js";
 import { openSavedView, saveView } from "./saved_view.js";
 
 const NOTICE_MS = 6000;
+const QUESTION_MS = 700; // for which a question is shown before it takes an answer
 const VIEWS = ["drive", "map", "inside"];
 const element = (id) => document.getElementById(id);
 const state = { role: null, allowedGoal: null, noticeTimer: null, connection: "connecting" };
@@ -116,8 +117,17 @@ function setGoal(x, y, heading) {
     connection.send(goal);
   } else {
     state.allowedGoal = goal;
-    element("allow").show(); // not modal: STOP stays within reach
+    askForGoals();
   }
+}
+
+/** Ask once. The end of the tap that opens the question, or a second tap, must not answer it. */
+function askForGoals() {
+  if (element("allow").open) return;
+  const yes = element("allow-yes");
+  yes.disabled = true;
+  setTimeout(() => { yes.disabled = false; }, QUESTION_MS);
+  element("allow").show(); // not modal: STOP stays within reach
 }
 
 async function switchSolid() {
