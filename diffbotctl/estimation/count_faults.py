@@ -109,8 +109,10 @@ ROUNDING_NOISE = tuple(_smoothed(place / RATES) for place in range(RATES))
 class CountFaults:
     """Share of missed or additional edges of one encoder."""
 
-    def __init__(self, has_edge_times: bool) -> None:
+    def __init__(self, has_edge_times: bool, is_fine: bool = True) -> None:
+        """`is_fine`: edges come so densely that the speed changes little in the time of fifteen."""
         self.has_edge_times = has_edge_times
+        self.may_be_short = has_edge_times and is_fine
         self.rates: list[tuple[float, int]] = []  # edges/s and edges of the last spans
         self.direction = 0
         self.seconds = 0.0
@@ -136,7 +138,7 @@ class CountFaults:
         self.frames += 1
         if not direction or not self._is_span_complete():
             return
-        least = TIMED_SPAN_EDGES_MIN if self.has_edge_times else SPAN_EDGES_MIN
+        least = TIMED_SPAN_EDGES_MIN if self.may_be_short else SPAN_EDGES_MIN
         is_even = least <= self.edges <= SPAN_EDGES_RATIO_MAX * self.first_edges
         if not is_even or self.seconds > SPAN_SECONDS_MAX:
             self._restart()
@@ -156,9 +158,9 @@ class CountFaults:
         if self.rates:
             return self.frames >= self.first_frames
         self.first_edges = self.edges
-        if self.has_edge_times:
+        if self.may_be_short:
             return self.edges >= TIMED_FIRST_EDGES_MIN
-        is_slow = self.seconds >= FIRST_SECONDS_MAX
+        is_slow = self.has_edge_times or self.seconds >= FIRST_SECONDS_MAX
         return self.edges >= (SLOW_FIRST_EDGES_MIN if is_slow else FIRST_EDGES_MIN)
 
     def _restart(self) -> None:

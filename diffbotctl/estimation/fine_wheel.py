@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from math import exp, pi, radians
 
 from diffbotctl.estimation.count_faults import CountFaults
+from diffbotctl.estimation.slot_errors import LEARNABLE_SLOTS_MAX
 from diffbotctl.estimation.wheel_side import LinkTiming, SideConfig, settled_speed
 
 UNIFORM_VARIANCE = 1.0 / 12.0
@@ -63,7 +64,7 @@ class FineWheelOdometer:
         self.reversal_variance = 0.0
         self.added_since = self.added_variance = 0.0
         self.reversals = 0
-        self.faults = CountFaults(timing.has_edge_times)
+        self.faults = CountFaults(timing.has_edge_times, counts > LEARNABLE_SLOTS_MAX)
         self.travel = self.start_correction = 0.0
         self.disagreement = 0.0
         self.late_corrections: Sequence[float] = ()
