@@ -143,9 +143,11 @@ def test_actions_are_called_and_wrong_ones_refused(folder):
     code, _, complaint = cli(folder, "call", "odometry.set_pose", "z=1")
     assert code == 1 and "no field 'z'" in complaint
     assert "no action 'odometry.explode'" in cli(folder, "call", "odometry.explode")[2]
-    complaint = cli(folder, "call", "/reset")[2]
-    assert "no action '/reset'" in complaint
-    assert "here it is robot.home and odometry.set_pose" in " ".join(complaint.split())
+    complaint = cli(folder, "call", "/clear")[2]
+    assert "no action '/clear'" in complaint
+    code, done, complaint = cli(folder, "call", "/reset")
+    assert code == 0, complaint
+    assert done.splitlines() == ["robot.home: done", "odometry.set_pose: done"]
 
 
 @pytest.mark.parametrize(

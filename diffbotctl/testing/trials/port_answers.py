@@ -92,7 +92,7 @@ ANSWERS = [
     Answer("bootloader, no program", "ttyACM0", blank, "E-BOARD-BLANK", "flash firmware"),
     Answer("the book's rosserial", "rfcomm0", book, "E-BOARD-ROSSERIAL", "book_2wd_stock"),
     Answer("a firmware of version 1", "rfcomm0", older, "E-BOARD-VERSION", "flash firmware"),
-    Answer("a later firmware", "rfcomm0", newer, "E-BOARD-VERSION", "upgrade diffbotctl"),
+    Answer("a later firmware", "rfcomm0", newer, "E-BOARD-VERSION", "install the newer diffbotctl"),
 ]
 
 
