@@ -64,7 +64,9 @@ class FineWheelOdometer:
         self.reversal_variance = 0.0
         self.added_since = self.added_variance = 0.0
         self.reversals = 0
-        self.faults = CountFaults(timing.has_edge_times, counts > LEARNABLE_SLOTS_MAX)
+        # Two to four edges of a slot are not at equal distances: their times show less.
+        is_even = counts == side.encoder.slots
+        self.faults = CountFaults(timing.has_edge_times and is_even, counts > LEARNABLE_SLOTS_MAX)
         self.travel = self.start_correction = 0.0
         self.disagreement = 0.0
         self.late_corrections: Sequence[float] = ()

@@ -256,7 +256,7 @@ def _counting(present: dict[str, Any]) -> FineWheelOdometer:
     side: Any = SimpleNamespace(
         motor=motor,
         wheel=SimpleNamespace(diameter=present["pitch"] * slots / pi),
-        encoder=SimpleNamespace(counts=slots),
+        encoder=SimpleNamespace(counts=slots, slots=slots),
     )
     timing = LinkTiming(0.0, 0.0, hypothesis.motion.priors.has_edge_times)
     counting = FineWheelOdometer(side, hypothesis.time, present["count"], timing)
