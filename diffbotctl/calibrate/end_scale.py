@@ -22,6 +22,11 @@ from diffbotctl.calibrate.log_mistakes import Cut
 
 SCALE_SD = 0.1  # of the prior; other units are found by log_mistakes.py
 DIFFERENCE = 1e-4  # relative
+# Factors of the poses that make one axis longer by it.
+STRETCHED: dict[Literal["x", "y"], tuple[float, float, float]] = {
+    "x": (1.0 + DIFFERENCE, 1.0, 1.0),
+    "y": (1.0, 1.0 + DIFFERENCE, 1.0),
+}
 CERTAIN_SDS = 3.5
 CERTAIN_LOG_MIN = 0.02
 SUSPECT_SDS = 2.5
@@ -49,39 +54,27 @@ def end_scales(
     noise: NoiseGrid,
 ) -> list[EndScale]:
     """Estimate the scale of x, and that of y; `geometry` is near the best one."""
-    return [
-        _end_scale("x", (1.0 + DIFFERENCE, 1.0, 1.0), drives, cut, geometry, prior, noise),
-        _end_scale("y", (1.0, 1.0 + DIFFERENCE, 1.0), drives, cut, geometry, prior, noise),
-    ]
-
-
-def _end_scale(
-    axis: Literal["x", "y"],
-    factors: tuple[float, float, float],
-    drives: Sequence[RecordedDrive],
-    cut: Cut,
-    geometry: Geometry,
-    prior: GeometryPrior,
-    noise: NoiseGrid,
-) -> EndScale:
     segments, weights = cut(drives)
-    stretched, _ = cut([replace(drive, poses=drive.poses * factors) for drive in drives])
-    by_scale = np.array(
-        [
-            (long.motion - segment.motion) / DIFFERENCE
-            for segment, long in zip(segments, stretched, strict=True)
-        ]
-    )
-    by_scale[:, 2] = 0.0  # headings have no length, and some are not known
     linear = linearize(segments, geometry)
-    jacobians = np.concatenate([linear.jacobians, by_scale[:, :, None]], axis=2)
     precision = np.diag(1 / np.square([*prior.sds, SCALE_SD]))
     offset = np.append(prior.offset(geometry), 0.0)
-    _, mean, covariance = average_over_noise(
-        replace(linear, jacobians=jacobians), weights, noise, precision, offset
-    )
-    sd = float(covariance[3, 3] ** 0.5)
-    return EndScale(axis, float(mean[3]), sd, float(offset[0] + mean[0]))
+    scales = []
+    for axis, factors in STRETCHED.items():
+        stretched, _ = cut([replace(drive, poses=drive.poses * factors) for drive in drives])
+        by_scale = np.array(
+            [
+                (long.motion - segment.motion) / DIFFERENCE
+                for segment, long in zip(segments, stretched, strict=True)
+            ]
+        )
+        by_scale[:, 2] = 0.0  # headings have no length, and some are not known
+        jacobians = np.concatenate([linear.jacobians, by_scale[:, :, None]], axis=2)
+        _, mean, covariance = average_over_noise(
+            replace(linear, jacobians=jacobians), weights, noise, precision, offset
+        )
+        sd = float(covariance[3, 3] ** 0.5)
+        scales.append(EndScale(axis, float(mean[3]), sd, float(offset[0] + mean[0])))
+    return scales
 
 
 def refuse_other_scale(scales: Sequence[EndScale], mean_log: float) -> None:

@@ -9,7 +9,7 @@ slip of 0.5 mm after a metre already moves the end of a square of 1 m by twice a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import log, radians, sqrt
+from math import log, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -21,14 +21,17 @@ from diffbotctl.calibrate.dead_reckoning import (
     Segment,
     dead_reckon,
 )
+from diffbotctl.calibrate.end_noise import HEADING, POSITION, NoisePrior
 from diffbotctl.calibrate.umbmark import QUARTER_TURN, SQUARE_SIDES, SquareErrors, mean_end
 
 SIDE_STEPS, TURN_STEPS = 20, 8  # into which a side and a turn are divided
 # Of an end, read by a person and estimated by odometry.
-POSITION_SD, HEADING_SD = 0.003, radians(1.5)
-# Before the squares: floors and tyres of small robots have 0.5 to 2 mm after a metre.
-TYPICAL_SLIP, SLIP_FACTOR = 0.001, 2.5
+POSITION_SD, HEADING_SD = POSITION.typical, HEADING.typical
 SLIP_MIN, SLIP_MAX, GRID = 0.0001, 0.015, 80
+# Before the squares: floors and tyres of small robots have 0.5 to 2 mm after a metre.
+PRIOR = NoisePrior(
+    0.001, 2.5, tuple(np.exp(np.linspace(log(SLIP_MIN), log(SLIP_MAX), GRID)).tolist())
+)
 
 
 class SlipFit(NamedTuple):
@@ -52,8 +55,7 @@ def fit_slip(squares: SquareErrors, geometry: Geometry) -> SlipFit | None:
     if not scatters:
         return None
     reading = np.diag([POSITION_SD**2, POSITION_SD**2, HEADING_SD**2])[:known, :known]
-    grid = np.exp(np.linspace(log(SLIP_MIN), log(SLIP_MAX), GRID))
-    logs = -0.5 * (np.log(grid / TYPICAL_SLIP) / log(SLIP_FACTOR)) ** 2
+    grid, logs = np.array(PRIOR.values), np.array(PRIOR.log_weights())
     for index, slip in enumerate(grid):
         for scatter, freedom, unit in scatters:
             covariance = slip**2 * unit + reading
