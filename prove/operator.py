@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
-from itertools import chain
 
 from diffbotctl.testing.trials import page_losses
-from diffbotctl.testing.trials.row import Row, printed
+from diffbotctl.testing.trials.row import Row, printed, with_failure
 from prove import dashboard, operator_load, operator_people, viewers
 
 
 def rows(seed: int, trials: int, lines: int) -> Iterator[Row]:
     """`trials` of each way to lose a driver, `lines` invalid requests; then the loads."""
-    return chain(
-        operator_people.rows(seed, trials, lines),
-        dashboard.rows(seed, max(trials // 4, 1)),
-        viewers.rows(seed, trials),
-        page_losses.rows(trials),
-        operator_load.rows(),
-    )
+    parts = {
+        "operators": operator_people.rows(seed, trials, lines),
+        "dashboard": dashboard.rows(seed, max(trials // 4, 1)),
+        "viewers": viewers.rows(seed, trials),
+        "lost phones": page_losses.rows(trials),
+        "loads": operator_load.rows(),
+    }
+    for name, part in parts.items():
+        yield from with_failure(name, part)
 
 
 def main() -> int:

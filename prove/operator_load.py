@@ -8,6 +8,7 @@ import sys
 import tempfile
 import tty
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 from diffbotctl.testing.command_process import children_of, command_line
@@ -21,9 +22,12 @@ ROUNDS = 4  # segments of each load
 SETTLING_TIME_S = 4.0  # until the processes of a load have started; ten of them share two cores
 MEDIAN_INCREASE_MAX = 0.20  # fraction of the median without load
 P99_MAX_MS = 3.0  # under any load
+GOAL = {"x": 900.0, "y": 0.0}  # m; no segment comes to it
 ANSWERED_MIN = 0.5  # of the ticks; with fewer the robot stands, and most commands are the same
 WAITING_MAX_S = 0.01  # a second; the rest of a latency is the engine's own, or the kernel's
 HUB_GROWTH_MAX_MB = 8.0
+ENDING_TIMEOUT_S = 5.0  # in which a run that ends has written its summary
+LAST_LINES = 30  # of what a run printed that ended too early
 PAGE = [sys.executable, "-m", "diffbotctl.testing.plain_page"]
 NEVER_READS = """
 import socket, sys, time
@@ -39,6 +43,10 @@ while True:
     due += 0.001
     time.sleep(max(due - time.perf_counter(), 0))
 """
+
+
+class RunEndedError(Exception):
+    """The run ended, or its control socket was closed, while it was measured."""
 
 
 class Load:
@@ -82,12 +90,14 @@ def rows() -> Iterator[Row]:
         environment = {**os.environ, "XDG_RUNTIME_DIR": folder}
         recording = Path(folder) / "load.mcap"
         words = wire.command(os.ttyname(slave), recording)
-        process = subprocess.Popen(
-            [*words, "--quiet", "--name", "load"],
-            env=environment,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
+        printed_by_run = Path(folder) / "printed.txt"
+        with printed_by_run.open("wb") as output:
+            process = subprocess.Popen(
+                [*words, "--quiet", "--stay", "--name", "load"],
+                env=environment,
+                stdout=output,
+                stderr=output,
+            )
         try:
             wire.negotiate(master)
             socket = str(Path(folder) / "diffbotctl" / "load.socket")
@@ -134,7 +144,10 @@ def rows() -> Iterator[Row]:
                 ),
             ]
             ticks = wire.Ticks(master, RATE)
-            before, after = run(ticks, loads, process.pid, Path(folder))
+            try:
+                before, after = run(ticks, loads, process.pid, Path(folder))
+            except (OSError, RunEndedError) as error:
+                raise RunEndedError(_ending(process, Path(folder))) from error
             ticks.send_last()
         finally:
             process.terminate()
@@ -163,7 +176,9 @@ def rows() -> Iterator[Row]:
 def run(ticks: wire.Ticks, loads: list[Load], pid: int, folder: Path) -> tuple[float, float]:
     """Measure under each load by turns. Returns the hub's memory in MB before and after.
 
-    A robot that was stopped, as on a computer that did not run the engine, is resumed before each.
+    A robot that was stopped, as on a computer that did not run the engine, is resumed before each,
+    and gets its goal again, which such a stop may have ended. Raises OSError or RunEndedError when
+    the run does not go on.
     """
     ticks.send(SETTLING_TIME_S)
     client = PlainClient(folder, "load")
@@ -173,7 +188,7 @@ def run(ticks: wire.Ticks, loads: list[Load], pid: int, folder: Path) -> tuple[f
         for load in loads:
             with load:
                 ticks.send(SETTLING_TIME_S / 2)
-                client.request("resume")  # refused while nothing has stopped it
+                send_off(client)
                 ticks.send(SETTLING_TIME_S / 2)
                 begin, waited = ticks.count, run_delay(pid)
                 ticks.send(SEGMENT_TIME_S)
@@ -182,6 +197,26 @@ def run(ticks: wire.Ticks, loads: list[Load], pid: int, folder: Path) -> tuple[f
     after = memory(hub)
     client.close()
     return before, after
+
+
+def send_off(client: PlainClient) -> None:
+    """Let a stopped robot move again, and give it a goal. Raises RunEndedError."""
+    client.request("resume")  # refused while nothing has stopped it
+    if client.request("goto", **GOAL) is None:
+        raise RunEndedError
+
+
+def _ending(process: subprocess.Popen[bytes], folder: Path) -> str:
+    """Why the run does not go on: its exit code, and the last lines of it and of its server."""
+    with suppress(subprocess.TimeoutExpired):
+        process.wait(ENDING_TIMEOUT_S)
+    code = process.poll()
+    first = "its control socket was closed" if code is None else f"the run ended with code {code}"
+    lines = [first]
+    for file in (folder / "printed.txt", folder / "diffbotctl" / "load.log"):
+        with suppress(OSError):
+            lines += file.read_text(errors="replace").splitlines()[-LAST_LINES:]
+    return "\n".join(lines)
 
 
 def load_rows(timings: dict[str, wire.Timing]) -> Iterator[Row]:

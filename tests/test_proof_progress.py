@@ -99,3 +99,20 @@ def test_a_file_that_cannot_be_written_ends_nothing(tmp_path):
     (tmp_path / "file").write_text("")
     lines, rows = proof(SectionTimes(tmp_path / "file" / "times.json"), [6.0], [6.0])
     assert len(lines) == rows == 2
+
+
+def test_a_section_that_fails_in_the_middle_is_a_missed_row_and_the_next_one_follows(tmp_path):
+    def failing():
+        yield Row("first", "1", "1", True)
+        raise BrokenPipeError("the run has ended\nfurther lines")
+
+    sections = [
+        ProofSection("loads", failing()),
+        ProofSection("wander", iter([Row("second", "2", "2", True)])),
+    ]
+    rows = list(with_progress(sections, SectionTimes(tmp_path / "times.json"), io.StringIO()))
+    assert [(row.what, row.figure, row.met) for row in rows] == [
+        ("first", "1", True),
+        ("loads: all rows are measured", "BrokenPipeError: the run has ended", False),
+        ("second", "2", True),
+    ]

@@ -13,7 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple, TextIO
 
-from diffbotctl.testing.trials.row import Row
+from diffbotctl.testing.trials.row import Row, with_failure
 
 MINUTE_S = 60.0
 HOUR_MIN = 60
@@ -64,7 +64,8 @@ def with_progress(
 ) -> Iterator[Row]:
     """The rows of all sections; `clock` gives s.
 
-    A line in `output` begins each section, and follows a row of it when a minute has passed.
+    A line in `output` begins each section, and follows a row of it when a minute has passed. A
+    section that fails in the middle is a missed row, and the next one follows.
     """
     began = clock()
     for number, section in enumerate(sections):
@@ -74,7 +75,7 @@ def with_progress(
         title = f"{number + 1} of {len(sections)}  {section.name}"
         words = time_text(started - began, [expected, *later])
         print(f"{title}: {words}", file=output, flush=True)
-        for count, row in enumerate(section.rows, 1):
+        for count, row in enumerate(with_failure(section.name, section.rows), 1):
             yield row
             now = clock()
             if now - told >= MINUTE_S:

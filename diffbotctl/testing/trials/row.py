@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterable
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from traceback import print_exc
 from typing import NamedTuple
 
 
@@ -36,6 +38,21 @@ def printed(rows: Iterable[Row]) -> int:
         print(row.line(), flush=True)
         missed += not row.met
     return missed
+
+
+def with_failure(name: str, rows: Iterable[Row]) -> Iterator[Row]:
+    """The `rows` of a section; an exception in the middle is a last row, which is missed.
+
+    So what was measured before is kept, and what comes after is measured, too.
+    """
+    try:
+        yield from rows
+    except Exception as error:
+        print_exc(file=sys.stderr)
+        first, _, _ = str(error).partition("\n")
+        yield Row(
+            f"{name}: all rows are measured", f"{type(error).__name__}: {first}", "all", False
+        )
 
 
 def print_rows(rows: Callable[..., Iterable[Row]], description: str, **defaults: float) -> int:
