@@ -7,7 +7,9 @@ from collections.abc import Iterator
 
 from diffbotctl.testing.trials import page_losses
 from diffbotctl.testing.trials.row import Row, printed, with_failure
-from prove import dashboard, operator_load, operator_people, viewers
+from prove import dashboard, operator_load, operator_people, page, viewers
+
+OPENED = 10  # times that the page is opened on each device
 
 
 def rows(seed: int, trials: int, lines: int) -> Iterator[Row]:
@@ -16,6 +18,7 @@ def rows(seed: int, trials: int, lines: int) -> Iterator[Row]:
         "operators": operator_people.rows(seed, trials, lines),
         "dashboard": dashboard.rows(seed, max(trials // 4, 1)),
         "viewers": viewers.rows(seed, trials),
+        "page": page.rows(OPENED),
         "lost phones": page_losses.rows(trials),
         "loads": operator_load.rows(),
     }
