@@ -65,6 +65,7 @@ StopCode = Literal[
     "scan_stale",
     "telemetry_stale",
     "link_lost",
+    "commands_lost",
     "reconnect",
     "board_restart",
     "command_stale",

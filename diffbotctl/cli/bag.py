@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -187,7 +188,7 @@ def _cell(value: object) -> object:
 
 
 @command.command()
-@click.argument("fields", nargs=-1, required=True, metavar="FIELD...")
+@click.argument("fields", nargs=-1, metavar="FIELD...")
 @recording_argument
 @click.option("--from", "begin", metavar="TIME", type=Quantity("s"), help="Start, such as 3s.")
 @click.option("--until", metavar="TIME", type=Quantity("s"), help="End.")
@@ -208,6 +209,11 @@ def plot(
     """
     from diffbotctl.recording.fields import read_series
 
+    if not fields:
+        raise click.UsageError(
+            "name what to plot before the file, such as odometry.odometry.x; "
+            f"`diffbotctl bag info {shlex.quote(str(file))}` lists the topics"
+        )
     if not file.exists() and Path(fields[0]).is_file():  # as `bag export` has it
         file, fields = Path(fields[0]), (*fields[1:], str(file))
     first = 0 if begin is None else round(begin * SECOND)

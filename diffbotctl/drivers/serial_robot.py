@@ -177,11 +177,18 @@ class SerialRobot:
             self.unsent = self.protocol.send(now)
         if self.watchdog is not None:
             self.watchdog.report(now, self.unsent)
+            if self._has_intervened(self.watchdog):
+                self.unsent = b""  # of a motion, computed before the process was suspended
+                return
         if self.unsent:
             size = self.port.write(self.unsent)
             if self.watchdog is not None:
                 self.watchdog.wrote(self.unsent[:size])
             self.unsent = self.unsent[size:]
+
+    def _has_intervened(self, watchdog: BoardWatchdog) -> bool:
+        """Whether the next `deliver` takes an intervention; asked anew right before a write."""
+        return watchdog.holds() and watchdog.has_news()
 
     def _check_watchdog(self, now: int) -> list[Delivery]:
         """The stop for an intervention of the watchdog; the robot's target is zero afterwards."""

@@ -14,12 +14,18 @@ from diffbotctl.links.diffbot_faults import BATTERY_CAUSE, BUTTON_CAUSE, wheel_f
 from diffbotctl.links.diffbot_frames import ActionCode, ModeCode
 from diffbotctl.links.diffbot_telemetry import COMMAND_NUMBERS, SentCommand, State, Telemetry
 from diffbotctl.messages import Duty, Stop, Wheels
-from diffbotctl.time import MILLISECOND, NEVER
+from diffbotctl.time import MILLISECOND, NEVER, SECOND
 
 STOP_PERIOD = 60 * MILLISECOND  # a stop and the frame that shows it take about 50
 REPEAT_PERIOD = 100 * MILLISECOND  # a lost command is replaced within the dead-man time
 REPEAT_TIMEOUT = 200 * MILLISECOND  # a command is not repeated when the engine is silent
 TAKE_OVER_TIMEOUT = 600 * MILLISECOND  # maximum dead-man time, and a frame
+UNHEARD_TIMEOUT = SECOND  # 16 stops in a row are not lost by a radio that works
+TELEMETRY_GAP_MAX = 250 * MILLISECOND  # frames after a longer gap may be older than the commands
+UNHEARD_CAUSE = (
+    "no command reaches the board, although its telemetry arrives: check the wire to RX of the "
+    "board (with a radio module: from its TXD)"
+)
 INT16_MAX = (1 << 15) - 1
 DRIVING_MODES = (ModeCode.SPEED, ModeCode.DUTY)
 # Stop code and cause of the modes in which the board itself holds the robot.
@@ -59,6 +65,8 @@ class CommandSender:
         self._commanded_at = -NEVER
         self._actions: list[frames.ActionFrame] = []
         self._clear_fault = False  # clear the hold before the next stop
+        self._state_at = now
+        self._unheard_since = now
         self._drop_command()
 
     # --- requests ---
@@ -155,10 +163,13 @@ class CommandSender:
     # --- telemetry ---
 
     def on_state(self, now: int, frame: State) -> Stop | None:
-        """Take the board's mode; returns a Stop message when a hold by the board begins or ends."""
+        """Take the board's mode.
+
+        Returns a Stop message when a hold by the board begins or ends, or no command reaches it.
+        """
         self._mode = ModeCode(frame.mode)
         self._check_stop(now, frame.command)
-        return self._check_hold(now)
+        return self._check_hold(now) or self._check_heard(now)
 
     def _check_stop(self, now: int, command: int) -> None:
         if self._mode is ModeCode.OVERRULED and now < self._claimed_at + TAKE_OVER_TIMEOUT:
@@ -177,6 +188,23 @@ class CommandSender:
         code, cause = HOLDS[hold]
         cause = cause.format(fault=wheel_fault_cause(self.flags), volts=self.battery)
         return Stop(now, code, cause, True)
+
+    def _check_heard(self, now: int) -> Stop | None:
+        """The stop for a motion that waits for a claim of which telemetry shows nothing."""
+        gap, self._state_at = now - self._state_at, now
+        if not self._awaits_motion() or gap > TELEMETRY_GAP_MAX:
+            self._unheard_since = now
+        if now - self._unheard_since < UNHEARD_TIMEOUT:
+            return None
+        self._unheard_since = now
+        return Stop(now, "commands_lost", UNHEARD_CAUSE, True)
+
+    def _awaits_motion(self) -> bool:
+        """True while a motion is to be sent and the stop before it is unconfirmed."""
+        if self._pending is None or self._stop_at == NEVER:
+            return False
+        command = self._pending[1]
+        return command.left != 0 or command.right != 0
 
     def _release(self, now: int) -> None:
         """A command during a hold is the operator's consent to end it: claim the commands again."""

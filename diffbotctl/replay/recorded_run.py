@@ -164,7 +164,7 @@ def recorded_configuration(
     """
     with tempfile.TemporaryDirectory() as folder:
         places = _write_files(json.loads(about["files"]), Path(folder))
-        robot = places.get(about["robot"])
+        robot = places.get(about.get("robot", ""))
         robots: dict[str, str] = json.loads(about.get("robots", "{}"))
         yield load(
             str(places[about["pipeline"]]),

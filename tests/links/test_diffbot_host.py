@@ -6,6 +6,7 @@ from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import FrameDecoder, encode, pack
 from diffbotctl.links.diffbot_host import DiffbotHost
 from diffbotctl.links.diffbot_states import LINK_STATES, TRANSITIONS, HostState
+from diffbotctl.messages import Wheels
 from diffbotctl.testing.board_bench import BOOK
 from diffbotctl.time import MILLISECOND
 
@@ -110,3 +111,36 @@ def test_a_stop_is_confirmed_by_its_number(up):
 def test_a_closed_port_is_lost_and_has_nothing_due(up):
     assert links(up.closed(MILLISECOND, "unplugged")) == ["lost"]
     assert up.send(10**12) == b"" and up.due() > 10**15
+
+
+def unheard(host, first, seconds, left=2.0, gap=None):
+    """Stops of the host while a robot is commanded and the board shows none of its commands."""
+    stops = []
+    for step in range(round(seconds * 40)):
+        now = first + step * 25 * MILLISECOND
+        host.command(now, Wheels(now, left, left))
+        host.send(now)
+        if gap is not None and gap[0] <= step / 40 < gap[1]:
+            continue
+        mode = frames.ModeCode.EXPIRED
+        output = host.receive(now, state((step + 1) % 64, mode, command=9))
+        stops += [message for port, message in output if port == "stop" and message.code]
+    return stops
+
+
+def test_a_motion_that_the_board_never_shows_stops_the_robot_and_names_the_wire(up):
+    stops = unheard(up, 2 * MILLISECOND, 1.2)
+    assert [stop.code for stop in stops] == ["commands_lost"]
+    assert stops[0].latched and "RX" in stops[0].cause
+
+
+def test_after_resume_the_same_is_said_again(up):
+    assert len(unheard(up, 2 * MILLISECOND, 2.3)) == 2
+
+
+def test_a_robot_that_stands_is_not_stopped_for_commands_that_do_not_arrive(up):
+    assert unheard(up, 2 * MILLISECOND, 3, left=0.0) == []
+
+
+def test_frames_that_were_held_back_are_not_evidence_that_commands_are_lost(up):
+    assert unheard(up, 2 * MILLISECOND, 1.4, gap=(0.1, 0.8)) == []

@@ -8,10 +8,12 @@ import tty
 
 import pytest
 
+from diffbotctl.drivers.board_watchdog import BoardWatchdog
 from diffbotctl.drivers.serial_port import SerialPortDevice
 from diffbotctl.drivers.serial_robot import SerialRobot
+from diffbotctl.drivers.watchdog_process import WatchdogProcess
 from diffbotctl.links.rosserial_host import RosserialHost
-from diffbotctl.messages import Duty, Encoders
+from diffbotctl.messages import Duty, Encoders, Stop
 from diffbotctl.testing.rosserial_device import RATED, RosserialDevice, RosserialDevicePort
 
 TIMEOUT_S = 60.0
@@ -52,4 +54,41 @@ def test_negotiates_drives_and_stops(terminal):
         robot.stop(time.monotonic_ns())
         serve_until(robot, lambda _: robot.stopped)
         assert device.pwm == [0, 0]
+        robot.close()
+
+
+class SuspendedHost(RosserialHost):
+    """While `suspended_in` is set, `send` returns only after that process has intervened, as for
+    an engine that is suspended with a computed frame."""
+
+    suspended_in = None
+    written_before = None
+
+    def send(self, now):
+        data = super().send(now)
+        if self.suspended_in is not None and data:
+            watchdog, self.suspended_in = self.suspended_in, None
+            while not watchdog.process.intervened:
+                assert select.select(watchdog.files(), [], [], TIMEOUT_S)[0]
+                watchdog.process.poll()
+            self.written_before = watchdog.written
+        return data
+
+
+def test_a_frame_computed_before_the_watchdog_intervened_is_never_written(terminal):
+    board, name = terminal
+    with RosserialDevicePort(RosserialDevice(1), board):
+        host = SuspendedHost(RATED)
+        watchdog = BoardWatchdog(WatchdogProcess(), host)
+        robot = SerialRobot(host, lambda: SerialPortDevice(name, 9600), watchdog)
+        duty = Duty(0, 0.8, 0.6)
+        serve_until(robot, lambda messages: any(getattr(m, "left", 0) > 20 for m in messages), duty)
+        host.suspended_in = watchdog
+        while host.written_before is None:  # another duty: a frame like none before it
+            robot.command(time.monotonic_ns(), Duty(0, 0.3, 0.2))
+        assert robot.unsent == b"" and watchdog.written == host.written_before
+        messages = serve_until(robot, lambda messages: any(isinstance(m, Stop) for m in messages))
+        assert [m.code for m in messages if isinstance(m, Stop)] == ["host_frozen"]
+        robot.stop(time.monotonic_ns())
+        serve_until(robot, lambda _: robot.stopped)
         robot.close()
