@@ -115,11 +115,13 @@ class Block:
     """Base class of all blocks: sets the parameters and checks the ports.
 
     `log` takes one line for each event: `self.log.warning("...")`; see `diffbotctl.log`.
+    `connected` are the inputs that have a wire in this pipeline.
     Raises TypeError at class creation if the arguments of `react` are not the inputs in declared
     order, or if the class has an attribute of its own called `log`.
     """
 
     log: Log = QUIET
+    connected: frozenset[str] = frozenset()
 
     def __init_subclass__(cls) -> None:
         if "log" in vars(cls):

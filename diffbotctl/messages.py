@@ -77,6 +77,7 @@ StopCode = Literal[
     "battery_low",
     "stop_button",
     "overruled",
+    "turtle_killed",
     "input_stale",
 ]
 
@@ -303,6 +304,17 @@ class Canvas(NamedTuple):
         tuple[float, ...],
         Field("m, rad", "Number, x, y and heading of each further turtle, concatenated."),
     ] = ()
+    pen_width: Annotated[float, Field("m", "Width of the line.")] = 0.07
+    has_first: Annotated[bool, Field("", "False after turtle 1 was killed.")] = True
+
+
+class Color(NamedTuple):
+    """What the colour sensor of a turtle sees below it."""
+
+    time: Time
+    red: Annotated[int, Field("", "0 to 255.")]
+    green: Annotated[int, Field("", "0 to 255.")]
+    blue: Annotated[int, Field("", "0 to 255.")]
 
 
 class TurtlePlacement(NamedTuple):

@@ -138,7 +138,8 @@ def round_trip_rows(seconds: float) -> Iterator[Row]:
             yield Row(
                 f"round trip at 200 Hz, {what}",
                 f"{trip.figure(floor)}; bare {floor.median * 1e3:.3f} ms, an interpreter that only "
-                f"reads and writes JSON {bound.median / floor.median:.1f}x",
+                f"reads and writes JSON {bound.median / floor.median:.1f}x, "
+                f"{100 * bound.engine:.1f} % of a core",
                 f"<= {RATIO_MAX:g}x, <= {100 * ENGINE_MAX:g} % of a core",
                 ratio <= RATIO_MAX and trip.engine <= ENGINE_MAX,
             )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from math import degrees, hypot, sqrt
 from typing import TYPE_CHECKING, Any
@@ -18,6 +19,7 @@ COMMAND_PERIOD_S = 0.05  # the engine takes 0.3 s of silence for a lost operator
 BRAKING = 0.15  # m/s2, gentle for any robot, so that it stops near the mark
 TURN_BRAKING = 1.0  # rad/s2
 DEFAULT_DURATION_S = 1.0  # a drive always has an end: the person may be gone
+ENGINE_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 LATE_BEFORE_START_MAX = 20  # commands through a slow link, before the first one is taken
 SPEED_RATIO_MIN = 0.25  # kept up to the mark: at a lower speed friction may hold a wheel before it
 
@@ -171,7 +173,23 @@ def _follow_odometry(client: ControlClient, progress: DriveProgress) -> None:
             progress.update(event["message"])
 
 
-@click.command(context_settings=NEGATIVE_NUMBERS)
+class GotoCommand(click.Command):
+    """`goto left 4 4` is `goto 4 4 --engine left`: no position begins with a letter."""
+
+    def parse_args(self, context: click.Context, args: list[str]) -> list[str]:
+        """Move the name of an engine from the arguments to its option."""
+        if args and ENGINE_NAME.fullmatch(args[0]):
+            if any(word.partition("=")[0] == "--engine" for word in args):
+                raise click.UsageError(f"give either '{args[0]}' or --engine", context)
+            args = ["--engine", args[0], *args[1:]]
+        return super().parse_args(context, args)
+
+
+@click.command(
+    cls=GotoCommand,
+    context_settings=NEGATIVE_NUMBERS,
+    options_metavar="[OPTIONS] [ENGINE]",
+)
 @click.argument("x", type=Quantity("m"))
 @click.argument("y", type=Quantity("m"))
 @click.argument("heading", type=Quantity("rad"), required=False)
@@ -179,6 +197,7 @@ def _follow_odometry(client: ControlClient, progress: DriveProgress) -> None:
 def goto(x: float, y: float, heading: float | None, engine: str | None) -> int:
     """Drive to X Y and turn to HEADING: metres and radians, or with units, such as 50cm 0 90deg.
 
+    ENGINE is the name of a robot, as after --engine; only needed when several are running.
     Replaces the goals of the run. The run no longer ends when a goal is reached.
     """
     with attached(engine, "goto") as client:

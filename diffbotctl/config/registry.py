@@ -21,6 +21,7 @@ MESSAGES_GROUP = "diffbotctl.messages"
 DRIVERS_GROUP = "diffbotctl.drivers"
 BLOCKS = {
     "canvas": "diffbotctl.blocks.canvas:TurtleCanvas",
+    "color_sensor": "diffbotctl.blocks.color_sensor:ColorSensor",
     "command_mux": "diffbotctl.blocks.command_mux:CommandMux",
     "diff_drive": "diffbotctl.blocks.diff_drive:DiffDrive",
     "goal_follower": "diffbotctl.blocks.goal_follower:GoalFollower",

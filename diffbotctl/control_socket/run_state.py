@@ -164,6 +164,7 @@ ROS_TOPICS: dict[str, str | type] = {
     "status": GoalState,
     "battery_state": messages.Battery,
     "imu": messages.Imu,
+    "color_sensor": messages.Color,
     "wheel_cmd": messages.Wheels,
     "lwheel": "robot.encoders",
     "rwheel": "robot.encoders",

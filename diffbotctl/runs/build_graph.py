@@ -110,7 +110,9 @@ def _node(use: BlockUse, unproven: bool) -> Node:
             source = DEFAULT_WIRES.get(declaration.kind)
             if source is not None:
                 wires[port] = source
-    return Node(use.name, use.cls(**values), wires)
+    block = use.cls(**values)
+    block.connected = frozenset(wires)
+    return Node(use.name, block, wires)
 
 
 def gate_node(robot: Robot, command: str) -> Node:

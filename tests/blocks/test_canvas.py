@@ -5,7 +5,7 @@ import pytest
 from diffbotctl.blocks.canvas import TURTLES_MAX, TurtleCanvas, colour
 from diffbotctl.config.load import load
 from diffbotctl.log import Logbook
-from diffbotctl.messages import Odometry, TurtlePlacement
+from diffbotctl.messages import Odometry, TurtlePlacement, Twist
 
 HERE = Odometry(5, 5.544, 5.544, 0.0, 0.0, 0.0, (0.0,) * 6)
 
@@ -14,8 +14,14 @@ HERE = Odometry(5, 5.544, 5.544, 0.0, 0.0, 0.0, (0.0,) * 6)
 def canvas():
     """A canvas that has sent its state once."""
     block = TurtleCanvas()
-    block.react(0, HERE)
+    frame(block, 0)
     return block
+
+
+def frame(canvas, now, twist=None):
+    """The state and the placement that are sent at a pose of the robot."""
+    state, _, _, placement = canvas.react(now, HERE, twist)
+    return state, placement
 
 
 @pytest.mark.parametrize(
@@ -27,29 +33,29 @@ def test_colours(parts, expected):
 
 
 def test_the_state_is_sent_first_and_then_on_changes(canvas):
-    state, placement = TurtleCanvas().react(0, HERE)
-    assert state == (0, 0, "#4556ff", "#b3b8ff", True, ()) and placement is None
-    assert canvas.react(1, HERE) == (None, None)
+    state, placement = frame(TurtleCanvas(), 0)
+    assert state == (0, 0, "#4556ff", "#b3b8ff", True, (), 0.07, True) and placement is None
+    assert frame(canvas, 1) == (None, None)
     canvas.background_red = 255
-    assert canvas.react(2, HERE)[0].background == "#ff56ff"
-    assert canvas.react(3, HERE) == (None, None)
+    assert frame(canvas, 2)[0].background == "#ff56ff"
+    assert frame(canvas, 3) == (None, None)
 
 
 def test_pen_up_and_down(canvas):
     canvas.pen, canvas.pen_green = "up", 0
-    state, _ = canvas.react(1, HERE)
+    state, _ = frame(canvas, 1)
     assert (state.is_down, state.pen) == (False, "#b300ff")
 
 
 def test_clear_starts_a_new_line(canvas):
     canvas.clear(1)
-    assert canvas.react(1, HERE)[0].sheet == 1
+    assert frame(canvas, 1)[0].sheet == 1
 
 
 def test_starting_over_erases_the_line_and_removes_all_further_turtles(canvas):
     assert [canvas.spawn(1), canvas.spawn(1, number=7)] == [2, 7]
     canvas.start_over(2)
-    state, *sent = *canvas.react(3, HERE), *(canvas.react(now, HERE)[1] for now in (4, 5, 6))
+    state, *sent = *frame(canvas, 3), *(frame(canvas, now)[1] for now in (4, 5, 6))
     assert (state.sheet, state.turtles) == (1, ())
     assert [(one.number, one.is_present) for one in sent] == [
         (2, True),
@@ -62,24 +68,24 @@ def test_starting_over_erases_the_line_and_removes_all_further_turtles(canvas):
 def test_turtles_are_spawned_moved_and_killed(canvas):
     canvas.spawn(1, 2.0, 3.0, 0.5)
     canvas.spawn(1)
-    assert canvas.react(1, HERE)[0].turtles == (2, 2.0, 3.0, 0.5, 3, 0.0, 0.0, 0.0)
+    assert frame(canvas, 1)[0].turtles == (2, 2.0, 3.0, 0.5, 3, 0.0, 0.0, 0.0)
     canvas.teleport(2, 3, 9.0, 8.0, 1.0)
     canvas.kill(2, 2)
-    assert canvas.react(2, HERE)[0].turtles == (3, 9.0, 8.0, 1.0)
+    assert frame(canvas, 2)[0].turtles == (3, 9.0, 8.0, 1.0)
     canvas.spawn(3, 1.0)  # numbers are not reused
-    assert canvas.react(3, HERE)[0].turtles[4] == 4
+    assert frame(canvas, 3)[0].turtles[4] == 4
 
 
 def test_a_number_can_be_asked_for_unless_it_is_taken(canvas):
     canvas.spawn(1, 2.0, number=7)
     canvas.spawn(1, 3.0)
-    assert canvas.react(1, HERE)[0].turtles[::4] == (7, 8)
+    assert frame(canvas, 1)[0].turtles[::4] == (7, 8)
     for number in (7, 1, 2.5):
         with pytest.raises(ValueError, match="turtle"):
             canvas.spawn(2, number=number)
     canvas.kill(2, 7)
     canvas.spawn(2, 4.0, number=7)
-    assert canvas.react(3, HERE)[0].turtles[4:6] == (7, 4.0)
+    assert frame(canvas, 3)[0].turtles[4:6] == (7, 4.0)
 
 
 def test_numbers_that_can_be_driven_are_used_again_when_there_is_no_other():
@@ -89,7 +95,7 @@ def test_numbers_that_can_be_driven_are_used_again_when_there_is_no_other():
     canvas.kill(4, 3)
     canvas.spawn(5)
     canvas.spawn(6)
-    assert canvas.react(7, HERE)[0].turtles[::4] == (2, 4, 3, 5)
+    assert frame(canvas, 7)[0].turtles[::4] == (2, 4, 3, 5)
 
 
 @pytest.mark.parametrize(("driven", "warned"), [(1, 2), (2, 1), (3, 0)])
@@ -113,13 +119,39 @@ def test_every_placement_is_sent_one_an_instant(canvas):
     canvas.spawn(1, 2.0, 3.0, 0.5)
     canvas.teleport(1, 2, 9.0, 8.0, 1.0)
     canvas.kill(1, 2)
-    sent = [canvas.react(time, HERE)[1] for time in (10, 20, 30, 40)]
+    sent = [frame(canvas, time)[1] for time in (10, 20, 30, 40)]
     assert sent == [
         TurtlePlacement(10, 2, 2.0, 3.0, 0.5, True),
         TurtlePlacement(20, 2, 9.0, 8.0, 1.0, True),
         TurtlePlacement(30, 2, 0.0, 0.0, 0.0, False),
         None,
     ]
+
+
+def test_turtle_1_stands_after_it_was_killed_and_moves_when_it_is_back(canvas):
+    canvas.connected = frozenset({"odometry", "twist"})
+    fast = [Twist(now, 1.0, 0.5) for now in range(6)]
+    assert canvas.react(1, HERE, fast[1]) == (None, fast[1], None, None)
+    assert canvas.react(2, HERE, fast[1])[1] is None  # once
+    canvas.kill(3, 1)
+    state, passed, stop, placement = canvas.react(3, HERE, fast[3])
+    assert (state.has_first, passed, placement) == (False, Twist(3, 0.0, 0.0), None)
+    assert (stop.code, stop.latched) == ("turtle_killed", False)
+    with pytest.raises(ValueError, match="already"):
+        canvas.kill(4, 1)
+    with pytest.raises(ValueError, match=r"robot\.teleport"):
+        canvas.spawn(4, 1.0, number=1)
+    assert canvas.spawn(4, number=1) == 1
+    state, passed, stop, _ = canvas.react(4, HERE, fast[4])
+    assert (state.has_first, passed, stop.code) == (True, fast[4], "")
+    canvas.kill(5, 1)
+    canvas.start_over(5)
+    assert canvas.react(5, HERE, fast[5])[1:3] == (fast[5], None)
+
+
+def test_the_width_of_the_pen(canvas):
+    canvas.pen_width = 0.2
+    assert frame(canvas, 1)[0].pen_width == 0.2
 
 
 @pytest.mark.parametrize("number", [1, 7, 2.5])
@@ -129,7 +161,7 @@ def test_an_unknown_turtle_cannot_be_killed_or_moved(canvas, number):
         canvas.kill(2, number)
     with pytest.raises(ValueError, match="turtle"):
         canvas.teleport(2, number)
-    assert len(canvas.react(3, HERE)[0].turtles) == 4
+    assert len(frame(canvas, 3)[0].turtles) == 4
 
 
 def test_the_number_of_turtles_is_limited(canvas):

@@ -148,3 +148,19 @@ def test_inputs_of_the_same_name_belong_to_one_robot_each(tmp_path):
         process.wait(60)
     code, out, err = cli(tmp_path, "replay", str(recording), "--check")
     assert code == 0 and "bit for bit" in out, err
+
+
+def test_a_robot_is_named_in_front_of_its_goal(tmp_path, pair):
+    code, out, err = cli(tmp_path, "goto", "test-right", "0.3", "0", "90deg")
+    assert code == 0 and "x 0.3 m" in out, err
+    left, right = pair
+
+    def goal(client):
+        return client.request("snapshot")["messages"]["operator.goal"]["x"]
+
+    right.until(lambda status: goal(right) == 0.3)
+    assert goal(left) == 30.0
+    code, _, err = cli(tmp_path, "goto", "middle", "1", "0")
+    assert code == 2 and "no engine 'middle'" in " ".join(err.split())
+    code, _, err = cli(tmp_path, "goto", "test-left", "1", "0", "--engine", "test-right")
+    assert code == 2 and "either" in err

@@ -95,6 +95,39 @@ def test_others_are_spawned_moved_killed_and_the_sheet_is_wiped(folder):
     becomes(folder, "robot.pose", lambda pose: pose["x"] < 9)
 
 
+def test_turtle_1_is_killed_and_comes_back(folder):
+    done(folder, "call", "canvas.kill", "number=1")
+    assert "turtle 1 was killed" in done(folder, "why")
+    becomes(folder, "canvas.canvas", lambda sheet: not sheet["has_first"])
+    before = last(folder, "robot.pose")
+    cli(folder, "drive", "--v", "0.5", "--for", "0.5s")
+    after = last(folder, "robot.pose")
+    assert (after["x"], after["y"]) == (before["x"], before["y"])
+    assert done(folder, "call", "canvas.spawn", "number=1").startswith("canvas.spawn: 1")
+    done(folder, "drive", "--v", "0.5", "--distance", "0.3m")
+    becomes(folder, "robot.pose", lambda pose: pose["x"] != before["x"])
+
+
+def test_the_colour_sensor_sees_the_line_of_a_wide_pen(folder):
+    for name, value in (("background_red", 0), ("background_green", 0), ("background_blue", 9)):
+        done(folder, "param", "set", f"canvas.{name}", str(value))
+    done(folder, "call", "reset")
+    done(folder, "param", "set", "canvas.pen", "up")
+    seen = becomes(folder, "/turtle1/color_sensor", lambda color: color["blue"] == 9)
+    assert (seen["red"], seen["green"]) == (0, 0)
+    for name, value in (("pen_red", "250"), ("pen_width", "20cm"), ("pen", "down")):
+        done(folder, "param", "set", f"canvas.{name}", value)
+    done(folder, "drive", "--v", "0.5", "--distance", "0.5m")
+    done(folder, "param", "set", "canvas.pen", "up")
+    done(folder, "call", "robot.teleport", "x=5.7", "y=5.6")  # beside the line, within its width
+    becomes(folder, "robot.pose", lambda pose: pose["x"] == pytest.approx(5.7))
+    becomes(folder, "color.color", lambda color: color["red"] == 250)
+    done(folder, "call", "robot.teleport", "x=5.7", "y=5.9")
+    becomes(folder, "color.color", lambda color: color["red"] == 0)
+    code, _, complaint = cli(folder, "call", "/turtle1/set_pen", "r=1")
+    assert code == 1 and "param set canvas.pen_red" in " ".join(complaint.split())
+
+
 def test_the_turtlebot_wanders_and_manual_driving_has_priority(tmp_path):
     with running(tmp_path, "wander"):
         becomes(tmp_path, "odometry.odometry", lambda pose: pose["linear"] > 0.1)

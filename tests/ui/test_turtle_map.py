@@ -24,8 +24,8 @@ def pose(x, y, heading=0.0, time=0):
     return Odometry(time, x, y, heading, 0.0, 0.0, EXACT)
 
 
-def looks(sheet=0, pen="#ff0000", is_down=True, turtles=()):
-    return Canvas(0, sheet, "#0000ff", pen, is_down, turtles)
+def looks(sheet=0, pen="#ff0000", is_down=True, turtles=(), **others):
+    return Canvas(0, sheet, "#0000ff", pen, is_down, turtles, **others)
 
 
 def picture(**messages):
@@ -68,11 +68,34 @@ def test_the_pen_draws_in_its_colour_only_while_down():
     for x, said in way:
         sheet.update(picture(robot__pose=pose(x, 0.0), canvas__canvas=said))
     assert list(sheet.lines) == [
-        ((0.0, 0.0), (0.2, 0.0), "#ff0000"),
-        ((0.4, 0.0), (0.6, 0.0), "#00ff00"),
+        ((0.0, 0.0), (0.2, 0.0), "#ff0000", 0.07),
+        ((0.4, 0.0), (0.6, 0.0), "#00ff00", 0.07),
     ]
     sheet.update(picture(robot__pose=pose(5.0, 0.0), canvas__canvas=looks(sheet=1)))
     assert not sheet.lines
+
+
+def test_a_wide_pen_draws_more_dots_across():
+    camera = Camera(0.0, 0.0, 20.0)
+    rows = []
+    for width in (0.01, 0.4):
+        state = MapState(Scene("", ""))
+        for x in (-0.2, 0.2):
+            said = looks(pen_width=width)
+            state.update(picture(robot__pose=pose(x, 0.0), canvas__canvas=said))
+        made = layers.draw_map(state, camera, 60, 40)
+        trail = {cell for cell, layer in made.layers.items() if layer is MapLayer.TRAIL}
+        rows.append({row for _, row in trail})
+    assert len(rows[0]) == 1 and len(rows[1]) >= 2 and rows[0] < rows[1]
+
+
+def test_a_killed_turtle_1_is_not_drawn():
+    state = MapState(Scene("", ""))
+    for x, first in ((0.0, True), (0.2, False), (0.4, False)):
+        said = looks(has_first=first)
+        state.update(picture(robot__pose=pose(x, 0.0), canvas__canvas=said))
+    made = layers.draw_map(state, Camera(0.0, 0.0, 20.0), 60, 40)
+    assert "→" not in made.text().plain and not state.turtle.lines
 
 
 def test_a_run_without_a_canvas_has_no_turtle_lines():

@@ -39,6 +39,10 @@ ROS_SERVICES = {
     "teleport_relative": ("robot.hop",),
     "set_pose": ("odometry.set_pose",),
 }
+# Those that are parameters here.
+ROS_PARAMETERS = {
+    "set_pen": "`diffbotctl param set canvas.pen_red 255`, and pen_green, pen_blue, pen_width, pen"
+}
 VALUE_MAX = 1e300  # beyond any parameter; a larger whole number may not fit into a float
 
 
@@ -254,6 +258,8 @@ def _text_argument(name: str, value: Any) -> str:
 def _action_hint(name: str, available: Iterable[str]) -> str:
     """The fix for an action that does not exist, which may be called like a service of ROS."""
     service = name.strip("/").split("/")[-1]
+    if service in ROS_PARAMETERS:
+        return f"here these are parameters: {ROS_PARAMETERS[service]}"
     meant = [action for action in ROS_SERVICES.get(service, ()) if action in available]
     return f"here it is {' and '.join(meant)}" if meant else suggestion(name, available)
 

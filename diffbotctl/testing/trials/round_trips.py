@@ -23,6 +23,7 @@ from diffbotctl.testing.command_process import children_of, command_line, proces
 from diffbotctl.testing.running import PlainClient
 
 RATE = 200.0
+START_S = 0.5  # of an interpreter, which is no round trip
 # Arguments: the number of round trips, and the file for their times in ns.
 PYTHON_SENDER = """
 import json, sys, time
@@ -126,7 +127,7 @@ WITH_INPUT = "inputs: {back: {type: Text}}"
 
 
 class RoundTrips(NamedTuple):
-    """Sorted round trips (s), and the share of a core that the engine used.
+    """Sorted round trips (s), and the share of a core that the engine, or the echo, used.
 
     `recording`: of the run, without which there is none.
     """
@@ -181,11 +182,13 @@ def bare(folder: Path, run: str, echo: list[str], seconds: float) -> RoundTrips:
     other = subprocess.Popen(echo, stdin=there[0], stdout=back[1])
     for end in (*there, *back):
         os.close(end)
+    time.sleep(START_S)
+    load = _share(other.pid, seconds - 2 * START_S)
     _wait_for(result)
     for process in (sender, other):
         process.kill()
         process.wait()
-    return RoundTrips(_times(result))
+    return RoundTrips(_times(result), load)
 
 
 def through_program(folder: Path, run: str, seconds: float) -> RoundTrips:

@@ -69,6 +69,7 @@ QUARTERS = " ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"  # 1 upper left, 2 u
 QUARTER_BITS = (0x03, 0x18, 0x44, 0xA0)  # the braille dots in each of these quarters
 ARROWS, PLAIN_ARROWS = "→↗↑↖←↙↓↘", ">/^\\</v\\"  # x forward is drawn to the right, y left upwards
 LINE_MAX_DOTS = 4000  # of one line; more than any window has
+WIDE_LINE_MAX_DOTS = 40  # across
 CIRCLE_CORNERS = 48
 
 
@@ -116,6 +117,17 @@ class MapCanvas(CharacterCanvas):
             return  # seen from so near that it is no line any more
         for i in range(0, steps + 1, every):
             self.layer_dot(x0 + (x1 - x0) * i // steps, y0 + (y1 - y0) * i // steps, layer, colour)
+
+    def wide_line(
+        self, start: Point, end: Point, layer: MapLayer, width: float, colour: str | None = None
+    ) -> None:
+        """A line of a width in m, of at least one dot."""
+        dots = min(max(round(width * self.camera.scale), 1), WIDE_LINE_MAX_DOTS)
+        is_flat = abs(end[0] - start[0]) >= abs(end[1] - start[1])
+        for number in range(dots):
+            aside = (number - (dots - 1) / 2) / self.camera.scale
+            x, y = (0.0, aside) if is_flat else (aside, 0.0)
+            self.line((start[0] + x, start[1] + y), (end[0] + x, end[1] + y), layer, colour=colour)
 
     def lines(self, corners: Sequence[Point], layer: MapLayer, every: int = 1) -> None:
         """A line through all corners."""

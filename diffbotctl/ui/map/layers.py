@@ -59,13 +59,13 @@ def draw_map(
         canvas.circle((x, y), radius, MapLayer.WALL)
     if turtle.canvas is None:
         canvas.lines(state.trail.points, MapLayer.TRAIL)
-    for start, end, colour in turtle.lines:
-        canvas.line(start, end, MapLayer.TRAIL, colour=colour)
+    for line in turtle.lines:
+        canvas.wide_line(line.start, line.end, MapLayer.TRAIL, line.width, line.colour)
     for place, heading in turtle.others:
         canvas.arrow(place, heading, "bold yellow")
     odometry = newest_odometry(snapshot)
     _draw_goals(canvas, snapshot, odometry)
-    if odometry is not None:
+    if odometry is not None and turtle.has_first:
         for beam in scene.beams:
             message = snapshot.messages.get(beam.topic)
             if isinstance(message, Scan):

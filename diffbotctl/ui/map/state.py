@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from math import hypot
+from typing import NamedTuple
 
 from diffbotctl.geometry.trail import JUMP_MIN_M, Trail
 from diffbotctl.messages import Canvas, TurtlePose
@@ -17,12 +18,21 @@ TRAIL_MAX_POINTS = 3000  # then the oldest is dropped
 TURTLE_MAX_LINES = 5000  # then the oldest is dropped
 
 
+class TurtleLine(NamedTuple):
+    """A part of a turtle's line: its ends, its colour as #rrggbb, its width in m."""
+
+    start: Point
+    end: Point
+    colour: str
+    width: float
+
+
 class TurtleTrail:
     """Lines with their colours; `canvas` is None for a run that has no canvas."""
 
     def __init__(self) -> None:
         self.canvas: Canvas | None = None
-        self.lines: deque[tuple[Point, Point, str]] = deque(maxlen=TURTLE_MAX_LINES)
+        self.lines: deque[TurtleLine] = deque(maxlen=TURTLE_MAX_LINES)
         self.last: Point | None = None
         self.poses: dict[int, TurtlePose] = {}  # of the further turtles that can be driven
 
@@ -36,14 +46,22 @@ class TurtleTrail:
         self.canvas = canvas
         poses = [each for each in snapshot.messages.values() if isinstance(each, TurtlePose)]
         self.poses = {pose.number: pose for pose in poses}
+        if not canvas.has_first:
+            self.last = None
+            return
         point = (pose.x, pose.y)
         if self.last is not None:
             distance = hypot(point[0] - self.last[0], point[1] - self.last[1])
             if distance < POINT_SPACING_M:
                 return
             if canvas.is_down and distance < JUMP_MIN_M:
-                self.lines.append((self.last, point, canvas.pen))
+                self.lines.append(TurtleLine(self.last, point, canvas.pen, canvas.pen_width))
         self.last = point
+
+    @property
+    def has_first(self) -> bool:
+        """False after turtle 1 was killed."""
+        return self.canvas is None or self.canvas.has_first
 
     @property
     def others(self) -> list[tuple[Point, float]]:
