@@ -13,6 +13,7 @@ from tempfile import TemporaryDirectory
 
 from diffbotctl.config.load import load
 from diffbotctl.emulator.process import FIRST_SONAR
+from diffbotctl.geometry.distance_sensors import SHARPS
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_settings import RangeInput
 from diffbotctl.messages import Goal, Imu, Odometry
@@ -37,6 +38,7 @@ ECHO = (
     "robot.sensors.front.echo=50",
     "robot.board.telemetry=30 Hz",
 )
+LONG_RANGE = SHARPS["sharp_gp2y0a02yk0f"]  # the part that a sharp_custom is in the plant
 # With the distance (m) below which the sensor ceases to measure.
 SENSORS: dict[str, tuple[tuple[str, ...], float]] = {
     "GP2Y0A41": ((), 0.05),
@@ -45,11 +47,11 @@ SENSORS: dict[str, tuple[tuple[str, ...], float]] = {
     "own curve": (
         (
             "robot.sensors.front.type=sharp_custom",
-            "robot.sensors.front.near=8 cm",
-            "robot.sensors.front.reach=60 cm",
-            "robot.sensors.front.curve={a: 0.2, b: 1 cm, c: 0}",
+            f"robot.sensors.front.near={LONG_RANGE.near} m",
+            f"robot.sensors.front.reach={LONG_RANGE.reach} m",
+            "robot.sensors.front.curve={{a: {}, b: {} m, c: {}}}".format(*LONG_RANGE.curve),
         ),
-        0.08,
+        LONG_RANGE.near,
     ),
     "HC-SR04": (ECHO, 0.05),
 }
