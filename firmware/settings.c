@@ -134,7 +134,7 @@ static uint8_t check_more_pins(const settings_t *settings, uses_t *uses, uint8_t
         refusal = use(uses, board_sda, PLAIN_PIN);
         if (refusal == REFUSAL_NONE)
             refusal = use(uses, board_scl, PLAIN_PIN);
-        if (settings->gyro_axis >= GYRO_AXES)
+        if (settings->gyro_axis >= GYRO_AXES || settings->gyro_upward > UPWARD_DOWN)
             refusal = REFUSAL_RANGE;
     }
     return refusal;

@@ -28,6 +28,7 @@ from prove import (
     first_goal,
     hostile,
     imu,
+    kit_sensors,
     matrix,
     model,
     motion,
@@ -115,6 +116,7 @@ def sections_of(options: argparse.Namespace) -> list[ProofSection]:
         ProofSection("ROS 2", ros2.rows(options.bridge), options.bridge),
         ProofSection("chain of ROS 2", ros2_chain.rows(50.0, 2)),
         ProofSection("several robots", several_robots.rows(options.cuts), options.cuts),
+        ProofSection("sensors of kits", kit_sensors.rows(options.seed)),
         ProofSection("IMU", imu.rows(options.seed, imu_robots), imu_robots),
     ]
 

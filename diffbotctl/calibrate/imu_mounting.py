@@ -19,7 +19,7 @@ from diffbotctl.calibrate.result import GYRO_AXES, Finding
 from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.step import Event, Message
 from diffbotctl.errors import Problem, RunError
-from diffbotctl.links.diffbot_faults import GYRO_FIX
+from diffbotctl.links.diffbot_faults import gyro_fix
 from diffbotctl.messages import Encoders
 from diffbotctl.prompts.question import ManualAction
 
@@ -121,7 +121,7 @@ def refuse_faulty(frames: Sequence[Encoders]) -> None:
         if frame.turn is None:
             fault = fault or "the board reports no turn of the IMU"
         if fault:
-            raise RunError(Problem("E-IMU-FAULT", "calibrate imu", fault, GYRO_FIX))
+            raise RunError(Problem("E-IMU-FAULT", "calibrate imu", fault, gyro_fix(fault)))
 
 
 def rest_rate(rest: Sequence[Encoders]) -> float:

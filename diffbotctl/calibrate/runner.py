@@ -116,7 +116,7 @@ def open_session(
     def make_driver(file: RobotFile, previous: RobotDriver | None, now: int) -> RobotDriver:
         if previous is not None:
             previous.close()
-        return open_serial_robot(file.robot, port, report, now)
+        return open_serial_robot(file.robot, port, report, now, is_upward_checked=False)
 
     return RobotSession(file, make_driver, PacedClock(exact=False), key), None
 

@@ -168,7 +168,7 @@ def open_simulated(
     Raises EmulatorError when there is no emulator.
     """
     if port == "sim":
-        plant = draw_robot(file.robot, file.nominal, seed, world)
+        plant = draw_robot(file.robot, file.nominal, seed, world, is_upward_checked=False)
         make_driver = _simulated(plant)
     else:
         board = emulated_board(file.nominal, seed, world)
@@ -181,7 +181,7 @@ def _simulated(plant: SimulatedRobot) -> DriverFactory:
     def make_driver(file: RobotFile, previous: RobotDriver | None, now: int) -> RobotDriver:
         if previous is not None:
             plant.advance(now)
-            plant.restart_board(plant_parameters(file.robot, file.nominal))
+            plant.restart_board(plant_parameters(file.robot, file.nominal, False))
         return SimulatedRobotDriver(plant, is_duty_board(file.robot))
 
     return make_driver
@@ -191,6 +191,6 @@ def _emulated(board: EmulatedBoard) -> DriverFactory:
     def make_driver(file: RobotFile, previous: RobotDriver | None, now: int) -> RobotDriver:
         board.advance(now)
         board.received.clear()
-        return EmulatedRobotDriver(board, DiffbotHost(board_settings(file.robot)))
+        return EmulatedRobotDriver(board, DiffbotHost(board_settings(file.robot, False)))
 
     return make_driver

@@ -17,7 +17,7 @@ from diffbotctl.control_socket.address import EngineAddress, engines
 from diffbotctl.control_socket.client import ControlClient
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.estimation.imu_text import imu_text
-from diffbotctl.links.diffbot_faults import GYRO_FIX
+from diffbotctl.links.diffbot_faults import gyro_fix
 from diffbotctl.messages import Imu
 from diffbotctl.ports.access import SystemUser, system_groups
 from diffbotctl.ports.diagnosis import PortSurvey
@@ -88,7 +88,7 @@ def engine_findings() -> Iterator[DoctorFinding]:
             continue
         for imu in imus:
             verdict = IMU_VERDICTS[imu.state]
-            fix = GYRO_FIX if verdict == Verdict.BAD else ""
+            fix = gyro_fix(imu.cause) if verdict == Verdict.BAD else ""
             yield DoctorFinding(verdict, "IMU", f"{engine.name}: {imu_text(imu)}", fix)
 
 

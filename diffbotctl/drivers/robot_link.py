@@ -29,9 +29,9 @@ from diffbotctl.time import SECOND
 TICK_BYTES, BITS_PER_BYTE = 16, 10  # what is sent of a pair of ticks after the counts were taken
 
 
-def diffbot_host(robot: Robot, device: str) -> DiffbotHost:
+def diffbot_host(robot: Robot, device: str, is_upward_checked: bool = True) -> DiffbotHost:
     """The protocol for a board with our firmware; a USB port always means UART0 at 115200 baud."""
-    settings = board_settings(robot)
+    settings = board_settings(robot, is_upward_checked)
     return DiffbotHost(replace(settings, uart=0) if is_usb(device) else settings)
 
 
@@ -49,9 +49,11 @@ def rosserial_host(robot: Robot) -> RosserialHost:
     )
 
 
-def board_settings(robot: Robot) -> BoardSettings:
+def board_settings(robot: Robot, is_upward_checked: bool = True) -> BoardSettings:
     """The settings that our firmware needs of this robot.
 
+    `is_upward_checked`: the board compares the stated axis of the IMU with gravity. Calibration
+    reads axes across, too.
     Raises ConfigurationError for a board that it does not run on.
     """
     pins = BOARDS.get(robot.board.type)
@@ -81,7 +83,7 @@ def board_settings(robot: Robot) -> BoardSettings:
         range_channel=None if sensor is None else _analog_channel(pins, sensor.pin),
         range_name=name,
         further_ranges=tuple(_range_input(pins, name, robot.sensors[name]) for name in further),
-        gyro=_gyro_input(robot.imu),
+        gyro=_gyro_input(robot.imu, is_upward_checked),
         battery_channel=None if battery.pin is None else _analog_channel(pins, battery.pin),
         battery_divider=battery.divider or 1.0,
         battery_low=battery.low,
@@ -116,7 +118,7 @@ def _range_input(pins: BoardPins, name: str, sensor: SensorSection) -> RangeInpu
     return RangeInput(name, _analog_channel(pins, sensor.pin))
 
 
-def _gyro_input(imu: ImuSection) -> GyroInput | None:
+def _gyro_input(imu: ImuSection, is_upward_checked: bool) -> GyroInput | None:
     if imu.type is None:
         return None
     return GyroInput(
@@ -124,6 +126,7 @@ def _gyro_input(imu: ImuSection) -> GyroInput | None:
         "xyz".index(imu.axes[-1]),
         is_reversed=imu.axes.startswith("-"),
         is_lsm6=IMU_CHIPS[imu.type].is_lsm6,
+        is_upward_checked=is_upward_checked,
     )
 
 

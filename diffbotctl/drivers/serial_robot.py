@@ -30,14 +30,19 @@ a watchdog process stop it. `diffbotctl flash firmware` installs a firmware that
 
 
 def open_serial_robot(
-    robot: Robot, device: str, tell: Callable[[str], None], now: int = 0
+    robot: Robot,
+    device: str,
+    tell: Callable[[str], None],
+    now: int = 0,
+    is_upward_checked: bool = True,
 ) -> SerialRobot:
     """Open `device` at `now` (ns) and drive `robot` through it. Raises RunError.
 
+    `is_upward_checked`: the board compares the stated axis of the IMU with gravity.
     A watchdog process replaces the dead-man's stop that the book's firmware lacks.
     """
     if robot.link.protocol != "rosserial":
-        host = diffbot_host(robot, device)
+        host = diffbot_host(robot, device, is_upward_checked)
         driver = SerialRobot(host, lambda: reopen_port(device, host.baud))
         driver.use_port(now, open_port(device, host.baud))
         return driver

@@ -12,7 +12,7 @@ from diffbotctl.errors import Problem, RunError
 from diffbotctl.links.diffbot_faults import (
     BATTERY_CAUSE,
     BUTTON_CAUSE,
-    GYRO_FIX,
+    gyro_fix,
     wheel_fault_cause,
 )
 from diffbotctl.messages import Battery, Duty, Encoders, Link, Stop, Wheels
@@ -87,7 +87,14 @@ class SimulatedRobotDriver:
             return
         self._awaits_gyro = False
         if encoders.turn_fault:
-            raise RunError(Problem("E-IMU-FAULT", "simulated robot", encoders.turn_fault, GYRO_FIX))
+            raise RunError(
+                Problem(
+                    "E-IMU-FAULT",
+                    "simulated robot",
+                    encoders.turn_fault,
+                    gyro_fix(encoders.turn_fault),
+                )
+            )
 
     def _count_low(self, battery: Battery) -> None:
         """As the firmware counts: a moment of full load is not a low battery."""

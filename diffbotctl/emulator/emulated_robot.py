@@ -16,7 +16,9 @@ from diffbotctl.drivers.robot_link import board_settings
 from diffbotctl.emulator.process import (
     FIRST_GYRO,
     FIRST_SONAR,
+    GYRO_ACCELERATION,
     GYRO_FAULT,
+    GYRO_ONE_G,
     GYRO_RATE_UNIT,
     Emulator,
     GyroFault,
@@ -138,7 +140,7 @@ class EmulatedBoard:
         return millivolts | self._gyro_inputs()
 
     def _gyro_inputs(self) -> dict[int, int]:
-        """The rates and the fault of the gyro, as often as it measures."""
+        """Rates, accelerations and the fault of the gyro, as often as it measures."""
         gyro, axes = self.plant.gyro, self.plant.parameters.gyro_axes
         if gyro is None or axes is None or self.plant.now < self._gyro_due:
             return {}
@@ -149,7 +151,10 @@ class EmulatedBoard:
             if axis.up:
                 rates[number] = axis.up * degrees(rate)
         inputs = {FIRST_GYRO + number: round(rates[number] / GYRO_RATE_UNIT) for number in range(3)}
-        return inputs | {GYRO_FAULT: GYRO_FAULTS[gyro.fault_kind]}
+        gravity = {
+            GYRO_ACCELERATION + number: axis.up * GYRO_ONE_G for number, axis in enumerate(axes)
+        }
+        return inputs | gravity | {GYRO_FAULT: GYRO_FAULTS[gyro.fault_kind]}
 
 
 class EmulatedRobotDriver:

@@ -32,6 +32,8 @@ SONAR_SILENT, SONAR_ENDLESS = 0, 0xFFFF  # it does not answer; its echo does not
 FIRST_GYRO = 160  # channels of the gyro's rates about x, y and z
 GYRO_FAULT = FIRST_GYRO + 3  # channel of its fault, a GyroFault
 GYRO_RATE_UNIT = 0.02  # deg/s
+GYRO_ACCELERATION = FIRST_GYRO + 4  # channels of the accelerations along x, y and z, signed
+GYRO_ONE_G = 16384  # in these channels
 EXIT_TIMEOUT_S = 5.0
 ANSWER_TIMEOUT_S = 30.0  # for a step, also on a busy computer; then it is suspended
 
@@ -201,8 +203,8 @@ class Emulator:
         """Run to `until`, with pins changing on the way and bytes arriving from now on.
 
         `millivolts` gives analog channels (A0 is 0), and from FIRST_SONAR on the echoes of the
-        HC-SR04 sensors in us, from FIRST_GYRO on the gyro's rates (signed) in GYRO_RATE_UNIT and
-        its fault; `received` is what goes into each UART, at its
+        HC-SR04 sensors in us, from FIRST_GYRO on the gyro's rates (signed) in GYRO_RATE_UNIT, its
+        fault and its accelerations; `received` is what goes into each UART, at its
         own baud rate. Raises EmulatorError when the emulator has crashed.
         """
         if self._usb is not None and self._uart is not None:

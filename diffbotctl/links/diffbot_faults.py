@@ -16,10 +16,16 @@ GYRO_CAUSES = {
     frames.FLAG_GYRO_STUCK: "the rate that the IMU measures does not change",
     frames.FLAG_GYRO_RANGE: f"the robot turned faster than the {frames.GYRO_MAXIMUM} deg/s that "
     "the IMU measures",
+    frames.FLAG_GYRO_GRAVITY: "by gravity the axis of the IMU that the robot file states as "
+    "pointing up does not: the IMU is upside down or on its side, or the robot has tipped over",
 }
-GYRO_FIX = (
+_GYRO_FIX = (
     "check its supply, its wires SDA and SCL, and the address (AD0) in the robot file; without it: "
     "imu: {type: none}"
+)
+_GRAVITY_FIX = (
+    "state the printed axis that points up, such as imu: {axes: -z}: `diffbotctl calibrate imu` "
+    "finds it; or screw the IMU down as stated"
 )
 BATTERY_CAUSE = "the battery is low{volts}; charge it"
 BATTERY_STOP_TEXT = "the robot stops when it stays low for 10 s"
@@ -37,6 +43,13 @@ def wheel_fault_cause(flags: int) -> str:
     if _sides(flags, STORMS):
         causes.append(STORM_FIX)
     return "; ".join(causes) or UNKNOWN_CAUSE
+
+
+def gyro_fix(cause: str) -> str:
+    """What to do about a cause of GYRO_CAUSES."""
+    if GYRO_CAUSES[frames.FLAG_GYRO_GRAVITY] in cause:
+        return _GRAVITY_FIX
+    return _GYRO_FIX
 
 
 def gyro_cause(flags: int) -> str:

@@ -38,6 +38,7 @@ FLAG_GYRO_SILENT = 2048  # the gyro does not answer at its address
 FLAG_GYRO_BUS = 4096  # the I2C bus is held low, or has no pull-ups
 FLAG_GYRO_STUCK = 8192  # the rate of the gyro does not change
 FLAG_GYRO_RANGE = 16384  # the robot turns faster than the gyro measures
+FLAG_GYRO_GRAVITY = 32768  # the axis of the gyro does not point as the settings state
 RECEIVE_MOST = 96  # bytes of the longest payload that a board of this version takes
 RANGE_MASK = 16383  # bits of a range value
 RANGE_NOTHING = 16383  # no echo was heard: nothing in range
@@ -177,6 +178,15 @@ class CapabilityCode(ProtocolCode):
     SEVERAL_RANGES = 18, "up to four sensors in range frames, besides that of the state frame"
     MPU6050 = 24, "gyro of an MPU6050, MPU6500 or MPU9250"
     LSM6 = 25, "gyro of an LSM6DS3 or LSM6DSO"
+    GRAVITY = 26, "the direction of its axis, by its accelerometer"
+
+
+class UpwardCode(ProtocolCode):
+    """Codes of `upward`."""
+
+    UNCHECKED = 0, "the axis of the gyro may point anywhere"
+    UP = 1
+    DOWN = 2
 
 
 class DriverCode(ProtocolCode):
@@ -295,6 +305,7 @@ class SettingsFrame(NamedTuple):
     gyro_address: Uint8  # I2C address of the gyro; 0: none
     gyro_axis: Uint8  # its axis that is read: 0 x, 1 y, 2 z; those of an LSM6 from GYRO_LSM6 on
     lag: Uint8  # of the slower motor, 10 ms; 0: unknown
+    gyro_upward: Uint8  # where the axis of the gyro points: code
 
 
 class StateFrame(NamedTuple):

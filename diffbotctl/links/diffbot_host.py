@@ -19,7 +19,7 @@ from diffbotctl.links.board_search import (
 )
 from diffbotctl.links.diffbot_codec import FrameDecoder, encode
 from diffbotctl.links.diffbot_commands import CommandSender
-from diffbotctl.links.diffbot_faults import BATTERY_STOP_TEXT, GYRO_FIX, gyro_cause, storm_text
+from diffbotctl.links.diffbot_faults import BATTERY_STOP_TEXT, gyro_cause, gyro_fix, storm_text
 from diffbotctl.links.diffbot_frames import ActionCode, ItemCode, ModeCode, RefusalCode, ResetCode
 from diffbotctl.links.diffbot_ranges import further_range, range_fault
 from diffbotctl.links.diffbot_settings import BAUDS, FIRST_BAUD, BoardSettings, settings_name
@@ -364,7 +364,7 @@ class DiffbotHost:
             self._awaits_gyro = False
         elif self._awaits_gyro:
             if now >= self._gyro_due:
-                self.refusal = Refusal("E-IMU-FAULT", fault, GYRO_FIX)
+                self.refusal = Refusal("E-IMU-FAULT", fault, gyro_fix(fault))
                 self._gyro_due = NEVER
             return encoders._replace(turn=None)
         return encoders._replace(turn=gyro.true_turn * encoders.turn, turn_fault=fault)

@@ -38,6 +38,8 @@ class GyroInput(NamedTuple):
     """true when that axis points down"""
     is_lsm6: bool = False
     """an LSM6DS3 or LSM6DSO; else one of the MPU6050's family"""
+    is_upward_checked: bool = False
+    """whether the board compares the direction of that axis with gravity"""
 
     @property
     def true_turn(self) -> float:
@@ -48,6 +50,13 @@ class GyroInput(NamedTuple):
     def axis_code(self) -> int:
         """The field gyro_axis of the settings."""
         return self.axis + (frames.GYRO_LSM6 if self.is_lsm6 else 0)
+
+    @property
+    def upward(self) -> frames.UpwardCode:
+        """The field gyro_upward of the settings."""
+        if not self.is_upward_checked:
+            return frames.UpwardCode.UNCHECKED
+        return frames.UpwardCode.DOWN if self.is_reversed else frames.UpwardCode.UP
 
 
 @dataclass(frozen=True)
@@ -181,6 +190,7 @@ class BoardSettings:
             standby=_from_one(self.standby),
             gyro_address=self.gyro.address if self.gyro else 0,
             gyro_axis=self.gyro.axis_code() if self.gyro else 0,
+            gyro_upward=self.gyro.upward if self.gyro else 0,
             lag=min(round((self.lag or 0.0) * SECOND / LAG_UNIT), LAG_MAX),
             **wheels,
             **self._range_pins(),

@@ -69,6 +69,7 @@ class PlantParameters(NamedTuple):
     encoder_reversed: tuple[bool, bool] = (False, False)  # setting: two channels count down forward
     gyro_axes: Directions | None = None  # of the axes printed on the IMU; None: no IMU
     gyro_direction: Direction = UP  # of the axis that the settings state as up
+    is_upward_checked: bool = True  # setting: that axis is compared with gravity
 
 
 def board_kind(robot: Robot) -> BoardKind:
@@ -80,7 +81,9 @@ def board_kind(robot: Robot) -> BoardKind:
     return "edges" if robot.board.edge_times else "counts"
 
 
-def plant_parameters(robot: Robot, nominal: Robot | None = None) -> PlantParameters:
+def plant_parameters(
+    robot: Robot, nominal: Robot | None = None, is_upward_checked: bool = True
+) -> PlantParameters:
     """The parameters of a plant built as `nominal` states, with a board set up as `robot` states.
 
     Without `nominal` nothing was calibrated.
@@ -121,6 +124,7 @@ def plant_parameters(robot: Robot, nominal: Robot | None = None) -> PlantParamet
         encoder_reversed=(left.encoder.reversed, right.encoder.reversed),
         gyro_axes=None if nominal.imu.type is None else axis_directions(upward),
         gyro_direction=axis_direction(robot.imu.axes, upward),
+        is_upward_checked=is_upward_checked,
         channels=_assignment(
             *(side.motor.enable or side.motor.in1 for side in (left, built.left, built.right))
         ),

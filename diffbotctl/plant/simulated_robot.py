@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 from diffbotctl.config.robot import Robot
 from diffbotctl.config.simulation import Simulation
+from diffbotctl.links.diffbot_faults import GYRO_CAUSES
+from diffbotctl.links.diffbot_frames import FLAG_GYRO_GRAVITY
 from diffbotctl.messages import Battery, Duty, Encoders, Message, Odometry, Volts, Wheels
 from diffbotctl.plant.battery import read_analog
 from diffbotctl.plant.chassis import Pose
@@ -16,6 +18,7 @@ from diffbotctl.plant.disturbances import DisturbanceSchedule
 from diffbotctl.plant.drive_train import Wheel
 from diffbotctl.plant.encoder_disc import LevelChange
 from diffbotctl.plant.gyro import SimulatedGyro
+from diffbotctl.plant.imu_mounting import UP
 from diffbotctl.plant.motor_bridge import BridgeHeat
 from diffbotctl.plant.robot_parameters import PlantParameters, board_kind, plant_parameters
 from diffbotctl.plant.simulated_board import BOARD_MODELS, JITTER_MAX_SD, BoardKind, SimulatedBoard
@@ -443,8 +446,12 @@ class SimulatedRobot:
         if self.gyro is None or not self._model.has_speed_loop:
             return frame
         self._roll()
-        self.gyro.measure(frame.time, self.chassis, self.parameters.gyro_direction)
-        return frame._replace(turn=self.gyro.reported(), turn_fault=self.gyro.fault(frame.time))
+        direction = self.parameters.gyro_direction
+        self.gyro.measure(frame.time, self.chassis, direction)
+        fault = self.gyro.fault(frame.time)
+        if self.parameters.is_upward_checked and direction != UP:
+            fault = fault or GYRO_CAUSES[FLAG_GYRO_GRAVITY]
+        return frame._replace(turn=self.gyro.reported(), turn_fault=fault)
 
     def _camera_pose(self, now: int) -> Odometry:
         """The true pose and velocity, in the world."""
@@ -500,11 +507,15 @@ def _start_pose(simulation: Simulation) -> Pose:
 
 
 def draw_robot(
-    robot: Robot, nominal: Robot, seed: int, world: World | None = None
+    robot: Robot,
+    nominal: Robot,
+    seed: int,
+    world: World | None = None,
+    is_upward_checked: bool = True,
 ) -> SimulatedRobot:
     """The plant of a robot: built as `nominal` states, with a board set up as `robot` states.
 
     `nominal` is the robot file without its calibration, `robot` the file with it.
     """
-    parameters = plant_parameters(robot, nominal)
+    parameters = plant_parameters(robot, nominal, is_upward_checked)
     return SimulatedRobot(board_kind(robot), parameters, nominal.simulation, Random(seed), world)

@@ -79,7 +79,8 @@ typedef struct {
     board_t *board;
     avr_twi_t *unit;
     uint8_t registers[GYRO_REGISTERS], pointer;
-    int16_t rates[3]; /* about x, y, z; 0.02 deg/s */
+    int16_t rates[3];         /* about x, y, z; 0.02 deg/s */
+    int16_t accelerations[3]; /* along x, y, z; 1/16384 g */
     uint8_t fault, input; /* at present; as the input had it last */
     enum { ADDRESSING, POINTING, WRITING, READING } phase;
     bool owned;         /* between start and stop */

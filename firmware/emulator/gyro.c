@@ -1,4 +1,4 @@
-/* An MPU6050 at its two addresses, an LSM6DSO at its own, as far as a gyro needs: their registers (register
+/* An MPU6050 at its two addresses, an LSM6DSO at its own, as far as the firmware needs them: their registers (register
    map of the MPU6050, revision 4.2; data sheet of the LSM6DSO, which has those of the LSM6DS3 here), and
    the bus unit of the chip, since that of simavr 1.6 loses bytes of a master. */
 #include "gyro.h"
@@ -22,13 +22,13 @@ enum {
     RECEIVED = 0x50,
     RECEIVED_LAST = 0x58,
 };
-enum { CONFIG = 0x1B, XOUT = 0x43, POWER = 0x6B, IDENTITY = 0x75 };
+enum { CONFIG = 0x1B, ACCELERATION_CONFIG = 0x1C, ACCELERATION = 0x3B, XOUT = 0x43, POWER = 0x6B, IDENTITY = 0x75 };
 #define ASLEEP 0x40
 #define LSB_PER_DEGREE 131 /* at 250 deg/s; half of it at each larger scale */
 #define UNITS_PER_DEGREE 50
 /* The LSM6DSO. Without a rate its gyro is off. With BLOCKS both bytes of a reading are of one rate,
    with INCREMENTS they are successive registers. */
-enum { LSM6_ADDRESS = 0x6A, LSM6_IDENTITY = 0x0F, RATE_AND_SCALE = 0x11, CONTROL = 0x12, LSM6_XOUT = 0x22 };
+enum { LSM6_ADDRESS = 0x6A, LSM6_IDENTITY = 0x0F, LSM6_ACCELERATION_CONFIG = 0x10, RATE_AND_SCALE = 0x11, CONTROL = 0x12, LSM6_XOUT = 0x22, LSM6_ACCELERATION = 0x28 };
 enum { BLOCKS = 0x40, INCREMENTS = 0x04 };
 #define RATE_BITS 0xF0
 #define RANGE_245_MICRODEGREES 8750 /* of a bit; twice that at each larger scale */
@@ -58,10 +58,25 @@ static int16_t saturated(int raw)
     return raw > INT16_MAX ? INT16_MAX : raw < INT16_MIN ? INT16_MIN : (int16_t)raw;
 }
 
+/* Both measure up to 2 g, unless their full scale is another one, which this does not convert. */
+static void latch_acceleration(gyro_t *gyro)
+{
+    uint8_t number = is_lsm6(gyro) ? LSM6_ACCELERATION : ACCELERATION;
+    uint8_t config = gyro->registers[is_lsm6(gyro) ? LSM6_ACCELERATION_CONFIG : ACCELERATION_CONFIG];
+    if (config & (is_lsm6(gyro) ? 0x0C : 0x18) || (is_lsm6(gyro) && !(config & RATE_BITS)))
+        return;
+    for (unsigned axis = 0; axis < 3; axis++) {
+        int16_t raw = gyro->accelerations[axis];
+        gyro->registers[number + 2 * axis + is_lsm6(gyro)] = (uint8_t)(raw >> 8);
+        gyro->registers[number + 2 * axis + !is_lsm6(gyro)] = (uint8_t)raw;
+    }
+}
+
 static void latch_mpu6050(gyro_t *gyro)
 {
     if (gyro->registers[POWER] & ASLEEP)
         return;
+    latch_acceleration(gyro);
     int scale = gyro->registers[CONFIG] >> 3 & 3;
     for (unsigned axis = 0; axis < 3; axis++) {
         int16_t raw = saturated(gyro->rates[axis] * LSB_PER_DEGREE / (1 << scale) / UNITS_PER_DEGREE);
@@ -73,6 +88,7 @@ static void latch_mpu6050(gyro_t *gyro)
 /* Bytes that could be of two rates are as wrong as can be, so that a test shows them. */
 static void latch_lsm6(gyro_t *gyro)
 {
+    latch_acceleration(gyro);
     uint8_t control = gyro->registers[RATE_AND_SCALE];
     if (!(control & RATE_BITS))
         return;
@@ -229,6 +245,11 @@ void gyro_set(board_t *board, unsigned input, uint16_t value)
         return;
     if (input < 3) {
         gyro->rates[input] = (int16_t)value;
+        latch(gyro);
+        return;
+    }
+    if (input >= GYRO_ACCELERATIONS) {
+        gyro->accelerations[input - GYRO_ACCELERATIONS] = (int16_t)value;
         latch(gyro);
         return;
     }

@@ -9,7 +9,9 @@
 void gyro_begin(board_t *board);
 void gyro_reset(board_t *board, bool power);
 
-/* Rates about x, y and z in units of 0.02 deg/s for inputs 0 to 2; input 3: a GYRO_... fault. */
+/* Rates about x, y and z in units of 0.02 deg/s for inputs 0 to 2; input 3: a GYRO_... fault; from input
+   GYRO_ACCELERATIONS on the accelerations along x, y and z in 1/16384 g. */
+#define GYRO_ACCELERATIONS 4
 void gyro_set(board_t *board, unsigned input, uint16_t value);
 
 #endif

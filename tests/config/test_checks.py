@@ -173,3 +173,15 @@ def test_the_tables_contain_only_pins_of_the_board(board):
 )
 def test_analog_pins_have_two_names(board, number, name):
     assert board.named(number) == name
+
+
+@pytest.mark.parametrize(
+    ("standby", "codes"), [("", ["W-DRIVER-STANDBY"]), (", standby: none", [])]
+)
+def test_a_tb6612_needs_its_standby_input_stated(tmp_path, standby, codes):
+    file = tmp_path / "kit.yaml"
+    motor = f"drive: {{motor: {{driver: tb6612, idle: coast{standby}}}}}"
+    file.write_text(f"format: 1\nkind: robot\ninclude: book_2wd\n{motor}\nboard: {{supply: usb}}\n")
+    found = [problem for problem in check("goal", str(file), ()) if "STANDBY" in problem.code]
+    assert [problem.code for problem in found] == codes
+    assert all("standby: none" in problem.fix for problem in found)

@@ -5,7 +5,14 @@ from random import Random
 
 import pytest
 
-from diffbotctl.emulator.process import FIRST_GYRO, FIRST_SONAR, GYRO_FAULT, GYRO_RATE_UNIT
+from diffbotctl.emulator.process import (
+    FIRST_GYRO,
+    FIRST_SONAR,
+    GYRO_ACCELERATION,
+    GYRO_FAULT,
+    GYRO_ONE_G,
+    GYRO_RATE_UNIT,
+)
 from diffbotctl.emulator.process import GyroFault as Fault
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import pack
@@ -34,14 +41,22 @@ class GyroBench(BoardBench):
 
     def __init__(self, settings, axis=2):
         super().__init__(settings=settings)
-        self.axis, self.noise = axis, Random(1)
+        self.axis, self.noise, self.gravity = axis, Random(1), 0
+
+    def weigh(self, gravity):
+        """From now on this acts along the axis, in 1/16384 g."""
+        self.gravity = gravity
 
     def turn_at(self, rate, ms, fault=Fault.NONE):
         """Turn at `rate` deg/s; the frames with turns meanwhile."""
         self.heard.clear()
         for _ in range(ms * MS // PERIOD):
             noisy = rate + self.noise.gauss(0.0, NOISE_SD)
-            inputs = {FIRST_GYRO + self.axis: round(noisy / GYRO_RATE_UNIT), GYRO_FAULT: fault}
+            inputs = {
+                FIRST_GYRO + self.axis: round(noisy / GYRO_RATE_UNIT),
+                GYRO_ACCELERATION + self.axis: self.gravity,
+                GYRO_FAULT: fault,
+            }
             self.run(self.now + PERIOD, inputs)
         return [each for each in self.heard if isinstance(each.frame, frames.InertialFrame)]
 
@@ -49,6 +64,48 @@ class GyroBench(BoardBench):
         self.turn_at(0.0, 30)
         self.ready()
         self.turn_at(0.0, 500)
+
+
+@ALL
+@CHIPS
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("is_reversed", [False, True])
+def test_gravity_along_the_axis_is_that_of_the_settings(board, gyro, axis, is_reversed):
+    """Up or down as stated, also askew by 50 deg: trusted. The other way, or across: refused."""
+    gyro = gyro._replace(axis=axis, is_reversed=is_reversed, is_upward_checked=True)
+    up = -GYRO_ONE_G if is_reversed else GYRO_ONE_G
+    with GyroBench(replace(SETTINGS[board], gyro=gyro), axis) as bench:
+        for gravity in (up, round(0.65 * up)):
+            bench.weigh(gravity)
+            bench.turn_at(0.0, 30)
+            bench.ready()
+            bench.turn_at(0.0, 500)
+            assert not any(each.frame.turn_fault for each in bench.turn_at(0.0, 1000))
+        for gravity in (-up, round(0.4 * up), 0):
+            bench.weigh(gravity)
+            bench.turn_at(0.0, 500)
+            assert all(each.frame.turn_fault for each in bench.turn_at(0.0, 1500))
+            assert last_flags(bench) & frames.FLAG_GYRO_GRAVITY
+
+
+@ALL
+def test_gravity_of_an_axis_that_is_not_checked_does_not_matter(board):
+    with GyroBench(SETTINGS[board]) as bench:
+        bench.weigh(-GYRO_ONE_G)
+        bench.start()
+        assert not any(each.frame.turn_fault for each in bench.turn_at(0.0, 1000))
+
+
+@ALL
+def test_a_bump_is_no_wrong_direction(board):
+    """0.2 s without weight, as in a fall of 20 cm, and longer than any bump of a floor."""
+    gyro = MPU6050._replace(is_upward_checked=True)
+    with GyroBench(replace(SETTINGS[board], gyro=gyro)) as bench:
+        bench.weigh(GYRO_ONE_G)
+        bench.start()
+        for gravity in (0, GYRO_ONE_G, -GYRO_ONE_G, GYRO_ONE_G):
+            bench.weigh(gravity)
+            assert not any(each.frame.turn_fault for each in bench.turn_at(0.0, 200))
 
 
 def degrees(before, after, gyro=MPU6050):
@@ -215,6 +272,7 @@ def test_30_frames_a_second_at_9600_baud_beside_two_distance_sensors(board):
         ("uno", {"battery_channel": 5}, "PIN_TWICE", "gyro_address"),
         ("mega2560", {"gyro": GyroInput(0x68, 6)}, "RANGE", "gyro_address"),
         ("mega2560", {"gyro": GyroInput(0x6A, 3, is_lsm6=True)}, "RANGE", "gyro_address"),
+        ("uno", {"gyro": GyroInput(0x68, is_upward_checked=True)}, "NONE", "baud"),
         ("mega2560", {}, "NONE", "baud"),
         ("uno", {}, "NONE", "baud"),
     ],

@@ -29,7 +29,6 @@ calibration: {{imu.scale: {{value: 1.0, sd: 0.003}}}}
 """
 UNO = "diffbotctl/testing/uno.yaml"
 GOAL = Goal(0, 1, 0.6, 0.3, 1.0)
-ASIDE = Goal(0, 1, 0.0, 0.5)  # behind a turn of 90 deg
 FAULTS = ("silent", "bus_held", "stuck")
 
 
@@ -145,22 +144,19 @@ def test_a_gyro_that_fails_under_way_leaves_no_goal_sure(drive, port, include, f
 
 
 @pytest.mark.parametrize("port", ["sim", "emulated"])
+@pytest.mark.parametrize("type", ["mpu6050", "lsm6dso"])
 @pytest.mark.parametrize(
-    ("true", "goal", "cause"), [("-z", GOAL, "wrong sign"), ("x", ASIDE, "nearly nothing")]
+    ("axes", "true"), [("z", "-z"), ("-z", "z"), ("z", "x"), ("z", "-y"), ("x", "-x")]
 )
-def test_an_imu_that_is_mounted_wrongly_is_noticed_in_the_first_turn(
-    drive, port, true, goal, cause
-):
-    """Nothing shows it at rest. The goal is reached by the wheels, and is not sure."""
-    run, result = drive(port, true=true, goal=goal)
-    assert result.ending.code == 3, result.ending.cause
-    assert cause in result.ending.cause
-    first = next(pose for pose in run.poses if cause in pose.warning)
-    assert abs(degrees(first.heading)) < 110.0
-    assert {imu.state for imu in run.imus if imu.time >= first.time} == {"failed"}
-    pose, end = run.poses[-1], result.truth.pose
-    assert abs(degrees(pose.heading - end.heading)) < 10.0
-    assert hypot(pose.x - end.x, pose.y - end.y) < 0.1
+def test_an_imu_that_is_mounted_wrongly_is_refused_before_any_motion(drive, port, type, axes, true):
+    _, result = drive(port, type=type, axes=axes, true=true)
+    assert result.ending.code == 1
+    assert result.failure is not None
+    (problem,) = result.failure.problems
+    assert problem.code == "E-IMU-FAULT"
+    assert "upside down" in problem.cause and "calibrate imu" in problem.fix
+    assert result.truth.travel == 0.0
+    assert result.ending.stopped
 
 
 def test_between_two_goals_the_robot_rests():

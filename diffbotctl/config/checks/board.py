@@ -113,6 +113,14 @@ def check_driver(context: CheckContext) -> None:
         motor = getattr(context.robot.drive, side).motor
         for name in ("enable", "in2", "standby"):
             _check_input(context, facts, side, name, getattr(motor, name) is not None)
+    if (
+        facts.standby is not None
+        and context.robot_value("drive", "left", "motor", "standby") is None
+    ):
+        place = context.error_place("drive.left.motor.driver")
+        cause = f"{facts.with_article} with its pin {facts.standby} open keeps the motors off"
+        fix = f"connect {facts.standby} to a pin and write standby: 4, or to 5 V: standby: none"
+        context.warn("W-DRIVER-STANDBY", place, cause, fix)
     idle = context.values("drive.left.motor.idle")
     if facts.always_brakes and idle == ("coast",):
         place = context.error_place("drive.left.motor.idle", "drive.left.motor.driver")

@@ -1,9 +1,11 @@
-// An MPU6050 or an LSM6DSO on the bus unit I2C0, as far as a gyro needs: their registers (register map of the
+// An MPU6050 or an LSM6DSO on the bus unit I2C0, as far as the firmware needs them: their registers (register map of the
 // MPU6050, revision 4.2; data sheet of the LSM6DSO), their faults, and the time of each byte at 100 kHz.
 
 const SDA = 4;
 const SCL = 5;
 const CONFIG = 0x1b;
+const ACCELERATION_CONFIG = 0x1c;
+const ACCELERATION = 0x3b;
 const XOUT = 0x43;
 const POWER = 0x6b;
 const IDENTITY = 0x75;
@@ -14,9 +16,11 @@ const UNITS_PER_DEGREE = 50;
 // The LSM6DSO, as in ../gyro.c.
 const LSM6_ADDRESS = 0x6a;
 const LSM6_IDENTITY = 0x0f;
+const LSM6_ACCELERATION_CONFIG = 0x10;
 const RATE_AND_SCALE = 0x11;
 const CONTROL = 0x12;
 const LSM6_XOUT = 0x22;
+const LSM6_ACCELERATION = 0x28;
 const RATE_BITS = 0xf0;
 const BLOCKS = 0x40;
 const INCREMENTS = 0x04;
@@ -34,6 +38,7 @@ const BUS_HELD = 2;
 const BUS_IN_READING = 3;
 const STUCK = 4;
 const SUPPLY_DIP = 5;
+const ACCELERATIONS = 4; // first of the inputs
 
 const clamped = (value) => Math.max(-32768, Math.min(32767, value));
 
@@ -42,6 +47,7 @@ export class Gyro {
     this.board = board;
     this.address = address;
     this.rates = [0, 0, 0];
+    this.accelerations = [0, 0, 0];
     this.fault = this.input = this.pulses = 0;
     this.powerUp();
   }
@@ -145,8 +151,20 @@ export class Gyro {
     else this.latchMpu6050();
   }
 
+  // Both measure up to 2 g, unless their full scale is another one, which this does not convert.
+  latchAcceleration() {
+    const config = this.registers[this.isLsm6 ? LSM6_ACCELERATION_CONFIG : ACCELERATION_CONFIG];
+    if (config & (this.isLsm6 ? 0x0c : 0x18) || (this.isLsm6 && !(config & RATE_BITS))) return;
+    const number = this.isLsm6 ? LSM6_ACCELERATION : ACCELERATION;
+    this.accelerations.forEach((raw, axis) => {
+      this.registers[number + 2 * axis + Number(this.isLsm6)] = raw >> 8;
+      this.registers[number + 2 * axis + Number(!this.isLsm6)] = raw;
+    });
+  }
+
   latchMpu6050() {
     if (this.registers[POWER] & ASLEEP) return;
+    this.latchAcceleration();
     const scale = (this.registers[CONFIG] >> 3) & 3;
     this.rates.forEach((rate, axis) => {
       const raw = clamped(Math.trunc((rate * LSB_PER_DEGREE) / (1 << scale) / UNITS_PER_DEGREE));
@@ -157,6 +175,7 @@ export class Gyro {
 
   // Bytes that could be of two rates are as wrong as can be, so that a test shows them.
   latchLsm6() {
+    this.latchAcceleration();
     const control = this.registers[RATE_AND_SCALE];
     if (!(control & RATE_BITS)) return;
     const microdegrees = RANGE_245_MICRODEGREES << ((control >> 2) & 3);
@@ -168,10 +187,16 @@ export class Gyro {
     });
   }
 
-  // Rates about x, y and z in 0.02 deg/s for inputs 0 to 2; input 3: a fault.
+  // Rates about x, y and z in 0.02 deg/s for inputs 0 to 2; input 3: a fault; from 4 on the accelerations
+  // along x, y and z in 1/16384 g.
   set(input, value) {
     if (input < 3) {
       this.rates[input] = (value << 16) >> 16;
+      this.latch();
+      return;
+    }
+    if (input >= ACCELERATIONS) {
+      this.accelerations[input - ACCELERATIONS] = (value << 16) >> 16;
       this.latch();
       return;
     }
