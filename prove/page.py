@@ -61,8 +61,13 @@ def rows(opened: int) -> Iterator[Row]:
         yield _load(browser, server)
         stack.enter_context(running(folder, "standby", "--stay", name="floor"))
         server = stack.enter_context(serving(folder, "--engine", "floor"))
-        for device in DEVICES:
-            yield _goals(_open(browser, server, device), PlainClient(folder, "floor"), device)
+        client = PlainClient(folder, "floor")
+        for device in DEVICES:  # a page must be in front, and nobody else may drive
+            with Browser(folder / device, OFFLINE) as alone:
+                page = _open(alone, server, device)
+                _presser(page, device)("#take")
+                page.until("document.getElementById('role').textContent.includes('this page')")
+                yield _goals(page, client, device)
 
 
 def _sizes() -> Iterator[Row]:
@@ -148,9 +153,14 @@ class GoalTap(NamedTuple):
     arrival_error: float
 
 
+def _presser(page: Page, device: str) -> Callable[[str], None]:
+    """How a person presses a key of the page on this device."""
+    return page.tap if device == PHONE else page.click
+
+
 def _goals(page: Page, client: PlainClient, device: str) -> Row:
     """A tap beside the middle of the map, at every step of its zoom."""
-    press: Callable[[str], None] = page.tap if device == PHONE else page.click
+    press = _presser(page, device)
     press("#view-map")
     steps = ceil(log(SCALE_MAX / SCALE_MIN, ZOOM_STEP))
     for _ in range(steps):  # to the end of the zoom, wherever it began
