@@ -31,6 +31,7 @@ from diffbotctl.testing.trials.row import Row, print_rows
 from diffbotctl.time import SECOND
 
 STOP_TARGET_S = 0.5  # from the fault to PWM 0 on both motors
+HANGING_BLOCK = "diffbotctl.testing.trials.host_freeze:Hangs"  # also where this file is `__main__`
 START_TIMEOUT_S = 40.0
 WATCH_TIME_S = 6.0  # after the fault; the longest time in which the motors are waited for
 REST_TIME_S = 0.7  # PWM 0 counts as off when it stays so
@@ -194,7 +195,7 @@ def hanging(seed: int) -> FreezeOutcome:
         pipeline = Path(folder) / "hanging.yaml"
         pipeline.write_text(HANGING_PIPELINE)
         words = ("run", pipeline, "--goal", "9 0", "--set", f"hangs.after={after:.3f} s")
-        process = place.start(command_line_with_block("hangs", f"{__name__}:Hangs", *words))
+        process = place.start(command_line_with_block("hangs", HANGING_BLOCK, *words))
         assert process.stdout is not None
         for line in process.stdout:
             if HANGS in line:
