@@ -20,41 +20,28 @@ from diffbotctl.messages import Goal, Imu, Odometry
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
 from diffbotctl.testing.board_bench import BOOK, BoardBench
+from diffbotctl.testing.sensor_stops import (
+    BEYOND,
+    DRIVE_TIME_S,
+    GAP_MIN,
+    STOP_SETS,
+    STOPPING_SENSORS,
+    StoppingSensor,
+    gap,
+)
 from diffbotctl.testing.trials.row import Row, print_rows
 from diffbotctl.time import MILLISECOND, SECOND
 
-FRONT, WALL = 0.08, 0.8  # m, of the sensor and the body; of the wall
-MARGIN = 0.05  # m, that the stop leaves, and what braking may use of it
-BEYOND = Goal(0, 1, 1.2, 0.0, 0.0)
-STOP_SETS = (
-    f"world.walls=[{{from: [{WALL} m, -1 m], to: [{WALL} m, 1 m]}}]",
-    "robot.drive.polarity=checked_by_hand",
-    "follower.patience=20 s",
-)
-ECHO = (
-    "robot.sensors.front.type=hc_sr04",
-    "robot.sensors.front.pin=none",
-    "robot.sensors.front.trigger=24",
-    "robot.sensors.front.echo=50",
-    "robot.board.telemetry=30 Hz",
-)
 LONG_RANGE = SHARPS["sharp_gp2y0a02yk0f"]  # the part that a sharp_custom is in the plant
-# With the distance (m) below which the sensor ceases to measure.
-SENSORS: dict[str, tuple[tuple[str, ...], float]] = {
-    "GP2Y0A41": ((), 0.05),
-    "GP2Y0A21": (("robot.sensors.front.type=sharp_gp2y0a21yk0f",), 0.10),
-    "GP2Y0A02": (("robot.sensors.front.type=sharp_gp2y0a02yk0f",), 0.20),
-    "own curve": (
-        (
-            "robot.sensors.front.type=sharp_custom",
-            f"robot.sensors.front.near={LONG_RANGE.near} m",
-            f"robot.sensors.front.reach={LONG_RANGE.reach} m",
-            "robot.sensors.front.curve={{a: {}, b: {} m, c: {}}}".format(*LONG_RANGE.curve),
-        ),
-        LONG_RANGE.near,
+OWN_CURVE = StoppingSensor(
+    (
+        "robot.sensors.front.type=sharp_custom",
+        f"robot.sensors.front.near={LONG_RANGE.near} m",
+        f"robot.sensors.front.reach={LONG_RANGE.reach} m",
+        "robot.sensors.front.curve={{a: {}, b: {} m, c: {}}}".format(*LONG_RANGE.curve),
     ),
-    "HC-SR04": (ECHO, 0.05),
-}
+    LONG_RANGE.near,
+)
 ECHOES_US = (23_000, 1_000, 12_000, 400)
 ECHO_PINS = ((24, 50), (25, 51), (26, 52), (27, 53))  # trigger, echo
 NOTICED_MAX_S, UNSURE_SD = 0.5, 0.05
@@ -77,25 +64,27 @@ class ObservedRun(Run):
 
 def rows(seed: int) -> Iterator[Row]:
     """Rows 6 and 7: each sensor before a wall, four echoes in turn, and each fault of an IMU."""
-    for name, (sets, nearest) in SENSORS.items():
-        yield obstacle_stop(name, sets, nearest, seed)
+    for name, sensor in (STOPPING_SENSORS | {"own curve": OWN_CURVE}).items():
+        yield obstacle_stop(name, sensor, seed)
     yield echoes_in_turn()
     for kind in ("mpu6050", "lsm6dso"):
         yield refused_at_the_start(kind, seed)
         yield noticed_under_way(kind, seed)
 
 
-def obstacle_stop(name: str, sets: tuple[str, ...], nearest: float, seed: int) -> Row:
+def obstacle_stop(name: str, sensor: StoppingSensor, seed: int) -> Row:
     """A drive towards a wall on the emulated board, with a goal behind it."""
+    goal = Goal(0, 1, BEYOND, 0.0, 0.0)
     options = RunOptions(
-        port="emulated", goals=(BEYOND,), seed=seed, fast=True, duration=8 * SECOND
+        port="emulated", goals=(goal,), seed=seed, fast=True, duration=DRIVE_TIME_S
     )
-    result = Run(load("goal", None, [*sets, *STOP_SETS]), options, tell=lambda _: None).go()
+    result = Run(load("goal", None, [*sensor.sets, *STOP_SETS]), options, tell=lambda _: None).go()
     assert result.truth is not None
-    gap = WALL - FRONT - result.truth.pose.x
-    is_met = 0.02 < gap < nearest + MARGIN and bool(result.ending.stopped)
-    target = f"20 to {1000 * (nearest + MARGIN):.0f} mm"
-    return Row(f"{name}: stops before a wall, emulated", f"{1000 * gap:.0f} mm", target, is_met)
+    left_over = gap(result.truth.pose.x)
+    is_met = GAP_MIN < left_over < sensor.gap_max and bool(result.ending.stopped)
+    target = f"{1000 * GAP_MIN:.0f} to {1000 * sensor.gap_max:.0f} mm"
+    figure = f"{1000 * left_over:.0f} mm"
+    return Row(f"{name}: stops before a wall, emulated", figure, target, is_met)
 
 
 def echoes_in_turn() -> Row:
@@ -131,9 +120,7 @@ def _run(kind: str, fault: str, start: float, seed: int) -> ObservedRun:
     with TemporaryDirectory() as folder:
         file = Path(folder) / "robot.yaml"
         file.write_text(text)
-        options = RunOptions(
-            port="emulated", goals=(ASIDE,), seed=seed, fast=True, duration=60 * SECOND
-        )
+        options = RunOptions(port="emulated", goals=(ASIDE,), seed=seed, fast=True, duration=60.0)
         return ObservedRun(load("goal", str(file)), options, tell=lambda _: None)
 
 
