@@ -101,7 +101,9 @@ def test_a_file_that_cannot_be_written_ends_nothing(tmp_path):
     assert len(lines) == rows == 2
 
 
-def test_a_section_that_fails_in_the_middle_is_a_missed_row_and_the_next_one_follows(tmp_path):
+def test_a_section_that_fails_in_the_middle_is_a_missed_row_and_the_next_one_follows(
+    tmp_path, capsys
+):
     def failing():
         yield Row("first", "1", "1", True)
         raise BrokenPipeError("the run has ended\nfurther lines")
@@ -116,15 +118,4 @@ def test_a_section_that_fails_in_the_middle_is_a_missed_row_and_the_next_one_fol
         ("loads: all rows are measured", "BrokenPipeError: the run has ended", False),
         ("second", "2", True),
     ]
-
-
-def test_a_section_that_ends_in_an_error_is_a_missed_row_and_the_next_one_runs(tmp_path, capsys):
-    def broken():
-        yield Row("what", "1", "1", True)
-        raise BrokenPipeError("the engine has gone")
-
-    sections = [ProofSection("first", broken()), ProofSection("second", Watch().rows(1.0))]
-    rows = list(with_progress(sections, SectionTimes(tmp_path / "times.json"), io.StringIO()))
-    assert [row.met for row in rows] == [True, False, True]
-    assert rows[1].figure == "BrokenPipeError: the engine has gone"
-    assert "in broken" in capsys.readouterr().err  # the traceback, for whoever mends it
+    assert "in failing" in capsys.readouterr().err  # the traceback, for whoever mends it

@@ -182,7 +182,7 @@ class SerialRobot:
             self.unsent = self.protocol.send(now)
         if self.watchdog is not None:
             self.watchdog.report(now, self.unsent)
-            if self._has_intervened(self.watchdog):
+            if self._has_intervened():
                 self.unsent = b""  # of a motion, computed before the process was suspended
                 return
         if self.unsent:
@@ -191,13 +191,14 @@ class SerialRobot:
                 self.watchdog.wrote(self.unsent[:size])
             self.unsent = self.unsent[size:]
 
-    def _has_intervened(self, watchdog: BoardWatchdog) -> bool:
-        """Whether the next `deliver` takes an intervention; asked anew right before a write."""
-        return watchdog.holds() and watchdog.has_news()
+    def _has_intervened(self) -> bool:
+        """Whether the watchdog has an intervention that `deliver` has not taken yet."""
+        watchdog = self.watchdog
+        return watchdog is not None and watchdog.holds() and watchdog.has_news()
 
     def _check_watchdog(self, now: int) -> list[Delivery]:
         """The stop for an intervention of the watchdog; the robot's target is zero afterwards."""
-        if self.watchdog is None or not self.watchdog.holds() or not self.watchdog.has_news():
+        if self.watchdog is None or not self._has_intervened():
             return []
         self.unsent = b""
         self.protocol.stop(now)
