@@ -172,6 +172,13 @@ class Odometry(NamedTuple):
             "how well track and wheel diameters are known.",
         ),
     ] = 0.0
+    coast_time: Annotated[
+        float,
+        Field(
+            "s",
+            "Released now, the wheels travel this time their speed until they rest; 0: not known.",
+        ),
+    ] = 0.0
 
 
 class Imu(NamedTuple):

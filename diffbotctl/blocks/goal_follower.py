@@ -421,7 +421,9 @@ class GoalFollower(Block):
             predicted = Motion(0.0, 0.0, 0.0, 0.0)
         remaining = half_track * (pursuit.heading_error(odometry) - predicted.turn)
         rolling = half_track * predicted.angular
-        speed = approach_speed(remaining, rolling, pursuit.coast.time, seconds, bounds)
+        speed = approach_speed(
+            remaining, rolling, pursuit.coast_time(rolling, odometry), seconds, bounds
+        )
         if pursuit.needs_nudge:
             # A fine encoder shows when the wheels have left static friction; a coarse one too late.
             is_coarse = self.wheels.pitch > TURN_REST_RATIO * half_track * self.heading_tolerance
@@ -432,7 +434,7 @@ class GoalFollower(Block):
             )
             speed = speed or copysign(bounds.minimum, remaining)
         if speed == 0.0:
-            return FollowerStep(pursuit.released(abs(rolling), predicted.angular))
+            return FollowerStep(pursuit.released(abs(rolling), odometry, predicted.angular))
         pursuit = pursuit.watch_turn(odometry.angular, speed, seconds)
         linear = self._pivot_speed(pursuit, odometry, abs(speed))
         return FollowerStep(pursuit, linear, speed / half_track)
@@ -453,9 +455,15 @@ class GoalFollower(Block):
             pursuit = pursuit.aim(odometry)
         remaining = pursuit.along(odometry) - predicted.travel
         bounds = self._bounds(pursuit, self.speed, DRIVE_REST_RATIO * self.tolerance)
-        linear = approach_speed(remaining, predicted.linear, pursuit.coast.time, seconds, bounds)
+        linear = approach_speed(
+            remaining,
+            predicted.linear,
+            pursuit.coast_time(predicted.linear, odometry),
+            seconds,
+            bounds,
+        )
         if linear * sign <= 0.0:
-            return FollowerStep(pursuit.released(sign * predicted.linear))
+            return FollowerStep(pursuit.released(sign * predicted.linear, odometry))
         error = shortest_turn(pursuit.line - odometry.heading - predicted.turn)
         # A turn would begin the time anew in which the board finds a blocked wheel.
         if abs(error) > HEADING_ERROR_MAX and not self.wheels.has_silent_wheel:

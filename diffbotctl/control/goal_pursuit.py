@@ -9,6 +9,10 @@ from diffbotctl.control.motion_profile import shortest_turn
 from diffbotctl.messages import Goal, Odometry
 
 COAST_SD = 0.06  # s; of the coast time before the first release
+# s2/m; of its growth with the speed before the first release. Dry friction of 1 m/s2 makes it 0.5.
+COAST_GROWTH_SD = 0.5
+# Standard deviation of the coast time that odometry tells: relative, and s.
+TOLD_SD_RATIO, TOLD_SD_MIN = 0.3, 0.1
 COAST_DRIFT = 0.012  # s; change of the coast time from one release to the next
 COAST_NOISE = 0.01  # s; of the coast time that one release shows
 POSE_NOISE = 0.002  # m; of the distance that one release shows
@@ -27,26 +31,72 @@ Leg = Literal["turning", "driving", "aligning"]
 
 
 class Coast(NamedTuple):
-    """Estimate of the coast time: released wheels travel their speed times `time` (s) further."""
+    """Estimate of the coast time: released wheels travel their speed times it further.
+
+    With motors that brake by their current it is their lag at any speed; with dry friction it grows
+    with the speed.
+    """
 
     time: float
+    """s, of slow wheels"""
     release_speed: float = 0.0
     """m/s towards the end of the leg, at the last release; 0 after it was used for an update"""
     release_turn_rate: float = 0.0
     """rad/s, at the last release of a turn"""
     variance: float = COAST_SD * COAST_SD
     """s2; of `time`"""
+    growth: float = 0.0
+    """s2/m; of the coast time with the speed"""
+    growth_variance: float = COAST_GROWTH_SD * COAST_GROWTH_SD
+    """s4/m2"""
+    covariance: float = 0.0
+    """s3/m; of `time` and `growth`"""
+    release_time: float = 0.0
+    """s; the coast time that the last release was planned with"""
+
+    def at(self, speed: float) -> float:
+        """The coast time (s) of wheels released at `speed` (m/s)."""
+        return self.time + self.growth * abs(speed)
+
+    def expected(self, speed: float, told: float) -> float:
+        """The coast time (s) to plan a release at `speed` (m/s) with, when odometry tells `told`.
+
+        It is the mean of what was learnt and what is told, weighted by their variances. A shorter
+        time that is told does not count: the friction of the motor model stops a slow wheel at
+        once, before a real motor has lost its current.
+        """
+        learnt = self.at(speed)
+        if told <= learnt:
+            return learnt
+        variance = (
+            self.variance
+            + 2.0 * self.covariance * abs(speed)
+            + self.growth_variance * speed * speed
+        )
+        told_variance = max(TOLD_SD_RATIO * told, TOLD_SD_MIN) ** 2
+        return learnt + (told - learnt) * variance / (variance + told_variance)
 
     def learn(self, remaining: float, lag: float) -> Coast:
         """Kalman update by the `remaining` distance (m) of the leg at rest. `lag` of the motors in
         s."""
         speed = self.release_speed
         noise = COAST_NOISE * COAST_NOISE + (POSE_NOISE / speed) ** 2
-        gain = self.variance / (self.variance + noise)
-        time = self.time - gain * remaining / speed
-        time = min(max(time, COAST_RATIO_MIN * lag), max(COAST_TIME_MAX, 2.0 * lag))
-        variance = (1.0 - gain) * self.variance + COAST_DRIFT * COAST_DRIFT
-        return self._replace(time=time, release_speed=0.0, variance=variance)
+        time_row = self.variance + self.covariance * speed
+        growth_row = self.covariance + self.growth_variance * speed
+        variance = time_row + growth_row * speed + noise
+        innovation = (self.release_time - remaining / speed - self.at(speed)) / variance
+        time = self.time + time_row * innovation
+        growth = self.growth + growth_row * innovation
+        lowest, highest = COAST_RATIO_MIN * lag, max(COAST_TIME_MAX, 2.0 * lag)
+        time = min(max(time, lowest), highest)
+        return self._replace(
+            time=time,
+            growth=min(max(growth, (lowest - time) / speed), (highest - time) / speed),
+            release_speed=0.0,
+            variance=self.variance - time_row * time_row / variance + COAST_DRIFT * COAST_DRIFT,
+            growth_variance=self.growth_variance - growth_row * growth_row / variance,
+            covariance=self.covariance - time_row * growth_row / variance,
+        )
 
 
 class Pursuit(NamedTuple):
@@ -165,9 +215,14 @@ class Pursuit(NamedTuple):
         target = self.line if self.leg == "turning" else self.goal.heading
         return 0.0 if target is None else shortest_turn(target - odometry.heading)
 
-    def released(self, speed: float, turn_rate: float | None = None) -> Pursuit:
+    def coast_time(self, speed: float, odometry: Odometry) -> float:
+        """Coast time (s) of wheels released at `speed` (m/s)."""
+        return self.coast.expected(speed, odometry.coast_time)
+
+    def released(self, speed: float, odometry: Odometry, turn_rate: float | None = None) -> Pursuit:
         """Coast after a release at `speed` (m/s) and, in a turn, at `turn_rate` (rad/s)."""
-        coast = self.coast._replace(release_speed=speed)
+        time = self.coast_time(speed, odometry)
+        coast = self.coast._replace(release_speed=speed, release_time=time)
         if turn_rate is not None:
             coast = coast._replace(release_turn_rate=turn_rate)
         return self._replace(is_coasting=True, coast=coast)
@@ -186,7 +241,7 @@ class Pursuit(NamedTuple):
             remaining = abs(error) * half_track
             remaining = remaining if error * coast.release_turn_rate > 0.0 else -remaining
             speed = abs(odometry.angular) * half_track
-        return self._replace(coast=coast.learn(remaining - speed * coast.time, lag))
+        return self._replace(coast=coast.learn(remaining - speed * coast.at(speed), lag))
 
 
 def position_doubt(odometry: Odometry, sd: float, tolerance: float, aside: float) -> str:

@@ -23,6 +23,10 @@ IDLE_PITCHES = 2.2  # of travel without an edge: until then a wheel may turn
 # travelled in several drives: friction may have held it in each of some short ones.
 UNCOUNTED_AFTER, IDLE_TRAVEL_MIN, IDLE_TRAVEL_PITCHES = 1.5, 0.1, 8.0
 SILENT_AFTER = 0.3  # s without a count, although there should have been some: late, or blocked
+# The same for a wheel that has counted since it was driven last, by as many pitches: a start may be
+# late, but a motion does not end by itself. Then, and m: it is blocked, or its encoder is.
+BROKEN_OFF_AFTER, BROKEN_OFF_PITCHES = 0.1, 8.0
+BLOCKED_AFTER, BLOCKED_TRAVEL_MIN = 0.35, 0.06
 MOVING_SPEED_MIN = 0.004  # m/s; a slower wheel may stand
 CRAWL_RATIO = 0.2  # of the command; a wheel that stays below it has no power
 # A wheel that counts at LOST_SPEED_MIN (m/s) or more, while odometry takes it for LOST_RATIO of
@@ -54,6 +58,7 @@ class WheelResponse:
         "crawl_for",
         "estimated_speed",
         "expected",
+        "has_counted",
         "idle_for",
         "lost_for",
         "ratio",
@@ -74,6 +79,8 @@ class WheelResponse:
         """s for which it was driven since it turned last"""
         self.uncounted_for = self.uncounted_travel = 0.0
         """s for which it was driven, and m that it should have travelled, since its last count"""
+        self.has_counted = False
+        """since it was driven in the present direction"""
         self.short_for = 0.0
         """s for which it has reached less than SHORT_RATIO of its command"""
         self.crawl_for = 0.0
@@ -119,9 +126,11 @@ class WheelResponse:
         self.counted_travel += counted
         if command * self.command <= 0.0:
             self.expected = self.short_for = self.crawl_for = 0.0
+            self.has_counted = False
         self.command = command
         if not command:
             return
+        self.has_counted |= counted > 0.0
         level = abs(command)
         self.speed = speed = speed if command > 0.0 else -speed
         self.expected += (level - self.expected) * seconds / (seconds + lag)
@@ -195,9 +204,20 @@ class DriveResponse:
     def has_silent_wheel(self) -> bool:
         """Whether a driven wheel should have counted by now, and has not."""
         return any(
-            wheel.uncounted_for > SILENT_AFTER
-            and wheel.uncounted_travel > IDLE_PITCHES * self.pitch
+            (
+                wheel.uncounted_for > SILENT_AFTER
+                and wheel.uncounted_travel > IDLE_PITCHES * self.pitch
+            )
+            or self._has_broken_off(wheel, BROKEN_OFF_AFTER)
             for wheel in (self.left, self.right)
+        )
+
+    def _has_broken_off(self, wheel: WheelResponse, after: float) -> bool:
+        """Whether a wheel that has turned gives no counts any more, `after` (s) the last one."""
+        return (
+            wheel.has_counted
+            and wheel.uncounted_for > after
+            and wheel.uncounted_travel > BROKEN_OFF_PITCHES * self.pitch
         )
 
     def compensated(self, linear: float, angular: float, speed: float) -> tuple[float, float]:
@@ -299,7 +319,14 @@ class DriveResponse:
 
         Only its counts show that: between two of them odometry takes it for turning.
         """
-        longest = UNCOUNTED_AFTER if other.uncounted_for < wheel.uncounted_for else stuck_after
+        is_alone = other.uncounted_for < wheel.uncounted_for
+        if (
+            is_alone
+            and self._has_broken_off(wheel, BLOCKED_AFTER)
+            and wheel.uncounted_travel > BLOCKED_TRAVEL_MIN
+        ):
+            return True
+        longest = UNCOUNTED_AFTER if is_alone else stuck_after
         travel = max(IDLE_TRAVEL_MIN, IDLE_TRAVEL_PITCHES * self.pitch)
         return wheel.uncounted_for > longest and wheel.uncounted_travel > travel
 

@@ -35,6 +35,11 @@ class CommandedWheelOdometer:
         self._settled = 0.0  # m/s, with the command in effect
         self._time = time
 
+    @property
+    def coasting_travel(self) -> float:
+        """m, without sign, that it travels until it rests when it is released now."""
+        return abs(self.speed) * self._motor.lag
+
     def pose_is_set(self) -> None:
         """Nothing is remembered of the time before."""
 

@@ -122,6 +122,11 @@ class FineWheelOdometer:
     def skipped_command(self, command: float, is_duty: bool, since: int) -> None:
         """A command that was replaced in the next frame: the counts show what it did."""
 
+    @property
+    def coasting_travel(self) -> float:
+        """m, without sign, that it travels until it rests when it is released now."""
+        return abs(self.speed) * self.lag
+
     def update(
         self,
         time: int,

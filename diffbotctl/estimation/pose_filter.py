@@ -49,6 +49,10 @@ class WheelTravel(Protocol):
         """m/s"""
 
     @property
+    def coasting_travel(self) -> float:
+        """m, without sign, that it travels until it rests when it is released now."""
+
+    @property
     def variance(self) -> float:
         """Variance of the travel since the start, m2, if the best hypothesis is right."""
 
@@ -254,7 +258,14 @@ class PoseFilter:
             (xx + geometry_xx, xy + geometry_xy, xh, yy + geometry_yy, yh, hh),
             warning,
             sqrt(largest_variance(geometry_xx, geometry_xy, geometry_yy)),
+            _coast_time(left, right),
         )
+
+
+def _coast_time(left: WheelTravel, right: WheelTravel) -> float:
+    """Time (s) which, with the speeds of the wheels, gives their travel after a release."""
+    speeds = abs(left.speed) + abs(right.speed)
+    return (left.coasting_travel + right.coasting_travel) / speeds if speeds else 0.0
 
 
 def arc(

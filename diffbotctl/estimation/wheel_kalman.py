@@ -211,6 +211,22 @@ class WheelKalman:
         estimated."""
         return abs(self.speed) + sds * sqrt(self.speed_variance + self.priors.creep**2)
 
+    @property
+    def coasting_travel(self) -> float:
+        """Pitches, without sign, that the wheel travels until it rests when it is released now.
+
+        Of a motor whose friction is not yet known, the mean of both.
+        """
+        speed = abs(self.speed)
+        lag, factor = self._response(0.0)
+        if self.is_dry is False:
+            return lag * speed
+        settled = factor * max(self.gain * self.priors.friction - self.offset, 0.0)
+        dry = lag * speed
+        if settled > 0.0:
+            dry -= lag * settled * log(1.0 + speed / settled)
+        return dry if self.is_dry else 0.5 * (dry + lag * speed)
+
     def is_rolling(self, creeps: float) -> bool:
         """True when the speed exceeds `creeps` times the creep speed."""
         return abs(self.speed) > creeps * self.priors.creep

@@ -74,6 +74,11 @@ class WheelOdometer:
         return self.filter.motion.speed * self.pitch
 
     @property
+    def coasting_travel(self) -> float:
+        """m, without sign, that it travels until it rests when it is released now."""
+        return self.filter.motion.coasting_travel * self.pitch
+
+    @property
     def fault(self) -> str:
         """Why its travel is known less well than usual, or an empty text."""
         return "; ".join(filter(None, (self.counting.pushed_text, self.filter.fault)))

@@ -168,3 +168,43 @@ def test_a_wheel_that_should_have_counted_is_silent(seconds, counts_after, is_si
         drive.left.update(0.2, 0.0, LAG, STEP, counted)
         drive.right.update(0.2, 0.2, LAG, STEP, 0.2 * STEP)
     assert drive.has_silent_wheel == is_silent
+
+
+def both_driven(counts, seconds_before=1.0, speed=0.3, pitch=0.01):
+    """Both wheels at `speed`; from `seconds_before` on, each counts only if `counts` says so."""
+    response = DriveResponse(0.15, pitch)
+    for step in range(round((seconds_before + 0.5) / STEP)):
+        for wheel, is_counting in zip((response.left, response.right), counts, strict=True):
+            counted = speed * STEP if is_counting or step * STEP < seconds_before else 0.0
+            wheel.update(speed, speed, LAG, STEP, counted)
+    return response
+
+
+@pytest.mark.parametrize(
+    ("counts", "seconds_before", "speed", "found"),
+    [
+        ((True, False), 1.0, 0.3, "the right wheel has given no count for 0.1"),
+        ((False, True), 1.0, 0.3, "the left wheel has given no count for 0.1"),
+        ((False, False), 1.0, 0.3, ""),  # the link may be silent, or the floor ice
+        ((True, False), 0.0, 0.3, ""),  # a start may be late
+        ((True, False), 1.0, 0.1, ""),  # 5 cm: less than 8 pitches
+        ((True, True), 1.0, 0.3, ""),
+    ],
+)
+def test_a_wheel_that_stops_under_way_is_found_in_half_a_second(
+    counts, seconds_before, speed, found
+):
+    response = both_driven(counts, seconds_before, speed)
+    assert response.fault(0.035, 2.0, LAG).startswith(found)
+    assert bool(response.fault(0.035, 2.0, LAG)) == bool(found)
+
+
+def test_a_wheel_that_stops_under_way_is_silent_sooner_than_one_that_starts_late():
+    response = both_driven((True, True))
+    for _ in range(9):
+        response.right.update(0.6, 0.6, LAG, STEP, 0.0)
+    assert response.has_silent_wheel
+    late = DriveResponse(0.15, 0.01)
+    for _ in range(9):
+        late.right.update(0.6, 0.0, LAG, STEP, 0.0)
+    assert not late.has_silent_wheel

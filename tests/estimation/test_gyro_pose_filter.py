@@ -27,6 +27,7 @@ class Wheel:
     disagreement: float = 0.0
     disagreement_frames: int = 0
     fault_share: float = 0.0
+    coasting_travel: float = 0.0
     speed: float = 0.4
 
 

@@ -98,3 +98,31 @@ def test_a_motor_without_current_coasts_until_dry_friction_stops_it():
     assert 0.0 < motion.speed < 30.0 - 0.25 * 93.6
     motion.predict(0.06, 0.0, 0.0)
     assert motion.speed == 0.0
+
+
+@pytest.mark.parametrize("brakes", [False, True])
+@pytest.mark.parametrize(
+    ("kind", "is_dry"),
+    [(MotorKind.LINEAR, True), (MotorKind.LINEAR, False), (MotorKind.FREE_WHEELING, True)],
+)
+def test_the_coasting_travel_is_what_the_wheel_rolls_after_a_release(kind, is_dry, brakes):
+    motion = WheelKalman(priors(brakes), SLOTS, kind)
+    motion.is_dry = is_dry
+    for speed in (-25.0, 3.0, 25.0):
+        motion.speed, begin = speed, motion.z
+        told = motion.coasting_travel
+        while motion.speed:
+            motion.predict(0.002, 0.0, 0.0)
+        # A wheel that nothing but its current brakes counts as stopped at the creep speed.
+        stopped_early = 0.0 if is_dry else LAG * motion.priors.creep
+        assert abs(motion.z - begin) == pytest.approx(told, abs=stopped_early + 1e-3)
+
+
+def test_with_unknown_friction_the_coasting_travel_lies_in_the_middle():
+    travels = []
+    for is_dry in (True, None, False):
+        motion = WheelKalman(priors(), SLOTS)
+        motion.is_dry, motion.speed = is_dry, 20.0
+        travels.append(motion.coasting_travel)
+    assert travels[1] == pytest.approx(0.5 * (travels[0] + travels[2]))
+    assert travels[0] < travels[2] == pytest.approx(LAG * 20.0)
