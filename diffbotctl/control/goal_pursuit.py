@@ -46,7 +46,7 @@ class Coast(NamedTuple):
     variance: float = COAST_SD * COAST_SD
     """s2; of `time`"""
     growth: float = 0.0
-    """s2/m; of the coast time with the speed"""
+    """s2/m; of the coast time with the speed; no friction makes it shrink"""
     growth_variance: float = COAST_GROWTH_SD * COAST_GROWTH_SD
     """s4/m2"""
     covariance: float = 0.0
@@ -91,7 +91,7 @@ class Coast(NamedTuple):
         time = min(max(time, lowest), highest)
         return self._replace(
             time=time,
-            growth=min(max(growth, (lowest - time) / speed), (highest - time) / speed),
+            growth=min(max(growth, 0.0), (highest - time) / speed),
             release_speed=0.0,
             variance=self.variance - time_row * time_row / variance + COAST_DRIFT * COAST_DRIFT,
             growth_variance=self.growth_variance - growth_row * growth_row / variance,
