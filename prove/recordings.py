@@ -16,6 +16,7 @@ from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
 from random import Random
+from xml.etree import ElementTree
 
 from jsonschema import Draft7Validator
 from mcap.reader import make_reader
@@ -34,6 +35,8 @@ PUBLISHED = {
     "foxglove.Log": "3837e1e52d67502baf7b977c7602985ca65da64e2af5b114343f29554945dc54",
     "foxglove.SceneUpdate": "aa4199d1493bd87e7fba5f9a07ff27e5b1e8204e7cbac2058bfe4106445b5be7",
 }
+SCENE_PARTS = {"base_link", "left_wheel_link", "right_wheel_link", "walls", "goal", "trail"}
+QUIET = {"operator.log.lines", "path"}  # have messages in some runs only
 CORNERS = ("0.6 0", "0.6 0.6", "0 0.6", "0 0")
 LOSS = 1.0  # s that a SIGKILL may cost
 EARLIEST, LATEST = 1.0, 4.0  # s of driving before it comes
@@ -50,6 +53,7 @@ def rows(seed: int, trials: int) -> Iterator[Row]:
         path = folder / "goal.mcap"
         run("run", "goal", "--fast", "--quiet", "--seed", str(seed), "--record", str(path))
         yield from read_by_others(path)
+        yield from shown_by_viewers(path)
         yield from killed(folder, Random(seed), trials)
         yield cost("recorder's process, 50 Hz board", folder, ["--record", "on.mcap"])
         yield cost("flight recorder alone in its hub, 50 Hz board", folder, [])
@@ -98,6 +102,54 @@ def read_by_others(path: Path) -> Iterator[Row]:
         equal == len(PUBLISHED),
     )
     yield Row("viewers' messages against those schemas", f"{bad} invalid", "0", bad == 0)
+
+
+def shown_by_viewers(path: Path) -> Iterator[Row]:
+    """What the 3D panel draws, and whether model and layout fit to it."""
+    drawn, frames, topics, files = set(), set(), set(), {}
+    with path.open("rb") as file:
+        reader = make_reader(file)
+        for schema, channel, message in reader.iter_messages():
+            topics.add(channel.topic)
+            assert schema is not None
+            if schema.name == "foxglove.SceneUpdate":
+                drawn |= {each["id"] for each in json.loads(message.data)["entities"]}
+            elif schema.name == "foxglove.FrameTransform":
+                fields = json.loads(message.data)
+                frames |= {fields["parent_frame_id"], fields["child_frame_id"]}
+        for attachment in reader.iter_attachments():
+            files[attachment.name] = attachment.data
+    figure = f"{len(SCENE_PARTS & drawn)} of {len(SCENE_PARTS)}"
+    yield Row(
+        "outline, wheels, walls, goal, trail in the scene", figure, "all", drawn >= SCENE_PARTS
+    )
+    faults = list(_attachment_faults(files, frames, topics))
+    for fault in faults:
+        print(f"        {fault}")
+    yield Row(
+        "attached robot model and layout that fit to it", f"{len(faults)} faults", "0", not faults
+    )
+
+
+def _attachment_faults(
+    files: dict[str, bytes], frames: set[str], topics: set[str]
+) -> Iterator[str]:
+    if files.keys() != {"robot.urdf", "layout.json"}:
+        yield f"attached are {sorted(files)}"
+        return
+    links = {
+        link.get("name", "") for link in ElementTree.fromstring(files["robot.urdf"]).iter("link")
+    }
+    if frames != links | {"odom"}:
+        yield f"in one only: {sorted(frames ^ (links | {'odom'}))}"
+    panels = json.loads(files["layout.json"])["configById"]
+    named = {name for panel in panels.values() for name in panel.get("topics", {})}
+    named |= {
+        path["value"].split('"')[1] for panel in panels.values() for path in panel.get("paths", ())
+    }
+    named |= {panel["topicToRender"] for panel in panels.values() if "topicToRender" in panel}
+    for name in sorted(named - topics - QUIET):
+        yield f"the layout names {name}, which is not in the recording"
 
 
 class Cut:

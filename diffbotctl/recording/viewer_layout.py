@@ -14,6 +14,7 @@ from diffbotctl.model.frames import BASE, WORLD
 
 SCENE, SPEED, WHEELS, LOG = "3D!scene", "Plot!speed", "Plot!wheels", "RosOut!log"
 TELEOP = "Teleop!velocity"
+RUN_LOG = "log.lines"  # the lines of all blocks; another log has those of one
 GRID_M = 10.0
 CAMERA = {"perspective": True, "distance": 3.0, "phi": 45.0, "thetaOffset": 90.0}
 DRAWN = ("FrameTransform", "LaserScan", "SceneUpdate")  # pose arrows would hide the robot
@@ -43,8 +44,9 @@ def viewer_layout(
         panels[WHEELS] = _plot(
             "Wheels, rad/s", [f'"{wheels}".{field}' for field in ("left", "right")]
         )
-    lines = next((topic for topic, kind in topics.items() if kind == "Log"), None)
-    if lines is not None:
+    logs = [topic for topic, kind in topics.items() if kind == "Log"]
+    if logs:
+        lines = RUN_LOG if RUN_LOG in logs else logs[0]
         panels[LOG] = {"topicToRender": lines, "minLogLevel": 1, "searchTerms": []}
     if "velocity" in commands:
         panels[TELEOP] = _teleop(commands["velocity"])

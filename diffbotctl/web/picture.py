@@ -23,7 +23,7 @@ from diffbotctl.messages import (
 from diffbotctl.time import SECOND
 from diffbotctl.ui import run_text
 from diffbotctl.ui.dash.state import Request, RunView
-from diffbotctl.ui.map.layers import covariance_ellipse
+from diffbotctl.ui.map.layers import covariance_ellipse, pose_at
 
 MILLIMETRES = 1000
 Row = tuple[str, str, bool]  # name, text, whether it needs attention
@@ -64,7 +64,7 @@ class RunPicture:
         self.scan_times |= {wire: scan.time for wire, scan in scans.items()}
         fields = {
             **self._present(),
-            "scans": {wire: _scan_fields(scan) for wire, scan in scans.items()},
+            "scans": {wire: self._scan_fields(scan) for wire, scan in scans.items()},
             "trail": _points(self.new_points),
             "trail_begins": self.is_trail_new,
         }
@@ -76,7 +76,7 @@ class RunPicture:
         return {
             **self._present(),
             "scene": self.scene,
-            "scans": {wire: _scan_fields(scan) for wire, scan in self._scans()},
+            "scans": {wire: self._scan_fields(scan) for wire, scan in self._scans()},
             "trail": _points(list(self.view.trail.points)),
             "trail_begins": True,
         }
@@ -85,6 +85,19 @@ class RunPicture:
         for wire, message in self.view.snapshot.messages.items():
             if isinstance(message, Scan):
                 yield wire, message
+
+    def _scan_fields(self, scan: Scan) -> Fields:
+        """The robot's pose then, and distances in whole mm, 0 where nothing was measured."""
+        odometry = run_text.newest_odometry(self.view.snapshot)
+        return {
+            "pose": None if odometry is None else _place_fields(pose_at(odometry, scan.time)),
+            "start": scan.start,
+            "step": scan.step,
+            "mm": [
+                round(distance * MILLIMETRES) if isfinite(distance) else 0
+                for distance in scan.distances
+            ],
+        }
 
     def _present(self) -> Fields:
         """The newest of what is small."""
@@ -108,6 +121,12 @@ class RunPicture:
         }
 
 
+def _place_fields(odometry: Odometry) -> list[float]:
+    """x, y and heading."""
+    place = (odometry.x, odometry.y, odometry.heading)
+    return [round(value, 4) if isfinite(value) else 0.0 for value in place]
+
+
 def _pose_fields(odometry: Odometry) -> list[Any]:
     """x, y, heading, and the ellipse of the position: half axes and direction."""
     pose = [odometry.x, odometry.y, odometry.heading, *covariance_ellipse(odometry.covariance)]
@@ -116,18 +135,6 @@ def _pose_fields(odometry: Odometry) -> list[Any]:
 
 def _goal_fields(goal: Goal) -> list[float | None]:
     return [goal.x, goal.y, goal.heading]
-
-
-def _scan_fields(scan: Scan) -> Fields:
-    """Distances in whole mm, 0 where nothing was measured."""
-    return {
-        "start": scan.start,
-        "step": scan.step,
-        "mm": [
-            round(distance * MILLIMETRES) if isfinite(distance) else 0
-            for distance in scan.distances
-        ],
-    }
 
 
 def _points(points: list[tuple[float, float]]) -> list[float]:

@@ -28,6 +28,10 @@ from diffbotctl.web.page_view import FILE_NAME, requested_view, view_record
 from diffbotctl.web.request_check import RequestRefusalError, ServerOrigin, check_origin
 from diffbotctl.web.sessions import Session, Sessions
 
+USED_CODE = (
+    "this code is not valid, or another device has used it; scan the newest code in the terminal, "
+    "or open its link"
+)
 NO_SESSION = "this device has no session; open the link or scan the code in the terminal"
 PAGES_MAX = 24  # open at once
 BODY_MAX_BYTES = 1024
@@ -194,7 +198,7 @@ class WebServer:
         session = self.sessions.enter(code, request.headers.get("User-Agent", ""))
         if session is None:
             self.attempts.spend()
-            raise RequestRefusalError(403, "this code is not valid, or another device has used it")
+            raise RequestRefusalError(403, USED_CODE)
         self.report(session)
         response = web.Response(text=session.proof, headers=HEADERS)
         response.set_cookie(

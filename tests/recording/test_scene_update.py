@@ -104,10 +104,12 @@ def leaves(tree):
 
 def test_the_layout_has_each_panel_once_in_its_window():
     wires = {"odometry.odometry": Odometry, "gate.wheels": Wheels}
-    topics = {"tf": "FrameTransform", "log.lines": "Log", "walls": "SceneUpdate"}
+    logs = {"operator.log.lines": "Log", "log.lines": "Log"}
+    topics = {"tf": "FrameTransform", **logs, "walls": "SceneUpdate"}
     layout = viewer_layout(wires, topics)
     assert sorted(leaves(layout["layout"])) == sorted(layout["configById"])
     assert {panel.partition("!")[0] for panel in layout["configById"]} == {"3D", "Plot", "RosOut"}
+    assert layout["configById"]["RosOut!log"]["topicToRender"] == "log.lines"
     paths = [path["value"] for path in layout["configById"]["Plot!speed"]["paths"]]
     assert paths == ['"odometry.odometry".linear', '"odometry.odometry".angular']
     live = viewer_layout(wires, topics, {"goal": "goal_pose", "velocity": "cmd_vel"})

@@ -6,9 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from diffbotctl.geometry.footprint import arc_motion
 from diffbotctl.messages import Goal, Odometry, Range
 from diffbotctl.processes.screen import RunSnapshot
 from diffbotctl.render.map_scene import Scene, SceneBeam, SceneOutline
+from diffbotctl.time import MILLISECOND, SECOND
 from diffbotctl.ui.map import layers
 from diffbotctl.ui.map.canvas import Camera, MapCanvas, MapLayer, fit_camera, scale_bar
 from diffbotctl.ui.map.state import MapState
@@ -126,3 +128,21 @@ def test_the_ellipse_has_three_sigmas(covariance, axes, turn):
 )
 def test_the_scale_bar_has_a_round_length(scale, words):
     assert scale_bar(Camera(0, 0, scale), 60) == words
+
+
+@given(st.floats(-1.0, 1.0), st.floats(-3.0, 3.0), st.integers(0, 400))
+def test_a_scan_is_drawn_from_the_pose_at_its_time(linear, angular, since_ms):
+    """The robot that drives on from there at the same velocity comes to the pose of now."""
+    now = Odometry(2 * SECOND, 0.3, -0.2, 0.7, linear, angular, CERTAIN)
+    time = now.time - since_ms * MILLISECOND
+    then = layers.pose_at(now, time)
+    x, y, turn = arc_motion(linear, angular, since_ms / 1000)
+    place = layers.to_odom(then, x, y)
+    assert (*place, then.heading + turn) == pytest.approx((now.x, now.y, now.heading))
+    assert then.time == time
+
+
+def test_a_scan_that_is_newer_than_the_pose_is_drawn_from_it():
+    now = Odometry(SECOND, 0.3, -0.2, 0.7, 0.1, 1.0, CERTAIN)
+    then = layers.pose_at(now, now.time + SECOND)
+    assert (then.x, then.y, then.heading) == (now.x, now.y, now.heading)

@@ -572,4 +572,7 @@ def test_the_page_ends_with_its_run(tmp_path, browser):
         PlainClient(tmp_path)
         run.terminate()
         page.until("document.getElementById('notice').textContent.includes('run has ended')")
+        page.until("document.getElementById('role').textContent === 'not connected'")
         assert server.process.wait(timeout=60) == 0
+        page.click("#stop")
+        page.until("document.getElementById('notice').textContent.includes('does not reach')")

@@ -135,9 +135,10 @@ def _wheel_speeds(view: RunView) -> Iterator[_WheelSpeeds]:
 def _wheel_bars(view: RunView, width: int, plain: bool) -> Iterator[Row]:
     """Commanded above measured speed, for each wheel."""
     for side, commanded, measured, maximum, unit in _wheel_speeds(view):
-        for name, value, style in ((side, commanded, "magenta"), ("", measured, "cyan")):
+        lines = ((side, commanded, "magenta", "set"), ("", measured, "cyan", "now"))
+        for name, value, style, which in lines:
             if value is not None:
-                text = f" {value:+6.2f} {unit}"
+                text = f" {value:+6.2f} {unit} {which}"
                 bar_width = max((width - len(text) - 1) | 1, BAR_MIN_WIDTH)  # odd: it has a middle
                 bar = render_signed_bar(value / maximum, bar_width, plain)
                 yield name, Text.assemble((bar, style), text)

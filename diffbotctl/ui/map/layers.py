@@ -7,10 +7,12 @@ from math import atan2, cos, hypot, pi, sin, sqrt
 
 from rich.text import Text
 
+from diffbotctl.geometry.footprint import arc_motion
 from diffbotctl.messages import Goal, Odometry, Path, Range, Scan
 from diffbotctl.processes.screen import RunSnapshot
 from diffbotctl.render.map_scene import Scene, SceneBeam
 from diffbotctl.render.robot_drawing import DrawingView
+from diffbotctl.time import SECOND
 from diffbotctl.ui.map.canvas import (
     DOTS_ACROSS,
     DOTS_DOWN,
@@ -29,6 +31,7 @@ ELLIPSE_SIGMAS = 3.0  # the ellipse contains the true position in 99 of 100 case
 ELLIPSE_CORNERS = 32
 BEAM_HALF_ANGLE = 0.09  # rad; the Sharp sensors' beam is about 10 degrees wide (data sheet)
 HEADING_LINE_CHARACTERS = 6.0  # length of the line that shows a goal's heading
+REWIND_MAX = SECOND // 2  # of a pose to the time of a scan; earlier velocities are not known
 START_MARGIN_M = 0.1  # floor kept in view around the start
 
 
@@ -94,6 +97,14 @@ def to_odom(pose: Odometry, forward: float, left: float) -> Point:
     return pose.x + c * forward - s * left, pose.y + s * forward + c * left
 
 
+def pose_at(pose: Odometry, time: int) -> Odometry:
+    """The pose at a time shortly before `pose`, had the velocity been the same since then."""
+    since = min(max(pose.time - time, 0), REWIND_MAX) / SECOND
+    x, y, turn = arc_motion(pose.linear, pose.angular, -since)
+    place = to_odom(pose, x, y)
+    return pose._replace(time=time, x=place[0], y=place[1], heading=pose.heading + turn)
+
+
 def _draw_robot(canvas: MapCanvas, scene: Scene, pose: Odometry) -> None:
     body = scene.robot
     if body is not None and (body.front + body.back) * canvas.camera.scale >= OUTLINE_MIN_DOTS:
@@ -147,7 +158,11 @@ def _draw_beam(canvas: MapCanvas, pose: Odometry, beam: SceneBeam, reading: Rang
 
 
 def _draw_scan(canvas: MapCanvas, pose: Odometry, scanner: SceneBeam, scan: Scan) -> None:
-    """A dot where each ray of a laser scanner met something."""
+    """A dot where each ray of a laser scanner met something.
+
+    From the pose at that time: the robot has moved on since, what it met has not.
+    """
+    pose = pose_at(pose, scan.time)
     start, first = to_odom(pose, scanner.x, scanner.y), pose.heading + scanner.heading + scan.start
     for i, distance in enumerate(scan.distances):
         if 0.0 < distance <= scanner.reach:

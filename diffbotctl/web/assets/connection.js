@@ -106,7 +106,9 @@ export class Connection {
     return this.isOpen && this.number > 0;
   }
 
+  /** Whether the command could be sent. */
   send(command) {
     if (this.isOpen) this.socket.send(JSON.stringify(command));
+    return this.isOpen;
   }
 }

@@ -355,10 +355,14 @@ export class RunMap {
     const at = (angle, length) => [x + length * Math.cos(angle), y + length * Math.sin(angle)];
     const scan = this.scans[sensor.topic];
     if (scan) {
+      // The robot has moved on since the scan was measured; what it met has not.
+      const [scanX, scanY] = this.toMap(scan.pose ?? pose, sensor.x, sensor.y);
+      const scanHeading = (scan.pose ?? pose)[2] + sensor.heading;
       this.context.fillStyle = this.colours.scan;
       scan.mm.forEach((mm, i) => {
         if (!mm || mm > sensor.reach * 1000) return;
-        const [px, py] = this.toScreen(...at(heading + scan.start + i * scan.step, mm / 1000));
+        const [angle, distance] = [scanHeading + scan.start + i * scan.step, mm / 1000];
+        const [px, py] = this.toScreen(scanX + distance * Math.cos(angle), scanY + distance * Math.sin(angle));
         this.context.fillRect(px - 1.5, py - 1.5, 3, 3);
       });
     }

@@ -68,12 +68,17 @@ function showStop(stop) {
   const words = stop ? `STOPPED  ${stop.code}: ${stop.cause}; ${stop.end}` : "";
   if (banner.textContent !== words) banner.textContent = words;
   banner.hidden = !stop;
+  if (stop) element("allow").close();
   element("resume").disabled = false;
 }
 
 function showConnection(words) {
   state.connection = words;
-  if (words) pad.lock();
+  if (words) {
+    pad.lock();
+    element("allow").close();
+  }
+  if (connection.ended || !connection.isOpen) element("role").textContent = "not connected";
   else inside.plots.ask(); // a new connection knows nothing of them
   document.body.dataset.connected = words ? "no" : "yes";
   showNotice(words);
@@ -95,18 +100,20 @@ function showRole(role) {
   const driver = role.is_driver ? "this page" : role.driver ?? "nobody";
   element("role").textContent = `${role.you}; in control: ${driver}`;
   element("take").textContent = role.is_driver ? "Give up control" : "Take control";
-  if (role.driver && !role.is_driver) pad.lock();
+  if (!role.driver || role.is_driver) return;
+  pad.lock();
+  element("allow").close(); // its goal would be refused
 }
 
 function showVelocity(linear, angular) {
-  element("velocity").textContent = `${linear.toFixed(2)} m/s ${angular.toFixed(2)} rad/s`;
+  element("velocity").textContent = `${linear.toFixed(2)} m/s, ${angular.toFixed(2)} rad/s`;
 }
 
 function showLimit() {
   pad.share = element("limit-input").value / 100;
   const { speed, turnRate } = pad.limits;
   element("limit-text").textContent =
-    `${(pad.share * speed).toFixed(2)}\u00a0m/s ${(pad.share * turnRate).toFixed(2)}\u00a0rad/s`;
+    `${(pad.share * speed).toFixed(2)}\u00a0m/s, ${(pad.share * turnRate).toFixed(2)}\u00a0rad/s`;
 }
 
 function setGoal(x, y, heading) {
@@ -146,6 +153,7 @@ async function switchSolid() {
       key.disabled = false;
     }
   }
+  element("allow").close();
   key.setAttribute("aria-pressed", isSolid);
   for (const id of ["map", "fit", "follow"]) element(id).hidden = isSolid;
   for (const id of ["robot-view", "solid-hint"]) element(id).hidden = !isSolid;
@@ -157,18 +165,23 @@ function zoom(factor) {
   (robotView?.isShown ? robotView : map).zoom(factor);
 }
 
+function stop() {
+  if (!connection.send({ do: "stop" })) notify("STOP does not reach the robot: this page is not connected");
+}
+
 function showView(view) {
   document.body.dataset.view = view;
   for (const each of VIEWS) element(`view-${each}`).setAttribute("aria-pressed", each === view);
   element("inside").hidden = view !== "inside";
+  element("allow").close();
   pad.release();
   inside.show(view === "inside");
 }
 
 for (const view of VIEWS) element(`view-${view}`).addEventListener("click", () => showView(view));
-element("stop").addEventListener("pointerdown", () => connection.send({ do: "stop" }));
+element("stop").addEventListener("pointerdown", stop);
 element("stop").addEventListener("keydown", (event) => {
-  if (event.key === "Enter" || event.key === " ") connection.send({ do: "stop" });
+  if (event.key === "Enter" || event.key === " ") stop();
 });
 element("resume").addEventListener("click", () => connection.send({ do: "resume" }));
 element("take").addEventListener("click", () =>
@@ -193,7 +206,7 @@ element("fullscreen").addEventListener("click", () => {
 addEventListener("keydown", (event) => {
   if (event.key !== " " || /INPUT|BUTTON/.test(event.target.tagName)) return;
   event.preventDefault();
-  connection.send({ do: "stop" });
+  stop();
 });
 addEventListener("hashchange", () => location.hash.length > 1 && location.reload());
 connection.enter().then(() => openSavedView(map, inside.plots, showView));

@@ -4,7 +4,7 @@ import { makeAxis } from "./plot_axis.js";
 
 const TICK_HEIGHT_PX = 34; // between two values beside the panel, about
 const TICK_WIDTH_PX = 90; // between two times below it
-const TOP_PX = 22; // room for the unit
+const TOP_PX = 28; // room for the unit above the highest value
 const RIGHT_PX = 10;
 const BOTTOM_PX = 22;
 const VALUE_MARGIN = 0.04; // of the span of the values, so that the frame hides no line
@@ -90,7 +90,7 @@ export function drawPanel(canvas, lines, unit, begin, end) {
     context.fillText(labels[i], box.left - 6, toY(tick) + 4);
   });
   context.textAlign = "left";
-  context.fillText(unit, 0, TOP_PX - 8);
+  context.fillText(unit, 0, TOP_PX - 14);
   context.textAlign = "center";
   for (const tick of timeAxis.ticks) {
     context.moveTo(toX(tick), box.top);

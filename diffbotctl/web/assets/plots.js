@@ -13,6 +13,15 @@ const NUMBERS = ["number", "integer", "boolean"];
 const element = (id) => document.getElementById(id);
 const topicOf = (name) => name.slice(0, name.lastIndexOf("."));
 
+/** The newest value of a line, as long as the one before: the legend must not move. */
+function newestText(line, value) {
+  line.hasFractions ||= !Number.isInteger(value);
+  const size = Math.abs(value);
+  if (!line.hasFractions) return `${value}`;
+  if (size >= 1e6 || (size && size < 0.001)) return value.toPrecision(4);
+  return value.toFixed(size < 100 ? 3 : 1);
+}
+
 /** The names of a choice that was kept, or none. */
 function keptNames() {
   try {
@@ -231,7 +240,7 @@ export class Plots {
     let last = line.times.length - 1;
     while (last >= 0 && line.times[last] > end) last -= 1;
     const value = last < 0 ? NaN : line.values[last];
-    const words = Number.isNaN(value) ? "no data" : `${+value.toPrecision(4)} ${line.unit}`;
+    const words = Number.isNaN(value) ? "no data" : `${newestText(line, value)} ${line.unit}`;
     if (line.output.textContent !== words) line.output.textContent = words;
   }
 }
