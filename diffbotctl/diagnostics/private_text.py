@@ -41,6 +41,13 @@ PATTERNS = (  # for what is private on other machines too
     (re.compile(r"(?i)(?<![\w:])(?:[0-9a-f]{1,4}:){4,7}[0-9a-f]{1,4}(?!\w)"), "(address)"),
     (re.compile(r"(?<![\w:])fe80:[0-9a-f:]+"), "(address)"),
     (re.compile(r"(?<=/dev/serial/by-id/)[^\s\"']+|\busb-[\w.+-]+-(?:if|port)\d+"), "(serial)"),
+    # As people write it in a comment. A port's name and a baud rate are shorter.
+    (
+        re.compile(
+            r"(?i)(\bserial(?:[ _-]?(?:number|no\.?|nr\.?))?\s*[:=#]?\s*)(?=\w*\d\w*\d)[\w-]{8,}"
+        ),
+        r"\1(serial)",
+    ),
     (re.compile(r"(?<=://)([^\s/\"'<>]+)[/#?](?!\(removed\))[^\s\"'<>)]+"), r"\1/(removed)"),
 )
 

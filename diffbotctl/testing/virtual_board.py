@@ -31,17 +31,29 @@ STALLS = ("host_frozen", "block_overrun", "link_lost", "reconnect")
 def board(image="ours", robot="book_2wd"):
     """A board with this program on it, in this robot; with None, nothing but its bootloader."""
     ends, end = os.pipe()
-    with virtual_board(load_robot(str(robot)).robot, seed=3, image=image) as virtual:
-        virtual.seen = []  # type: ignore[attr-defined]  # reports of its wheels
-        pace = threading.Thread(target=virtual.serve, args=(ends, virtual.seen.append))  # type: ignore[attr-defined]
-        pace.start()
-        try:
-            yield virtual
-        finally:
-            os.write(end, b"x")
-            pace.join()
-    os.close(ends)
-    os.close(end)
+    failures: list[BaseException] = []
+    try:
+        with virtual_board(load_robot(str(robot)).robot, seed=3, image=image) as virtual:
+            virtual.seen = []  # type: ignore[attr-defined]  # reports of its wheels
+
+            def serve() -> None:
+                try:
+                    virtual.serve(ends, virtual.seen.append)  # type: ignore[attr-defined]
+                except BaseException as error:  # a thread would drop it
+                    failures.append(error)
+
+            pace = threading.Thread(target=serve)
+            pace.start()
+            try:
+                yield virtual
+            finally:
+                os.write(end, b"x")
+                pace.join()
+    finally:
+        os.close(ends)
+        os.close(end)
+    if failures:
+        raise failures[0]
 
 
 def start(*words, **options):

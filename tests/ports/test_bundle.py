@@ -174,6 +174,9 @@ ANNA = PrivateText(["anna", "lindlaptop", "pi"], ["/srv/people/anna"], ["Q7RK21P
         ("http://robot:8642/#code and http://a.example/x", "http://robot:8642/(removed) and "
          "http://a.example/(removed)"),
         ("bluetooth:98:D3:31:F5:B2:7C", "bluetooth:(address)"),
+        ("# Serial number: 85736323838351F0E1E0", "# Serial number: (serial)"),
+        ("my Mega, serial no. A1234567", "my Mega, serial no. (serial)"),
+        ("a serial port at 115200, serial ttyUSB0", "a serial port at 115200, serial ttyUSB0"),
     ],
 )  # fmt: skip
 def test_texts_lose_what_is_private_and_keep_the_rest(text, shared):

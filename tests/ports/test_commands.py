@@ -1,6 +1,8 @@
 """`ports` and `doctor` as processes, as the present user and as one without permissions."""
 
+import configparser
 import os
+import re
 import shlex
 import subprocess
 import tempfile
@@ -12,7 +14,7 @@ from click.testing import CliRunner
 from diffbotctl.bluetooth.errors import adapter_status
 from diffbotctl.cli.main import program
 from diffbotctl.cli.options import VIRTUAL_PORTS
-from diffbotctl.diagnostics.doctor import Verdict, doctor_findings
+from diffbotctl.diagnostics.doctor import REQUIRED_PACKAGES, Verdict, doctor_findings
 from diffbotctl.drivers import robot_ports
 from diffbotctl.drivers.serial_port import open_port
 from diffbotctl.errors import RunError
@@ -209,6 +211,13 @@ def test_doctor_detects_a_session_older_than_the_group(machine):
     machine.group("dialout", "ana")
     assert about(doctor(machine), "groups")[0][0] == Verdict.BAD
     assert about(doctor(machine, groups={os.getgid()}), "groups")[0][0] == Verdict.OK
+
+
+def test_doctor_asks_for_the_packages_that_pip_installs():
+    setup = configparser.ConfigParser()
+    assert setup.read(Path(__file__).parents[2] / "setup.cfg")
+    lines = setup["options"]["install_requires"].split()
+    assert sorted(REQUIRED_PACKAGES) == [re.split("[<>=]", line)[0] for line in lines]
 
 
 def test_doctor_says_which_optional_packages_are_there(machine):
