@@ -56,6 +56,8 @@ WEAK_SPEED_RATIO = 0.5  # of the speed limit; nobody needs to know of weakness a
 # encoder then still counts often enough for the speed loop (1/s).
 CREEP_SPEED_RATIO, CREEP_COUNTS = 0.1, 4.0
 CRAWL_CREEP_RATIO = 2.0  # of the creep speed: friction holds a wheel at lower speeds only
+# m; a goal whose position is known less well than this, and than it was far away, is not reached.
+LOST_MIN = 0.3
 TURNED_MAX = 540 * pi / 180  # rad in one turn, which needs 180 deg and some corrections
 OPPOSED_TURN_MAX = 120 * pi / 180  # rad against the commands; more than any motor coasts
 PUSH_GROWTH = 1.4  # of the least speed, with each small turn in which friction held the wheels
@@ -373,8 +375,16 @@ class GoalFollower(Block):
         tolerance, heading_tolerance = self._tolerances(pursuit, odometry)
         if distance > tolerance or turn > heading_tolerance:
             return self._try_again(pursuit, odometry)
+        sd = self._position_sd(odometry)
+        if sd > max(LOST_MIN, pursuit.start_distance):
+            why = odometry.warning or "dead reckoning drifts on the way"
+            cause = (
+                f"it is not known where the robot is: to {sd:.1f} m (standard deviation), and the "
+                f"goal was {pursuit.start_distance:.1f} m away: {why}"
+            )
+            return FollowerStep(pursuit, end="given_up", cause=cause)
         aside = pursuit.start_distance * self.heading_tolerance
-        reasons = [position_doubt(odometry, self._position_sd(odometry), self.tolerance, aside)]
+        reasons = [position_doubt(odometry, sd, self.tolerance, aside)]
         if distance > self.tolerance or turn > self.heading_tolerance:
             away = f"{distance * 1000:.0f} mm and {degrees(turn):.1f} deg away"
             reasons.insert(0, f"no nearer than {away} by odometry")

@@ -304,6 +304,19 @@ def test_a_pose_that_is_known_too_badly_reaches_a_goal_unsurely(sd, warning, end
 
 
 @pytest.mark.parametrize(
+    ("sd", "end"), [(0.45, "reached_unsure"), (0.55, "given_up"), (88.9, "given_up")]
+)
+def test_a_pose_that_is_known_less_well_than_the_goal_was_far_reaches_nothing(sd, end):
+    course = Course()
+    course.covariance, course.warning = (0.0, 0.0, 0.0, sd * sd, 0.0, 0.0), "its clock is fast"
+    assert course.drive(goal(0.5, 0.0, 0.0)) == end
+    assert course.causes[-1].endswith("its clock is fast")
+    assert (f"not known where the robot is: to {sd:.1f} m" in course.causes[-1]) == (
+        end == "given_up"
+    )
+
+
+@pytest.mark.parametrize(
     "calibrated, sd, end",
     [
         (GEOMETRY, 0.1, "reached_unsure"),
