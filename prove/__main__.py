@@ -23,6 +23,7 @@ from diffbotctl.testing.trials.row import printed
 from prove import (
     chain,
     extending,
+    far_operator,
     faults,
     firmware,
     first_goal,
@@ -116,6 +117,7 @@ def sections_of(options: argparse.Namespace) -> list[ProofSection]:
         ProofSection("ROS 2", ros2.rows(options.bridge), options.bridge),
         ProofSection("chain of ROS 2", ros2_chain.rows(50.0, 2)),
         ProofSection("several robots", several_robots.rows(options.cuts), options.cuts),
+        ProofSection("far operator", far_operator.rows(options.cuts), options.cuts),
         ProofSection("sensors of kits", kit_sensors.rows(options.seed)),
         ProofSection("IMU", imu.rows(options.seed, imu_robots), imu_robots),
     ]
