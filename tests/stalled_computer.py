@@ -41,7 +41,8 @@ class StalledComputer:
 
     def longest_since(self, begin: float) -> float:
         """The longest stall, in s, that ended after `begin` (s, monotonic clock)."""
-        lines = self.log.read_text(encoding="ascii").splitlines()
+        text = self.log.read_text(encoding="ascii")
+        lines = text[: text.rfind("\n") + 1].splitlines()  # the last one may be half written
         stalls = [tuple(map(float, line.split())) for line in lines]
         return max((seconds for end, seconds in stalls if end >= begin), default=0.0)
 

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.stalled_computer import StalledComputer
+
 ROOT = Path(__file__).parents[1]
 PLUGIN = """
 import pytest
@@ -68,3 +70,12 @@ def test_a_failure_is_repeated_only_if_the_computer_stood_still(
     count = int((tmp_path / "runs").read_text())
     assert ("the computer stood still for " in said) == (count > 1), said
     assert runs in (count, None), said
+
+
+@pytest.mark.parametrize("half", ["", "2", "250.", "250.75", "250.75 9.", "250.75 9.9"])
+def test_a_line_that_is_half_written_does_not_count_yet(tmp_path, half):
+    computer = object.__new__(StalledComputer)
+    computer.log = tmp_path / "stalls"
+    computer.log.write_text(f"100.5 0.0\n200.5 0.25\n201.5 0.5\n{half}")
+    assert computer.longest_since(150.0) == 0.5
+    assert computer.longest_since(201.6) == 0.0
