@@ -125,6 +125,15 @@ def rows() -> Iterator[Row]:
                     environment,
                 ),
                 Load("the page and big frames", [*PAGE, "load", "--frames"], 1, environment),
+                Load(
+                    "the page and 200 refused requests a second",
+                    [*PAGE, "load", "--refused"],
+                    1,
+                    environment,
+                ),
+                Load(
+                    "the page and one that never reads", [*PAGE, "load", "--slow"], 1, environment
+                ),
                 Load(AGAIN, [], 0, environment),
                 Load(
                     "ten `topic echo`",

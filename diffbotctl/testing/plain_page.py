@@ -2,7 +2,7 @@
 
 `python -m diffbotctl.testing.plain_page NAME` starts the server of the engine's page, opens one
 page and reads it. `--sockets` adds connections that send nothing, `--frames` big frames of other
-pages.
+pages, `--refused` requests that it must refuse, `--slow` a page that never reads.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from diffbotctl.testing.page_server import PageServer, serving
 
 TIMEOUT_S = 60.0  # for what must come; a test fails by itself afterwards
 BIG_FRAME_BYTES = 1 << 20
+REFUSED_PERIOD_S = 0.005  # from one refused request to the next
 
 
 class PlainPage:
@@ -76,9 +77,43 @@ async def _send_frames(server: PageServer, headers: dict[str, str]) -> None:
                 await page.until(lambda fields: False)
 
 
-async def _load(server: PageServer, sockets: int, frames: bool) -> None:
+async def _send_refused(server: PageServer) -> None:
+    """No session, a wrong code, a wrong Origin and a wrong Host, one after the other."""
+    address = f"{server.scheme}://127.0.0.1:{server.port}"
+    async with aiohttp.ClientSession() as session:
+        while True:
+            for method, path, headers in (
+                ("GET", "/session", {}),
+                ("POST", "/session", {"Origin": address}),
+                ("GET", "/socket", {"Origin": "https://stranger.example"}),
+                ("GET", "/", {"Host": "stranger.example"}),
+            ):
+                with suppress(aiohttp.ClientError, OSError):
+                    async with session.request(
+                        method, address + path, headers=headers, data="wrong", ssl=False
+                    ) as reply:
+                        await reply.read()
+                await asyncio.sleep(REFUSED_PERIOD_S)
+
+
+async def _never_read(server: PageServer, headers: dict[str, str]) -> None:
+    """Open a page and read nothing; one that is disconnected for it comes again."""
+    while True:
+        with suppress(aiohttp.ClientError, OSError):
+            async with PlainPage(server, headers) as page:
+                while not page.socket.closed:
+                    await asyncio.sleep(1.0)
+
+
+async def _load(
+    server: PageServer, sockets: int, frames: bool, refused: bool, is_slow: bool
+) -> None:
     headers = server.enter(server.next_link())
     others = []
+    if refused:
+        others.append(asyncio.create_task(_send_refused(server)))
+    if is_slow:
+        others.append(asyncio.create_task(_never_read(server, headers)))
     if sockets:
         others.append(asyncio.create_task(_hold_sockets(server.port, sockets)))
     if frames:
@@ -93,11 +128,12 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("engine")
     parser.add_argument("--sockets", type=int, default=0)
-    parser.add_argument("--frames", action="store_true")
+    for name in ("--frames", "--refused", "--slow"):
+        parser.add_argument(name, action="store_true")
     options = parser.parse_args()
     folder = Path(os.environ["XDG_RUNTIME_DIR"])
     with serving(folder, "--engine", options.engine) as server:
-        asyncio.run(_load(server, options.sockets, options.frames))
+        asyncio.run(_load(server, options.sockets, options.frames, options.refused, options.slow))
 
 
 if __name__ == "__main__":
