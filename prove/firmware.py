@@ -52,7 +52,7 @@ def rows(seed: int, share: float = 1.0) -> Iterator[Row]:
         yield from section()
     yield from rows_of("Uno", UNO_BOARD, 12_000, seed, share)
     yield from rows_of("Pico", PICO_BOARD, 20_000, seed, share)
-    hall = partial(board_runs.goals, seed, trials(40, 3))
+    hall = partial(board_runs.goals, seed, trials(20, 3))
     yield from _named("Pico, encoders with two channels", PICO_HALL_BOARD, hall)
 
 
@@ -90,7 +90,7 @@ def chip_sections(seed: int, trials: Callable[[float, int], int], edges: Section
         partial(board_faults.hellos, seed, trials(20, 20)),
         partial(frame_damage.through_binary, seed, trials(1e4, 100)),
         partial(board_runs.agreement, seed, trials(10, 2)),
-        partial(board_runs.goals, seed, trials(40, 3)),
+        partial(board_runs.goals, seed, trials(20, 3)),
         partial(board_runs.same_twice, seed),
         partial(board_restarts.rows, seed, trials(30, 3)),
     ]
