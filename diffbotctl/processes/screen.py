@@ -23,6 +23,7 @@ LOG_LINES_MAX = 200  # that wait for a screen; one that is suspended gets the ne
 SNAPSHOT_PERIOD = 100 * MILLISECOND  # of logical time
 SNAPSHOT_MAX_BYTES = 1 << 18
 FINISH_TIMEOUT_S = 2.0  # for a screen that draws, not for a terminal that takes nothing
+WATCHING_NICENESS = 5  # of a screen beside an engine that computes all the time
 DRIVING_NICENESS = 2  # the control path has priority; a late drive command would stop the robot
 
 
@@ -109,12 +110,14 @@ class ScreenFeed:
 
 
 def start_screen(
-    show: Callable[[Iterator[RunSnapshot]], None], drives: bool = False
+    show: Callable[[Iterator[RunSnapshot]], None], drives: bool = False, is_paced: bool = True
 ) -> tuple[socket.socket, int]:
     """Fork a process that runs `show` over the snapshots sent to the returned channel.
 
     `drives`: it can also drive the robot, so it handles signals itself and gets processor time.
-    Otherwise it runs at idle priority. Returns the engine's end of the channel and the pid.
+    Otherwise it runs at idle priority beside an engine that is paced. One that is not leaves no time
+    idle, and a computer with one processor would never show how far it is. Returns the engine's end
+    of the channel and the pid.
     """
 
     def serve(channel: socket.socket) -> int:
@@ -126,7 +129,10 @@ def start_screen(
         else:
             signal.signal(signal.SIGHUP, signal.SIG_DFL)
             with suppress(OSError, AttributeError):
-                os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
+                if is_paced:
+                    os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
+                else:
+                    os.nice(WATCHING_NICENESS)
         with suppress(BrokenPipeError):
             show(_snapshots(channel))
         return 0

@@ -167,7 +167,9 @@ class _ReplayRun:
     def _start_screen(self) -> ScreenFeed | None:
         if self.options.show is None:
             return None
-        channel, pid = screen.start_screen(self.options.show, self.options.dash)
+        channel, pid = screen.start_screen(
+            self.options.show, self.options.dash, is_paced=self.options.speed is not None
+        )
         self.children.append(pid)
         goals = len(self.run.goals())
         return ScreenFeed(channel, lambda: (len(self.metrics.reached), goals))

@@ -76,7 +76,7 @@ class RunOutputs:
         self.control_sockets: list[RunControlSocket] = []  # one for each robot
         self.digest = _start_digest(assembly.graph.kinds) if options.digest else None
         if show is not None:
-            channel, pid = screen.start_screen(show, options.dash)
+            channel, pid = screen.start_screen(show, options.dash, is_paced=not options.fast)
             self.children.append(pid)
             self.screen = ScreenFeed(channel, reports.progress, reports.screen_closed)
         store = self._start_recording(configuration, assembly, options, reports)

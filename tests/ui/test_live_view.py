@@ -1,6 +1,7 @@
 """The picture of `run`: its progress, and the last one, which stays on the terminal."""
 
 import io
+import os
 
 import pytest
 from rich.console import Console
@@ -96,3 +97,11 @@ def test_the_picture_of_a_run_stays_above_its_summary(tmp_path, columns, lines):
         assert "all goals reached" in title
         assert "├" in terminal.text and "goals 1 of 1 reached" in terminal.text
         assert terminal.text.index(title) < terminal.text.index("goals 1 of 1 reached")
+
+
+def test_an_unpaced_run_shows_its_progress_also_with_one_processor(tmp_path):
+    line, environment = command(tmp_path, "run", "wander", "--fast", "--for", "100000s")
+    one = str(min(os.sched_getaffinity(0)))
+    with Terminal(["taskset", "--cpu-list", one, *line], environment) as terminal:
+        terminal.until(lambda text: "times real time" in text, "the progress")
+        assert " % of 100000 s" in terminal.text
