@@ -115,9 +115,9 @@ def start_screen(
     """Fork a process that runs `show` over the snapshots sent to the returned channel.
 
     `drives`: it can also drive the robot, so it handles signals itself and gets processor time.
-    Otherwise it runs at idle priority beside an engine that is paced. One that is not leaves no time
-    idle, and a computer with one processor would never show how far it is. Returns the engine's end
-    of the channel and the pid.
+    Otherwise it runs at idle priority beside an engine that is paced. One that is not leaves no
+    time idle, and a computer with one processor would never show how far it is. Returns the
+    engine's end of the channel and the pid.
     """
 
     def serve(channel: socket.socket) -> int:
