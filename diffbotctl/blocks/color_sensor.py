@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import ceil, floor, hypot
+from math import ceil, floor, hypot, sqrt
 
 from diffbotctl.block import Block, In, Out
 from diffbotctl.geometry.trail import JUMP_MIN_M
@@ -75,13 +75,17 @@ class ColorSensor(Block):
     def _dot(self, x: float, y: float, radius: float, pen: int) -> None:
         """Colour the cell at a place, and those whose middle is within the radius."""
         self.cells[self._cell(x, y)] = pen
-        first_row, first_column = floor((y - radius) / CELL_M), floor((x - radius) / CELL_M)
-        last_row, last_column = floor((y + radius) / CELL_M), floor((x + radius) / CELL_M)
+        first_row, last_row = floor((y - radius) / CELL_M), floor((y + radius) / CELL_M)
         for row in range(max(first_row, 0), min(last_row + 1, self.rows)):
-            for column in range(max(first_column, 0), min(last_column + 1, self.columns)):
-                middle = (column + 0.5) * CELL_M, (row + 0.5) * CELL_M
-                if hypot(middle[0] - x, middle[1] - y) <= radius:
-                    self.cells[row * self.columns + column] = pen
+            beside = radius * radius - ((row + 0.5) * CELL_M - y) ** 2
+            if beside < 0.0:
+                continue
+            half_width = sqrt(beside)
+            first = max(ceil((x - half_width) / CELL_M - 0.5), 0)
+            last = min(floor((x + half_width) / CELL_M - 0.5), self.columns - 1)
+            if first <= last:
+                begin = row * self.columns
+                self.cells[begin + first : begin + last + 1] = bytes((pen,)) * (last - first + 1)
 
     def _pen(self, colour: str) -> int:
         """What a cell of this colour holds. With more colours than fit, the newest replaces one."""

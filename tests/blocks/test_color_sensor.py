@@ -1,8 +1,10 @@
 """Colour sensor of the turtle: background, lines of a width, the pen, clearing, killing."""
 
+from math import dist
+
 import pytest
 
-from diffbotctl.blocks.color_sensor import PENS_MAX, ColorSensor
+from diffbotctl.blocks.color_sensor import CELL_M, PENS_MAX, ColorSensor
 from diffbotctl.messages import Canvas, Odometry
 
 BLUE, RED = (0, 0, 255), (255, 0, 0)
@@ -71,3 +73,16 @@ def test_pens_beyond_the_most_replace_those_that_are_not_seen(sensor):
         walk(sensor, [(2.0, 5.0), (2.1, 5.0)], pen=f"#00ff{number % 256:02x}")
     assert walk(sensor, [(2.05, 5.0)], is_down=False) == (0, 255, (PENS_MAX + 4) % 256)
     assert walk(sensor, [(1.2, 5.0)], is_down=False) == RED
+
+
+@pytest.mark.parametrize("radius", [0.01, 0.035, 0.2, 2.5])
+@pytest.mark.parametrize("place", [(5.513, 5.021), (0.02, 0.0), (11.09, 7.777)])
+def test_a_dot_has_the_cells_whose_middle_is_within_the_radius(place, radius):
+    sensor = ColorSensor()
+    sensor._dot(*place, radius, 7)
+    own = sensor._cell(*place)
+    for cell, pen in enumerate(sensor.cells):
+        row, column = divmod(cell, sensor.columns)
+        distance = dist(place, ((column + 0.5) * CELL_M, (row + 0.5) * CELL_M))
+        if abs(distance - radius) > 1e-9:
+            assert (pen == 7) == (distance < radius or cell == own)
