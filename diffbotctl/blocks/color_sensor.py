@@ -17,7 +17,8 @@ PENS_MAX = 256
 class ColorSensor(Block):
     """Publish the colour of the canvas below turtle 1: its background, or a line.
 
-    The line that the turtle draws is seen too: what lies below it shows with the pen up.
+    The line that turtle 1 draws is seen too: what lies below it shows with the pen up. The lines of
+    other turtles are not.
 
     blocks:
       color: {block: color_sensor, in: {canvas: canvas.canvas, odometry: robot.pose}}

@@ -75,6 +75,20 @@ def test_the_pen_draws_in_its_colour_only_while_down():
     assert not sheet.lines
 
 
+def test_every_turtle_that_is_driven_draws_with_the_pen_of_the_canvas():
+    sheet = TurtleTrail()
+    two, gone = looks(turtles=(2, 1.0, 1.0, 0.0)), looks()
+    for said, x in ((two, 1.0), (two, 1.2), (gone, 1.4), (two, 1.6), (two, 1.8)):
+        moved = TurtlePose(0, 2, x, 1.0, 0.0, 0.5, 0.0)
+        sheet.update(picture(canvas__canvas=said, robot__pose=pose(x, 5.0), turtle2__pose=moved))
+    lines = [(line.start, line.end) for line in sheet.lines]
+    assert [line for line in lines if line[0][1] == 1.0] == [
+        ((1.0, 1.0), (1.2, 1.0)),
+        ((1.6, 1.0), (1.8, 1.0)),  # none while there was no turtle 2
+    ]
+    assert len([line for line in lines if line[0][1] == 5.0]) == 4
+
+
 def test_a_wide_pen_draws_more_dots_across():
     camera = Camera(0.0, 0.0, 20.0)
     rows = []
@@ -101,7 +115,7 @@ def test_a_killed_turtle_1_is_not_drawn():
 def test_a_run_without_a_canvas_has_no_turtle_lines():
     sheet = TurtleTrail()
     sheet.update(picture(robot__pose=pose(1.0, 0.0)))
-    assert sheet.canvas is None and sheet.last is None
+    assert sheet.canvas is None and not sheet.last
 
 
 def test_a_long_line_loses_its_beginning():

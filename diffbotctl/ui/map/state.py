@@ -33,11 +33,11 @@ class TurtleTrail:
     def __init__(self) -> None:
         self.canvas: Canvas | None = None
         self.lines: deque[TurtleLine] = deque(maxlen=TURTLE_MAX_LINES)
-        self.last: Point | None = None
+        self.last: dict[int, Point] = {}  # of each turtle, by its number
         self.poses: dict[int, TurtlePose] = {}  # of the further turtles that can be driven
 
     def update(self, snapshot: RunSnapshot) -> None:
-        """Draw from the last position to the robot's, if the pen is down."""
+        """Draw from the last position of each turtle to the present one, if the pen is down."""
         canvas, pose = newest_message(snapshot, Canvas), newest_odometry(snapshot)
         if canvas is None or pose is None:
             return
@@ -46,17 +46,22 @@ class TurtleTrail:
         self.canvas = canvas
         poses = [each for each in snapshot.messages.values() if isinstance(each, TurtlePose)]
         self.poses = {pose.number: pose for pose in poses}
-        if not canvas.has_first:
-            self.last = None
-            return
-        point = (pose.x, pose.y)
-        if self.last is not None:
-            distance = hypot(point[0] - self.last[0], point[1] - self.last[1])
-            if distance < POINT_SPACING_M:
-                return
-            if canvas.is_down and distance < JUMP_MIN_M:
-                self.lines.append(TurtleLine(self.last, point, canvas.pen, canvas.pen_width))
-        self.last = point
+        present = set(map(int, canvas.turtles[::4]))
+        points = {number: (each.x, each.y) for number, each in self.poses.items()}
+        points = {number: point for number, point in points.items() if number in present}
+        if canvas.has_first:
+            points[1] = (pose.x, pose.y)
+        self.last = {number: self._draw(canvas, number, points[number]) for number in points}
+
+    def _draw(self, canvas: Canvas, number: int, point: Point) -> Point:
+        """Draw to the present place of a turtle; the place up to which it has drawn."""
+        last = self.last.get(number, point)
+        distance = hypot(point[0] - last[0], point[1] - last[1])
+        if distance < POINT_SPACING_M:
+            return last
+        if canvas.is_down and distance < JUMP_MIN_M:
+            self.lines.append(TurtleLine(last, point, canvas.pen, canvas.pen_width))
+        return point
 
     @property
     def has_first(self) -> bool:
