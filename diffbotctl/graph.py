@@ -231,12 +231,15 @@ class Compiled(NamedTuple):
         return {name: cell.cell_contents for name, cell in self._cells().items()}
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Restore a `state` of an equal graph, which version 0.1 may have saved.
+        """Restore a `state` of an equal graph, which an earlier version may have saved.
 
-        Raises KeyError when a name is missing.
+        An input whose messages did not expire in that version begins without one. Raises KeyError
+        when another name is missing.
         """
         for name, cell in self._cells().items():
-            cell.cell_contents = state[name if name in state else self.former_names[name]]
+            former = name if name in state else self.former_names[name]
+            if former in state or not name.startswith(("fresh_", "deadline_")):
+                cell.cell_contents = state[former]
 
     def _cells(self) -> dict[str, Any]:
         closure: Any = self.instant

@@ -27,7 +27,7 @@ GOOD = Path(__file__).parent.parent / "tests" / "data" / "recordings_v0_1"
 RECORDINGS = ("edges.mcap", "flight.mcap", "turtle.mcap", "ease.mcap", "obstacle.mcap")
 RUNS = (("square", "book_2wd"), ("wander", "turtlebot3_burger"))
 STARTS_PER_FILE = 5  # 1,000 starts and stops beside 200 files of each kind
-DASHBOARD_HOURS_MAX = 1.0
+DASHBOARD_HOURS_MAX = 4.0
 
 
 def rows(seed: int, count: int, hours: float) -> Iterator[Row]:

@@ -27,7 +27,8 @@ from diffbotctl.calibrate.umbmark import QUARTER_TURN, SQUARE_SIDES, SquareError
 SIDE_STEPS, TURN_STEPS = 20, 8  # into which a side and a turn are divided
 # Of an end, read by a person and estimated by odometry.
 POSITION_SD, HEADING_SD = POSITION.typical, HEADING.typical
-SLIP_MIN, SLIP_MAX, GRID = 0.0001, 0.015, 80
+SLIP_MIN, SLIP_MAX, GRID = 0.0001, 0.1, 110
+SLIP_USABLE = 0.05  # m; `drive.slip` is less
 # Before the squares: floors and tyres of small robots have 0.5 to 2 mm after a metre.
 PRIOR = NoisePrior(
     0.001, 2.5, tuple(np.exp(np.linspace(log(SLIP_MIN), log(SLIP_MAX), GRID)).tolist())

@@ -20,6 +20,7 @@ BRAKING = 0.15  # m/s2, gentle for any robot, so that it stops near the mark
 TURN_BRAKING = 1.0  # rad/s2
 DEFAULT_DURATION_S = 1.0  # a drive always has an end: the person may be gone
 ENGINE_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
+NO_NUMBERS = ("nan", "inf", "infinity")  # refused as a position
 LATE_BEFORE_START_MAX = 20  # commands through a slow link, before the first one is taken
 SPEED_RATIO_MIN = 0.25  # kept up to the mark: at a lower speed friction may hold a wheel before it
 
@@ -178,7 +179,7 @@ class GotoCommand(click.Command):
 
     def parse_args(self, context: click.Context, args: list[str]) -> list[str]:
         """Move the name of an engine from the arguments to its option."""
-        if args and ENGINE_NAME.fullmatch(args[0]):
+        if args and ENGINE_NAME.fullmatch(args[0]) and args[0].lower() not in NO_NUMBERS:
             if any(word.partition("=")[0] == "--engine" for word in args):
                 raise click.UsageError(f"give either '{args[0]}' or --engine", context)
             args = ["--engine", args[0], *args[1:]]

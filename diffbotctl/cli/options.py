@@ -79,7 +79,8 @@ class Quantity(FloatType):
         except UnitError as error:
             self.fail(str(error), param, ctx)
         if not isfinite(number) or (self.positive and number <= 0.0):
-            self.fail(f"{value} is not possible here", param, ctx)
+            must = "a finite number" if not isfinite(number) else "above 0"
+            self.fail(f"{value} is not possible: it must be {must}", param, ctx)
         limit = magnitude_max(self.unit)
         if abs(number) > limit:
             text = f"{limit:g} {self.unit}"

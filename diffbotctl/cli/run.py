@@ -155,7 +155,7 @@ def command(
         log,
         log_levels,
         flights,
-        allowed_programs(configuration, allow_programs),
+        None if fast else allowed_programs(configuration, allow_programs),
     )
     if not as_json:
         _print_header(configuration, port, seed)

@@ -60,6 +60,7 @@ class WheelResponse:
         "expected",
         "has_counted",
         "idle_for",
+        "is_raised",
         "lost_for",
         "ratio",
         "short_for",
@@ -81,6 +82,8 @@ class WheelResponse:
         """s for which it was driven, and m that it should have travelled, since its last count"""
         self.has_counted = False
         """since it was driven in the present direction"""
+        self.is_raised = False
+        """whether the host still raises the duty of a wheel that stands"""
         self.short_for = 0.0
         """s for which it has reached less than SHORT_RATIO of its command"""
         self.crawl_for = 0.0
@@ -128,6 +131,7 @@ class WheelResponse:
             self.expected = self.short_for = self.crawl_for = 0.0
             self.has_counted = False
         self.command = command
+        self.is_raised = not is_limited
         if not command:
             return
         self.has_counted |= counted > 0.0
@@ -322,11 +326,12 @@ class DriveResponse:
         is_alone = other.uncounted_for < wheel.uncounted_for
         if (
             is_alone
+            and not wheel.is_raised  # friction holds a slow wheel until its duty has risen
             and self._has_broken_off(wheel, BLOCKED_AFTER)
             and wheel.uncounted_travel > BLOCKED_TRAVEL_MIN
         ):
             return True
-        longest = UNCOUNTED_AFTER if is_alone else stuck_after
+        longest = UNCOUNTED_AFTER if is_alone and not wheel.is_raised else stuck_after
         travel = max(IDLE_TRAVEL_MIN, IDLE_TRAVEL_PITCHES * self.pitch)
         return wheel.uncounted_for > longest and wheel.uncounted_travel > travel
 

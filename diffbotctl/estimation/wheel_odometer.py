@@ -81,7 +81,11 @@ class WheelOdometer:
     @property
     def fault(self) -> str:
         """Why its travel is known less well than usual, or an empty text."""
-        return "; ".join(filter(None, (self.counting.pushed_text, self.filter.fault)))
+        pushed, faults = self.counting.pushed_text, self.filter.hypotheses[0].faults
+        # The edges of a push look like edges in excess to the model of a motor without power.
+        if pushed and faults.missed <= faults.extra <= self.counting.pushed_in_all:
+            return pushed
+        return "; ".join(filter(None, (pushed, self.filter.fault)))
 
     def pose_is_set(self) -> None:
         """What happened before does not matter any more."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 from math import cos, hypot, sin
 from typing import NamedTuple, Protocol
 
@@ -119,8 +120,16 @@ def scan_points(
 
     A distance of 0 means too close to measure and is replaced by `nearest` (m).
     """
+    directions = ray_directions(start, step, len(distances))
     return [
-        (max(far, nearest) * cos(start + i * step), max(far, nearest) * sin(start + i * step))
-        for i, far in enumerate(distances)
+        (far * c, far * s) if far > nearest else (nearest * c, nearest * s)
+        for far, (c, s) in zip(distances, directions, strict=True)
         if far <= within
     ]
+
+
+@lru_cache(maxsize=8)  # a scanner's rays have the same directions in every turn
+def ray_directions(start: float, step: float, rays: int) -> tuple[Point, ...]:
+    """Unit vectors of `rays` bearings, `step` apart from `start` (rad)."""
+    bearings = [start + ray * step for ray in range(rays)]
+    return tuple((cos(bearing), sin(bearing)) for bearing in bearings)

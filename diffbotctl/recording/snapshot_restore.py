@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import pickle
 from collections.abc import Iterable
+from enum import Enum
 from typing import Any
 
 from diffbotctl.block import Block
@@ -91,6 +92,8 @@ class _PlainUnpickler(pickle.Unpickler):
         self.messages = messages
 
     def find_class(self, module: str, name: str) -> Any:
+        if (module, name) == ("builtins", "getattr"):
+            return _enum_member
         if (module, name) in COLLECTIONS:
             return super().find_class(module, name)
         if (module, name) in self.messages:
@@ -105,3 +108,10 @@ class _PlainUnpickler(pickle.Unpickler):
             if isinstance(kind, type) and kind.__module__ == module:
                 return snapshot_0_1.reader_class(kind) if is_former else kind
         raise StateError(f"it holds a {module}.{name}, which is not restored")
+
+
+def _enum_member(kind: Any, name: str) -> Enum:
+    """A member of an enumeration. Python before 3.11.4 saves it as the call of `getattr`."""
+    if isinstance(kind, type) and issubclass(kind, Enum):
+        return kind[name]
+    raise StateError(f"it holds an attribute of {kind!r}, which is not restored")

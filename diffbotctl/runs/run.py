@@ -52,12 +52,12 @@ def _check_programs(configuration: Configuration, options: RunOptions) -> None:
     if not configuration.programs:
         return
     names = join_words([use.name for use in configuration.programs], "and")
-    if options.programs is None:
-        cause = f"this pipeline starts programs, which were not allowed: {names}"
-        raise RunError(Problem("E-PROGRAM-CONSENT", "programs", cause, "give --allow-programs"))
     if options.fast:
         cause = f"{names} cannot keep up with a run that is faster than real time"
         raise RunError(Problem("E-PROGRAM", "programs", cause, "run it without --fast"))
+    if options.programs is None:
+        cause = f"this pipeline starts programs, which were not allowed: {names}"
+        raise RunError(Problem("E-PROGRAM-CONSENT", "programs", cause, "give --allow-programs"))
 
 
 def _check_sources(configuration: Configuration, options: RunOptions) -> None:

@@ -87,6 +87,22 @@ def test_it_keeps_its_speed_through_a_short_silence():
     assert driven(block, [(549, 0.3, 0)])[0].linear == pytest.approx(0.3)
 
 
+def test_a_single_zero_ends_at_rest():
+    # A released key sends one zero. The ramp may take one step, 0.15 of the 0.3 m/s; then it ends.
+    block = limiter()
+    driven(block, [(0, 0.3, 2.0), (290, 0.3, 2.0), (390, 0.0, 0.0)])
+    assert block.linear == pytest.approx(0.15)
+    assert block.react(440 * MS, None) == Twist(440 * MS, 0.0, 0.0)
+    assert block.react(540 * MS, None) is None, "told once"
+    assert driven(block, [(640, 0.3, 0)])[0].linear == pytest.approx(0.25), "from rest"
+
+
+def test_a_source_that_falls_silent_in_motion_is_not_stopped_here():
+    block = limiter()
+    driven(block, [(0, 0.3, 0), (100, 0.3, 0)])
+    assert block.react(150 * MS, None) is None  # the mux or the gate stops the robot
+
+
 def test_no_twist_no_output():
     assert limiter().react(1, None) is None
 

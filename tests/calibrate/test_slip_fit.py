@@ -33,7 +33,7 @@ def test_the_heading_of_a_square_is_spread_by_all_of_its_way():
     assert sqrt(covariance[2, 2]) == pytest.approx(sqrt(2.0 * way) / GEOMETRY.track, rel=1e-6)
 
 
-@pytest.mark.parametrize("slip", [0.0005, 0.0015, 0.003])
+@pytest.mark.parametrize("slip", [0.0005, 0.0015, 0.003, 0.02, 0.03])
 def test_the_slip_is_found_whatever_the_geometry_misses(slip):
     fits = [fit_slip(squares(slip, seed, mean=0.05), GEOMETRY) for seed in range(40)]
     assert fmean(fit.value for fit in fits) == pytest.approx(slip, rel=0.15)

@@ -86,6 +86,8 @@ def test_a_time_limit_is_called_for_everywhere():
         (["runn"], 2, "There is no command 'runn'. Did you mean 'run'?"),
         (["run", "goal", "--for", "3 m"], 2, "--for"),
         (["run", "goal", "--for", "-1s"], 2, "--for"),
+        (["drive", "--for", "-1s"], 2, "above 0"),
+        (["goto", "nan", "0"], 2, "'nan' is not a number"),
         (["help", "nothing"], 2, "There is no command 'nothing'."),
     ],
 )

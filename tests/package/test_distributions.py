@@ -62,7 +62,7 @@ def distributions(tmp_path_factory):
     direct.unlink()
     source = built("sdist", folder / "checkout", folder)
     with tarfile.open(source) as archive:
-        archive.extractall(folder, filter="data")
+        archive.extractall(folder)  # `filter` is missing before Python 3.11.4
     wheel = built("wheel", folder / f"diffbotctl-{__version__}", folder)
     return Distributions(source, wheel, names)
 

@@ -78,15 +78,15 @@ class BatteryStep:
                 "the board does not measure its battery: connect it through a divider to a free "
                 "analog pin, and add `battery: {pin: A1, divider: 3}`"
             )
-        else:
-            yield Message("Nothing moves. Connect a meter to the terminals of the battery.")
-            readings = self._readings(session)
-            volts = float((yield METER_QUESTION))
-            findings.append(divider_finding(readings, volts, battery.divider or 1.0))
-            lines.append(
-                f"divider {findings[0].value:.4g}: the meter shows {volts:.2f} V, the board "
-                f"reported {fmean(readings):.2f} V"
-            )
+            return Outcome("battery", findings, lines, volts=volts)
+        yield Message("Nothing moves. Connect a meter to the terminals of the battery.")
+        readings = self._readings(session)
+        volts = float((yield METER_QUESTION))
+        findings.append(divider_finding(readings, volts, battery.divider or 1.0))
+        lines.append(
+            f"divider {findings[0].value:.4g}: the meter shows {volts:.2f} V, the board "
+            f"reported {fmean(readings):.2f} V"
+        )
         low = yield from _low_limit(volts)
         if low is not None:
             findings.append(low)

@@ -16,7 +16,7 @@ from diffbotctl.calibrate.dead_reckoning import EndError, Geometry, wrap_angle
 from diffbotctl.calibrate.known_lengths import known_mean_sd
 from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, SLIP, TRACK, Finding
 from diffbotctl.calibrate.session import RobotSession
-from diffbotctl.calibrate.slip_fit import SlipFit, fit_slip
+from diffbotctl.calibrate.slip_fit import SLIP_USABLE, SlipFit, fit_slip
 from diffbotctl.calibrate.step import Event, Message, Outcome, ScatterPlot, StepProgress, StepRun
 from diffbotctl.calibrate.umbmark import SquareErrors, UmbmarkResult
 from diffbotctl.config.robot import Robot
@@ -79,7 +79,7 @@ class SquaresStep:
                 fix = "was every end measured from the start mark, with its sign, in millimetres?"
                 problem = Problem("E-CALIBRATE-ROBOT", "geometry", str(error), fix)
                 raise RunError(problem) from error
-            slip = fit_slip(squares, result.geometry)
+            slip = _usable_slip(squares, result.geometry)
             findings = [*_findings(before, result, side), *_slip_findings(slip)]
             report += [*_report(side, used, result), *_slip_report(slip)]
             plot = _end_plot(squares)
@@ -131,6 +131,22 @@ class SquaresStep:
         if self.read != "places":
             heading = wrap_angle(float((yield FACING)) - odometry.heading)
         return EndError(x, y, heading)
+
+
+def _usable_slip(squares: SquareErrors, geometry: Geometry) -> SlipFit | None:
+    """The slip that `squares` show. Raises RunError if no robot could drive with it."""
+    slip = fit_slip(squares, geometry)
+    if slip is not None and slip.value >= SLIP_USABLE:
+        cause = (
+            "the ends of equal squares lie so far apart as if each wheel slipped by "
+            f"{slip.value * MM:.0f} mm after 1 m"
+        )
+        fix = (
+            "does a wheel turn on its shaft, and did every square start at the same marks? Then "
+            "repeat it on the floor on which the robot will drive"
+        )
+        raise RunError(Problem("E-CALIBRATE-ROBOT", "geometry", cause, fix))
+    return slip
 
 
 def corners(side: float, clockwise: bool) -> list[Waypoint]:

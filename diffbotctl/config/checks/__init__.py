@@ -50,6 +50,7 @@ CHECKS: tuple[Callable[[CheckContext], None], ...] = (
     board.check_stall_current,
     calibration.check_calibration,
     world.check_ranges,
+    world.check_slip,
     world.check_walls,
     world.check_goals,
     world.check_body,

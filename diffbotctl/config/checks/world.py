@@ -11,6 +11,8 @@ from diffbotctl.geometry.footprint import distance_to_segment
 
 # The odometry of a calibrated two-wheel robot is off by about 1 to 3 % of the way.
 GOAL_FAR_M = 100.0
+# The standard deviations that are told fit the errors of robots that slip by twice the default.
+SLIP_RATIO_MAX = 2.5
 RANGES = (("simulation", "motor", "lag"), ("simulation", "motor", "start_duty"))
 
 
@@ -25,6 +27,20 @@ def check_ranges(context: CheckContext) -> None:
             first, second = (item.text for item in value.items)
             cause = f"the range {path[-1]} begins at {first} and ends at {second}"
             context.error("E-RANGE", value.place, cause, f"write [{second}, {first}]")
+
+
+def check_slip(context: CheckContext) -> None:
+    """Warn of simulated wheels that slip by far more than odometry is told."""
+    values = context.values("simulation.slip", "drive.slip")
+    if context.real or values is None or values[0] <= SLIP_RATIO_MAX * values[1]:
+        return
+    simulated, stated = (1000.0 * value for value in values)
+    cause = (
+        f"the simulated wheels slip by {simulated:.3g} mm after 1 m, and odometry is told "
+        f"{stated:.3g} mm; encoders cannot see slip, so the robot will be farther off than it says"
+    )
+    fix = "`diffbotctl calibrate geometry` measures drive.slip; a gyro sees turns by slip"
+    context.warn("W-SLIP", context.robot_place("simulation", "slip"), cause, fix)
 
 
 def check_walls(context: CheckContext) -> None:

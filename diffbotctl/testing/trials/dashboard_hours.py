@@ -25,7 +25,9 @@ from diffbotctl.testing.trials.row import Row, printed
 
 MODULE = "diffbotctl.testing.trials.dashboard_hours"  # also where it is __main__
 SPEED = 60.0
-SETTLING_SHARE = 0.15  # of the run: imports of the dashboard, plots and histories fill up
+# The dashboard first imports its libraries, then its plots fill with two minutes of values
+# (`HISTORY_MAX_VALUES`), both in real time. A shorter run settles for a part of its length.
+SETTLING_S, SETTLING_SHARE = 150.0, 0.65
 SAMPLE_PERIOD_S = 0.5
 GROWTH_MAX_BYTES = 3 << 20
 SLOWNESS_MAX = 5.0  # a busy machine may take this much longer than planned, and a minute
@@ -51,6 +53,7 @@ def measure(hours: float) -> DashboardHours:
     planned = hours * 3600.0 / SPEED
     deadline = time.monotonic() + 60.0 + SLOWNESS_MAX * planned
     sizes: list[int] = []
+    times: list[float] = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         _, environment = command(folder)
@@ -63,14 +66,16 @@ def measure(hours: float) -> DashboardHours:
                 terminal.look()
                 if time.monotonic() >= sampled_at + SAMPLE_PERIOD_S:
                     sampled_at = time.monotonic()
+                    times.append(sampled_at)
                     sizes.append(sum(map(_resident_bytes, processes_of(folder))))
             faults = [] if terminal.process.poll() == 0 else [f"code {terminal.process.poll()}"]
             terminal.look()
             if ALTERNATE_SCREEN in terminal.screen.modes:
                 faults.append("the terminal shows the alternate screen")
             faults += leftovers(folder)
-    begin = int(len(sizes) * SETTLING_SHARE)
-    settled = sizes[begin:-2]  # the last ones fall into the end
+    settled_at = times[0] + min(SETTLING_S, SETTLING_SHARE * planned)
+    settled = [size for at, size in zip(times, sizes, strict=True) if at >= settled_at]
+    settled = settled[:-2]  # the last ones fall into the end
     return DashboardHours(max(settled) - settled[0], faults)
 
 
@@ -100,7 +105,7 @@ def main() -> int:
         setattr(runs, "Run", ScaledRun)  # noqa: B010 - the commands import it late
         cli_main.main()
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--hours", type=float, default=1.0)
+    parser.add_argument("--hours", type=float, default=4.0)
     return int(printed(rows(parser.parse_args().hours)) > 0)
 
 

@@ -4,6 +4,7 @@ nesting, aliases, control characters, bytes that are no text.
 
 from __future__ import annotations
 
+import copy
 import json
 import os
 from collections.abc import Iterator
@@ -131,16 +132,22 @@ def odd_value(rng: Random) -> Any:
     if kind < 2:
         return rng.choice(ODD_TEXTS)
     if kind < 5:
-        return rng.choice(ODD_VALUES)
+        return copy.deepcopy(rng.choice(ODD_VALUES))  # a later change must not reach the table
     return float(f"{rng.choice('-+')}{rng.random()}e{rng.randint(-320, 308)}")
 
 
 def _change(rng: Random, tree: Any) -> None:
-    """Replace, add, remove or move one value somewhere in the tree."""
+    """Replace, add, remove or move one value somewhere in the tree.
+
+    A moved value can contain itself afterwards, so each node is looked at once.
+    """
     places: list[tuple[Any, Any]] = []
-    waiting = [tree]
+    waiting, seen = [tree], set()
     while waiting:
         node = waiting.pop()
+        if id(node) in seen:
+            continue
+        seen.add(id(node))
         items = node.items() if isinstance(node, dict) else enumerate(node)
         for key, value in items:
             places.append((node, key))
