@@ -25,7 +25,6 @@ from diffbotctl.errors import ConfigurationError, Place, Problem, Source
 from diffbotctl.units import NUMBER
 
 FILE_SIZE_MAX_BYTES = 256 * 1024  # the longest shipped file has 4 kB
-NESTING_MAX_LEVELS = 40  # a robot file has 6
 VALUES_MAX_COUNT = 20_000  # after every alias is expanded; a robot file has about 150
 INTEGER = re.compile(r"[-+]?[0-9]+\Z")
 DECIMAL = re.compile(NUMBER + r"\Z")
@@ -74,7 +73,7 @@ def parse_any(source: Source, text: str) -> Value | None:
     except _UnreadableError:
         pass
     except RecursionError:
-        builder.problems.append(_too_deep(Place(source, 1, 1)))
+        builder.problems.append(yaml_syntax.too_deep(Place(source, 1, 1)))
     except Exception as error:
         if type(error).__module__.split(".")[0] not in ("yaml", "_yaml"):
             raise
@@ -255,8 +254,8 @@ class _TreeBuilder:
         self.stack.append(_OpenCollection(value, event.anchor))
         if event.anchor:
             self.anchors[event.anchor] = None
-        if len(self.stack) > NESTING_MAX_LEVELS:
-            self.problems.append(_too_deep(value.value_place))
+        if len(self.stack) > yaml_syntax.NESTING_MAX_LEVELS:
+            self.problems.append(yaml_syntax.too_deep(value.value_place))
             raise _UnreadableError
 
     def _add_scalar(self, event: Any) -> None:
@@ -360,8 +359,3 @@ class _TreeBuilder:
     def _stop(self, code: str, place: Place, cause: str, fix: str) -> NoReturn:
         self._note(code, place, cause, fix)
         raise _UnreadableError
-
-
-def _too_deep(place: Place) -> Problem:
-    cause = f"this is nested more than {NESTING_MAX_LEVELS} levels deep"
-    return Problem("E-YAML-SIZE", place, cause, "close the brackets that are open")

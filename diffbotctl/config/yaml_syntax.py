@@ -7,6 +7,8 @@ from typing import Any
 
 from diffbotctl.errors import Place, Problem, Source
 
+NESTING_MAX_LEVELS = 40  # a robot file has 6
+
 
 def problem(source: Source, error: Any) -> Problem:
     """The problem described by `error`, a yaml.YAMLError raised while parsing `source`."""
@@ -20,6 +22,8 @@ def problem(source: Source, error: Any) -> Problem:
     if tab is not None:
         cause = "this line is indented with a tab; YAML allows only spaces"
         return Problem("E-YAML-TAB", tab, cause, "replace each tab with spaces")
+    if "nesting depth" in words:  # libyaml 0.2.6 and later read at most 1000 open brackets
+        return too_deep(place)
     if "mapping values are not allowed" in words:
         return _unexpected_key(source, place)
     context = getattr(error, "context_mark", None)
@@ -34,6 +38,12 @@ def problem(source: Source, error: Any) -> Problem:
             return Problem("E-YAML-SYNTAX", place, cause + where, fix)
     cause = f"invalid YAML from here: {words}"
     return Problem("E-YAML-SYNTAX", place, cause, "compare this line with the ones around it")
+
+
+def too_deep(place: Place) -> Problem:
+    """The problem of a value at `place` that is nested too deeply."""
+    cause = f"this is nested more than {NESTING_MAX_LEVELS} levels deep"
+    return Problem("E-YAML-SIZE", place, cause, "close the brackets that are open")
 
 
 SYNTAX = [
