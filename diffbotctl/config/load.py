@@ -28,7 +28,14 @@ from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.configuration import BlockEntry, BlockUse, Configuration, Pipeline, RobotFile
 from diffbotctl.config.declared_inputs import mark_motion, read_inputs, read_programs, read_sources
 from diffbotctl.config.named_robots import load_named_robots
-from diffbotctl.config.robot import Robot, field_value, fill_counts, fill_curves, fill_glitch
+from diffbotctl.config.robot import (
+    Robot,
+    field_value,
+    fill_bridge_share,
+    fill_counts,
+    fill_curves,
+    fill_glitch,
+)
 from diffbotctl.config.section_reader import read_parameters, read_section
 from diffbotctl.config.source_tree import Override
 from diffbotctl.config.yaml_tree import Value
@@ -311,6 +318,7 @@ class _Loader:
         robot = read_section(whole, Robot, "the robot file", self.problems)
         fill_glitch(robot)
         fill_counts(robot)
+        fill_bridge_share(robot)
         fill_curves(robot)
         self.context.robot_tree, self.context.robot = whole, robot
         self.context.nominal = robot
@@ -319,6 +327,7 @@ class _Loader:
             self.context.nominal = read_section(stated, Robot, "the robot file", [])
             fill_glitch(self.context.nominal)
             fill_counts(self.context.nominal)
+            fill_bridge_share(self.context.nominal)
             fill_curves(self.context.nominal)
         return file
 

@@ -11,6 +11,7 @@ from math import pi
 from typing import Any, Literal
 
 from diffbotctl.config.board_pins import BOARDS
+from diffbotctl.config.motor_drivers import MOTOR_DRIVERS
 from diffbotctl.config.simulation import ImuAxis, Simulation
 from diffbotctl.geometry.distance_sensors import SHARPS
 from diffbotctl.links.link_protocol import USB_BAUD
@@ -25,6 +26,9 @@ GLITCH_MAX_S, GLITCH_LEVEL_RATIO = 0.002, 0.25
 # braking would begin too late.
 GRIP_MAX_M_S2 = 10.0
 GRIP_REASON = "no tyre has grip for more; state mm/s2 if that was meant"
+
+USUAL_BATTERY = 7.6  # V; two charged lithium cells under a light load
+BRIDGE_SHARE_MAX = 0.9  # of a battery that hardly exceeds the driver's voltage
 
 BoardType = Literal["mega2560", "uno", "nano", "pico", "simulated"]
 BoardSupply = Literal["vin", "regulator", "usb"]
@@ -268,6 +272,9 @@ class MotorSection(Section):
         help="Duty at which friction just stops a turning wheel; none: as loop.static.",
     )
     loop = Param(SpeedLoopSection, default=SpeedLoopSection(), help="Speed loop of the wheel.")
+    bridge_share = 0.0
+    """share of the full battery's voltage that the driver's transistors take from a shorted motor;
+    `fill_bridge_share` sets it"""
 
 
 class EncoderSection(Section):
@@ -655,6 +662,22 @@ def fill_counts(robot: Robot) -> None:
                 encoder.counts_of_slot = board.counts_of_slot
         except AttributeError:
             continue
+
+
+def fill_bridge_share(robot: Robot) -> None:
+    """Set the voltage of each motor's driver, as its data sheet has it, over that of the battery.
+
+    Values that could not be read leave it at 0.
+    """
+    for side in SIDES:
+        try:
+            motor = field_value(robot, f"drive.{side}.motor")
+            facts = MOTOR_DRIVERS.get(motor.driver)
+            full = robot.battery.full or USUAL_BATTERY
+        except AttributeError:
+            continue
+        if facts is not None:
+            motor.bridge_share = min(facts.bridge.threshold / full, BRIDGE_SHARE_MAX)
 
 
 def fill_curves(robot: Robot) -> None:

@@ -274,7 +274,7 @@ class EdgeHypothesis:
 
     def _drive_changes(self, frame: WheelFrame) -> list[DriveChange]:
         """The commands that took effect since the last frame, in their order."""
-        if frame.skipped is None and frame.duty == self.duty:
+        if frame.skipped is None and (frame.drive, frame.duty) == (self.drive, self.duty):
             return []
         last = DriveChange(self._clamp(frame.drive_since, frame.time), frame.drive, frame.duty)
         return [last] if frame.skipped is None else [frame.skipped, last]

@@ -65,6 +65,9 @@ WITHIN_RATIO = 1.0  # taken for z within its bounds, which says little of the no
 # Free-wheeling motors: friction that grows with the speed, in stall torques at the no-load speed,
 # and the duty at which their lag is the stated one.
 VISCOUS, LAG_DUTY = 0.05, 0.6
+# Factor of the noise's variance of such a motor while its driver shorts it: its lag is then not the
+# one that was learnt from the drive, and the braking is known to a quarter.
+SHORTED_NOISE = 25.0
 # Entries of `Covariance`.
 Z_Z, Z_SPEED, Z_PHASE, PHASE_PHASE = 0, 1, 5, 20
 DIAGONAL = (0, 6, 11, 15, 18, 20)
@@ -77,6 +80,12 @@ Covariance = tuple[float, ...]
 Where they are unpacked, each is named by its two states: z, v (speed), g (gain), b (offset), l (log
 lag), f (phase).
 """
+
+
+def no_load_speed(settled: float) -> float:
+    """Speed of a free-wheeling motor without its viscous friction; with it, it settles at
+    `settled`."""
+    return (1.0 + VISCOUS) * settled
 
 
 class MotorKind(IntEnum):
@@ -132,6 +141,7 @@ class WheelKalman:
         self.priors = priors = priors.in_pitches(slots)
         # Factors of the variance of the speed's noise, learnt from the innovations.
         self.driven_noise = self.coasting_noise = 1.0 if is_typical else WIDE_NOISE_RATIO**2
+        self.coasting_noise = max(self.coasting_noise, self._coasting_noise_min)
         self.is_driven = True  # in the last prediction
         self.elapsed = 0.0  # s, since the last measurement
         self.disc: Slots = SlotErrors(
@@ -168,6 +178,11 @@ class WheelKalman:
     def is_free_wheeling(self) -> bool:
         """Whether no current brakes it between the driver's pulses."""
         return self.kind % 2 == 1
+
+    @property
+    def _coasting_noise_min(self) -> float:
+        """Least factor of the noise's variance while nothing drives it."""
+        return SHORTED_NOISE if self.is_free_wheeling and self.priors.brakes else 1.0
 
     @property
     def response(self) -> Response:
@@ -220,7 +235,10 @@ class WheelKalman:
         speed, travel = abs(self.speed), 0.0
         low = self.gain * self.priors.shorted_speed
         if low and self.is_free_wheeling and speed > low:
-            lag, settled, time = self._shorted_motion(speed)
+            lag, _ = self._response(1.0)
+            settled, time = self._shorted_motion(speed)
+            if time == inf:
+                return lag * speed
             travel = lag * (speed - low) - settled * time
             speed = low
         lag, factor = self._response(self._idle_duty)
@@ -302,21 +320,20 @@ class WheelKalman:
         speed = direction * self.speed
         if speed <= self.gain * self.priors.shorted_speed:
             return 0.0
-        lag, settled, time = self._shorted_motion(speed)
-        time = min(time, span)
+        time = min(self._shorted_motion(speed)[1], span)
         drive = -direction * (self.priors.friction - self._bridge_drive)
-        self._move(time, drive, -direction, self._response(1.0), is_driven=False)
+        self._move(time, drive, direction, self._response(1.0), is_driven=False)
         return time
 
-    def _shorted_motion(self, speed: float) -> tuple[float, float, float]:
-        """Lag (s), minus the speed at which it would settle, and the time (s) in which a shorted
-        motor falls from `speed` (pitches/s) to that below which it coasts."""
+    def _shorted_motion(self, speed: float) -> tuple[float, float]:
+        """Of a shorted motor: minus the speed (pitches/s) at which it would settle, and the time
+        (s) in which it falls from `speed` to that below which it coasts."""
         lag, factor = self._response(1.0)
         settled = factor * (self.gain * (self.priors.friction - self._bridge_drive) - self.offset)
         low = self.gain * self.priors.shorted_speed
         if low + settled <= 0.0:  # no friction at all
-            return lag, settled, inf
-        return lag, settled, lag * log((speed + settled) / (low + settled))
+            return settled, inf
+        return settled, lag * log((speed + settled) / (low + settled))
 
     @property
     def _bridge_drive(self) -> float:
@@ -627,7 +644,8 @@ class WheelKalman:
         if self.is_driven:
             self.driven_noise = min(max(self.driven_noise * change, 1.0), NOISE_FACTOR_MAX)
         else:
-            self.coasting_noise = min(max(self.coasting_noise * change, 1.0), NOISE_FACTOR_MAX)
+            least = self._coasting_noise_min
+            self.coasting_noise = min(max(self.coasting_noise * change, least), NOISE_FACTOR_MAX)
 
     def _update_z(self, scaled_innovation: float, inverse_variance: float) -> None:
         """Kalman update by a measurement of z."""

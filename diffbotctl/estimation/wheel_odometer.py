@@ -14,7 +14,7 @@ from diffbotctl.estimation.fine_wheel import (
 from diffbotctl.estimation.priors import Priors
 from diffbotctl.estimation.slot_errors import EdgeErrors, SlotEstimate
 from diffbotctl.estimation.wheel_filter import LOG_RATIO_MAX, WheelFilter
-from diffbotctl.estimation.wheel_kalman import Response
+from diffbotctl.estimation.wheel_kalman import Response, no_load_speed
 from diffbotctl.estimation.wheel_side import EncoderConfig, LinkTiming, SideConfig, settled_speed
 
 GAP_SDS = 3.0  # by which the model and the counts may differ
@@ -35,12 +35,15 @@ class WheelOdometer:
         self.static = motor.loop.static if motor.friction is None else motor.friction
         self.count = self.first_count = count
         friction = self.static / (1.0 - self.static) * motor.rated
+        brakes = motor.idle == "brake"
         priors = Priors(
             lag=motor.lag,
             friction=friction,
             dead_band=self.static,
-            brakes=motor.idle == "brake",
-            shorted_speed=1.4/7.6*1.05*(motor.rated+friction) if motor.idle == "brake" else 0.0,
+            brakes=brakes,
+            shorted_speed=motor.bridge_share * no_load_speed(motor.rated + friction)
+            if brakes
+            else 0.0,
             decay=motor.decay,
             **timing._asdict(),
         )

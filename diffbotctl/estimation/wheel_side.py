@@ -11,12 +11,13 @@ from diffbotctl.control.speed_loop import MotorSettings
 
 class MotorConfig(MotorSettings, Protocol):
     """The motor section of a side; `lag` in s, `idle` coast or brake, `decay` slow, fast or None,
-    `friction` a duty or None."""
+    `friction` a duty or None, `bridge_share` a share of the full battery's voltage."""
 
     lag: float
     idle: str
     decay: str | None
     friction: float | None
+    bridge_share: float
 
 
 class WheelConfig(Protocol):

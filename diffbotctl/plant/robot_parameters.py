@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from diffbotctl.config.board_pins import SIMULATED
 from diffbotctl.config.motor_drivers import MOTOR_DRIVERS
-from diffbotctl.config.robot import Robot, measured_lag
+from diffbotctl.config.robot import USUAL_BATTERY, Robot, measured_lag
 from diffbotctl.control.speed_loop import SpeedGains, speed_gains
 from diffbotctl.plant.imu_mounting import (
     UP,
@@ -16,8 +16,6 @@ from diffbotctl.plant.imu_mounting import (
 from diffbotctl.plant.motor_bridge import IDEAL_BRIDGE, BridgeModel, bridge_model
 from diffbotctl.plant.simulated_board import BoardKind
 from diffbotctl.time import SECOND
-
-USUAL_BATTERY = 7.6  # V; two charged lithium cells under a light load
 
 
 class MountedSensor(NamedTuple):

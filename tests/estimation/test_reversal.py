@@ -18,10 +18,10 @@ def test_a_wheel_turns_with_its_drive_once_it_cannot_have_coasted_so_long(rest, 
     for frame in range(1, 40):
         hypothesis.update(WheelFrame(frame * FRAME, 3 * frame, None, 150.0, 0, 0.9))
     for frame in range(40, 40 + rest):
-        hypothesis.update(WheelFrame(frame * FRAME, 3 * 39, None, -150.0, 39 * FRAME, 0.9))
+        hypothesis.update(WheelFrame(frame * FRAME, 3 * 39, None, -150.0, 39 * FRAME, -0.9))
     hypothesis.motion.speed = 100.0
     best, *_ = hypothesis.update(
-        WheelFrame((40 + rest) * FRAME, 3 * 39 + 2, None, -150.0, 39 * FRAME, 0.9)
+        WheelFrame((40 + rest) * FRAME, 3 * 39 + 2, None, -150.0, 39 * FRAME, -0.9)
     )
     assert best.edge_direction == direction
 
