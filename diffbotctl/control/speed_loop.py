@@ -425,25 +425,34 @@ class SpeedLoopMirror(SpeedLoop):
     def update(
         self, time: int, steps: int, edge: int, changes: Iterable[tuple[int, float]]
     ) -> list[float]:
-        """Apply one frame. Returns the duty after each change, and that at the frame's time.
+        """Apply one frame. Returns the duty after each change but the last, and that at the
+        frame's time.
 
         `steps`: counts since the previous frame, the last of them at time `edge`; `changes`: the
         targets (rad/s) that took effect in this order, each with its time.
         """
         edges = self._edge_times(edge, abs(steps))
-        duties = []
-        for since, target in changes:
+        duties: list[float] = []
+        for number, (since, target) in enumerate(changes):
+            if number:
+                duties.append(self.limited_duty())
             if target != self.target:
                 self._run(since, edges)
                 self.set_target(target, since)
-            duties.append(self.limited_duty())
         self._run(time, edges)
-        return [*duties, self.limited_duty()]
+        duties.append(self.limited_duty())
+        return duties
 
     def _edge_times(self, last: int, number: int) -> deque[int]:
         """Times of `number` edges until `last`: they are taken as evenly spaced."""
+        if number == 0:
+            return deque()
+        if number == 1:
+            return deque((last,))
         start = min(self._last_edge, last)
-        return deque(start + (last - start) * (index + 1) // number for index in range(number))
+        return deque(
+            [start + (last - start) * (index + 1) // number for index in range(number)]
+        )
 
     def _run(self, until: int, edges: deque[int]) -> None:
         """Run the loop each LOOP_PERIOD until then, past its edges. The phase of the board's timer
@@ -451,11 +460,13 @@ class SpeedLoopMirror(SpeedLoop):
         if self.target:
             for time in range(self.time + LOOP_PERIOD, until + 1, LOOP_PERIOD):
                 self.time = time
-                self._pass_edges(time, edges)
+                if edges:
+                    self._pass_edges(time, edges)
                 self.run_period(time)
         else:
             self.time = max(until, self.time)
-        self._pass_edges(until, edges)
+        if edges:
+            self._pass_edges(until, edges)
 
     def _pass_edges(self, until: int, edges: deque[int]) -> None:
         passed, last = 0, 0

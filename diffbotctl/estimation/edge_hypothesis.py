@@ -171,32 +171,34 @@ class EdgeHypothesis:
         while changes and changes[0].time <= passed_time:
             self._change_drive(changes.pop(0))
         self._advance(passed_time)
-        hypotheses = [self]
         self.is_timed = has_edge
-        if steps and self.motion.speed == 0.0 and frame.drive * self.edge_direction > 0.0:
-            self.motion.release(abs(frame.drive), (time - begin) * 1e-9)
-        if steps:
-            window = 0.0 if has_edge else abs(self.motion.speed) * (time - begin) * 1e-9
-            hypotheses = self._pass_edges(steps, window)
+        motion = self.motion
+        if not steps:
+            self._end_frame(time, changes)
+            return self._update_bounds(abs(motion.speed) > motion.priors.creep, False)
+        if motion.speed == 0.0 and frame.drive * self.edge_direction > 0.0:
+            motion.release(abs(frame.drive), (time - begin) * 1e-9)
+        window = 0.0 if has_edge else abs(motion.speed) * (time - begin) * 1e-9
         branches = []
-        for hypothesis in hypotheses:
+        for hypothesis in self._pass_edges(steps, window):
             motion = hypothesis.motion
-            if hypothesis.is_timed and steps:
+            if hypothesis.is_timed:
                 motion.update_edge(
                     hypothesis.edge_place, hypothesis.edge_slot, hypothesis.edge_direction > 0
                 )
-            for change in changes:
-                hypothesis._change_drive(change)
-            hypothesis._advance(time)
-            if steps and hypothesis.is_reversed:
+            hypothesis._end_frame(time, changes)
+            if hypothesis.is_reversed:
                 hypothesis.coasting_speed = min(
                     hypothesis.coasting_speed, motion.largest_speed(COAST_SDS)
                 )
-            is_moving = steps != 0 or abs(motion.speed) > motion.priors.creep
-            branches += hypothesis._update_bounds(
-                is_moving and not (steps and hypothesis.is_timed), has_edge
-            )
+            branches += hypothesis._update_bounds(not hypothesis.is_timed, has_edge)
         return branches
+
+    def _end_frame(self, time: int, changes: list[DriveChange]) -> None:
+        """Predict to the end of the frame at `time`, past the `changes` after its last edge."""
+        for change in changes:
+            self._change_drive(change)
+        self._advance(time)
 
     def split_by_friction(self, drive: float) -> list[EdgeHypothesis]:
         """Split into hypotheses without and with dry friction when the wheel first coasts."""
@@ -353,8 +355,7 @@ class EdgeHypothesis:
             counts = [count for count in counts if count.fit > best - FAULT_LOG_RATIO_MAX]
         before, slot = self.faults, self.edge_slot
         if self.motion.edge_variance(direction > 0) > RESOLVED_SD_MAX * RESOLVED_SD_MAX:
-            suspect = before.suspect + (steps if self.motion.is_suspect else 0)
-            before = before._replace(unresolved=before.unresolved + steps, suspect=suspect)
+            before = before.added_unresolved(steps, self.motion.is_suspect)
         hypotheses = [self, *(self.copy() for _ in counts[1:])]
         for hypothesis, count in zip(hypotheses, counts, strict=True):
             hypothesis.motion.log_likelihood += count.log_prior

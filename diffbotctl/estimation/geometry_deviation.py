@@ -118,12 +118,13 @@ def combined(
 ) -> tuple[float, float, float]:
     """What one `error` of the geometry does to the pose (m, rad), from the effects of relative
     errors of 1 of the track, the left and the right diameter."""
-    of_track, of_left, of_right = unit_effects
+    (track_x, track_y, track_heading), (left_x, left_y, left_heading), of_right = unit_effects
+    right_x, right_y, right_heading = of_right
     track, left, right = error
     return (
-        track * of_track.x + left * of_left.x + right * of_right.x,
-        track * of_track.y + left * of_left.y + right * of_right.y,
-        track * of_track.heading + left * of_left.heading + right * of_right.heading,
+        track * track_x + left * left_x + right * right_x,
+        track * track_y + left * left_y + right * right_y,
+        track * track_heading + left * left_heading + right * right_heading,
     )
 
 

@@ -229,15 +229,16 @@ class PoseFilter:
             yh += lever_y * heading
             hh += heading
         geometry_xx = geometry_xy = geometry_yy = 0.0
+        effects = self.unit_effects
         for error in self.geometry:
-            x, y, heading = combined(self.unit_effects, error)
+            x, y, heading = combined(effects, error)
             geometry_xx += x * x
             geometry_xy += x * y
             geometry_yy += y * y
             xh += x * heading
             yh += y * heading
             hh += heading * heading
-        for x, y, heading in fault_effects(self.unit_effects, left.fault_share, right.fault_share):
+        for x, y, heading in fault_effects(effects, left.fault_share, right.fault_share):
             xx += x * x
             xy += x * y
             xh += x * heading
@@ -248,13 +249,14 @@ class PoseFilter:
         least = LEAST_DIRECTION_RATIO * LEAST_DIRECTION_RATIO * largest
         xx += least
         yy += least
+        left_speed, right_speed = left.speed, right.speed
         return Odometry(
             time,
             self.x,
             self.y,
             self.heading,
-            0.5 * (left.speed + right.speed),
-            (right.speed - left.speed) / self.track,
+            0.5 * (left_speed + right_speed),
+            (right_speed - left_speed) / self.track,
             (xx + geometry_xx, xy + geometry_xy, xh, yy + geometry_yy, yh, hh),
             warning,
             sqrt(largest_variance(geometry_xx, geometry_xy, geometry_yy)),

@@ -83,9 +83,9 @@ class WheelFilter:
         """Variance of the travel (pitches2) between the hypotheses: their differences from the best
         one, weighted by their probabilities. And the frames since the best one differs from the one
         that matters most else."""
-        best = other = self.hypotheses[0]
         if len(self.hypotheses) == 1:
             return 0.0, 0
+        best = other = self.hypotheses[0]
         top = max(hypothesis.motion.log_likelihood for hypothesis in self.hypotheses)
         travel, variance = best.motion.travel, best.motion.variance
         total = spread = 0.0

@@ -111,7 +111,9 @@ class WheelKalman:
         "gain",
         "is_driven",
         "is_dry",
+        "is_free_wheeling",
         "is_last_forward",
+        "is_typical",
         "kind",
         "log_lag",
         "log_likelihood",
@@ -126,7 +128,11 @@ class WheelKalman:
     def __init__(self, priors: Priors, slots: int, kind: MotorKind = MotorKind.LINEAR) -> None:
         """`slots` of the disc; `priors` in rad/s."""
         self.kind = kind
-        is_typical = self.is_typical
+        is_typical = kind <= MotorKind.FREE_WHEELING
+        self.is_typical = is_typical
+        """whether its priors are those of a usual motor"""
+        self.is_free_wheeling = kind % 2 == 1
+        """whether no current brakes it between the driver's pulses"""
         if not is_typical:
             priors = priors.widened()
         self.priors = priors = priors.in_pitches(slots)
@@ -158,16 +164,6 @@ class WheelKalman:
         for entry, variance in zip(DIAGONAL, variances, strict=True):
             covariance[entry] = variance
         self.covariance: Covariance = tuple(covariance)
-
-    @property
-    def is_typical(self) -> bool:
-        """Whether its priors are those of a usual motor."""
-        return self.kind <= MotorKind.FREE_WHEELING
-
-    @property
-    def is_free_wheeling(self) -> bool:
-        """Whether no current brakes it between the driver's pulses."""
-        return self.kind % 2 == 1
 
     @property
     def response(self) -> Response:
@@ -332,11 +328,13 @@ class WheelKalman:
         self.is_driven = is_driven
         self.elapsed += span
         noise_factor = self.driven_noise if is_driven else self.coasting_noise
-        offset_noise = (
-            noise_factor * priors.offset_drift * priors.offset_drift * span if is_driven else 0.0
-        )
-        speed_noise = noise_factor * priors.model_noise * priors.model_noise * span
-        gain_noise = priors.gain_drift * priors.gain_drift * span if is_driven else 0.0
+        model_noise = priors.model_noise
+        speed_noise = noise_factor * model_noise * model_noise * span
+        offset_noise = gain_noise = 0.0
+        if is_driven:
+            offset_drift, gain_drift = priors.offset_drift, priors.gain_drift
+            offset_noise = noise_factor * offset_drift * offset_drift * span
+            gain_noise = gain_drift * gain_drift * span
         self._predict_covariance(rows, speed_noise, span, offset_noise, gain_noise)
 
     def _stop(self, time: float) -> None:
@@ -537,7 +535,10 @@ class WheelKalman:
     def _bounds_sd(self) -> float:
         """Predicted standard deviation of z relative to an edge, at the time of a frame."""
         priors = self.priors
-        return sqrt(self.covariance[Z_Z] + priors.slot**2 + (self.speed * priors.frame_time) ** 2)
+        variance = self.covariance[Z_Z] + priors.slot**2
+        if priors.frame_time:
+            variance += (self.speed * priors.frame_time) ** 2
+        return sqrt(variance)
 
     def _add_log_likelihood(self, innovation: float, variance: float) -> float:
         """Add that of an edge. Returns the variance to update with, larger for an outlier.

@@ -71,7 +71,7 @@ class WheelOdometer:
     @property
     def speed(self) -> float:
         """m/s"""
-        return self.filter.motion.speed * self.pitch
+        return self.filter.hypotheses[0].motion.speed * self.pitch
 
     @property
     def coasting_travel(self) -> float:
@@ -109,21 +109,24 @@ class WheelOdometer:
         changes = [(command_since, command)]
         if self.skipped is not None:
             changes.insert(0, self.skipped)
-        duties = [value for _, value in changes]
-        if not is_duty:
+        if is_duty:
+            duties = [value for _, value in changes]
+        else:
             steps = count - self.count
             edge = edge_time
             if edge is None:
                 edge = self.filter.hypotheses[0].estimated_edge_time(time, steps)
-            *before, _, last = self.mirror.update(time, steps, edge, changes)
-            duties = [*before, last]
+            duties = self.mirror.update(time, steps, edge, changes)
         self.count = count
         skipped = None
         if self.skipped is not None:
             skipped = DriveChange(self.skipped[0], self._drive(duties[0]), abs(duties[0]))
             self.skipped = None
-        drive, duty = self._drive(duties[-1]), abs(duties[-1])
-        self.filter.update(WheelFrame(time, count, edge_time, drive, command_since, duty, skipped))
+        duty = duties[-1]
+        drive = self._drive(duty)
+        self.filter.update(
+            WheelFrame(time, count, edge_time, drive, command_since, abs(duty), skipped)
+        )
 
     def _drive(self, duty: float) -> float:
         """Pitches/s at which the motor settles."""
@@ -136,12 +139,12 @@ class WheelOdometer:
         model where it contradicts them.
         """
         best, counting = self.filter.hypotheses[0], self.counting
-        variance, counted = self.filter.variance, counting.pitches_variance
+        variance = self.filter.variance
         if is_unusual:
-            variance += counted
+            variance += counting.pitches_variance
         gap = abs(best.motion.travel - counting.position) - best.faults.number
         if gap > 1.0:
-            counted += counting.reversal_variance
+            counted = counting.pitches_variance + counting.reversal_variance
             unexplained = max(gap - GAP_SDS * sqrt(counted), 0.0)
             variance += unexplained * unexplained
         return variance
@@ -173,15 +176,16 @@ class WheelOdometer:
 
     def report(self) -> None:
         """Set `travel` and the corrections to their values since the last call."""
-        self.counting.report()
+        counting = self.counting
+        counting.report()
         is_unusual = self.filter.is_unusual
         square = self.pitch * self.pitch
-        self.added_variance = (
-            self.counting.added_variance if is_unusual else self._pushed_variance() * square
-        )
-        self.end_variance = self.counting.end_variance if is_unusual else 0.0
-        # Of a few slots the filter's hypotheses include what the counts do not show.
-        self.fault_share = self.counting.faults.shown_share if is_unusual else 0.0
+        if is_unusual:
+            self.added_variance, self.end_variance = counting.added_variance, counting.end_variance
+            self.fault_share = counting.faults.shown_share
+        else:  # of a few slots the filter's hypotheses include what the counts do not show
+            self.added_variance = self._pushed_variance() * square
+            self.end_variance = self.fault_share = 0.0
         self.variance = self._variance(is_unusual) * square
         disagreement, self.disagreement_frames = self.filter.disagreement()
         self.disagreement = disagreement * square
