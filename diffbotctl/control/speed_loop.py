@@ -355,10 +355,11 @@ class WheelSpeedLoop(SpeedLoop):
         if self.target != 0.0 and not self.fault:
             self.run_period(now)
             self._add_to_stall(abs(self.target))
-            has_turned = self._measured_edges == 2
-            is_clear = has_turned or self._stall_angle >= STALL_PITCHES_CLEAR * self.pitch
-            periods = self._stall_periods_clear - (self._stall_lead if has_turned else 0)
-            self._check_stall(periods if is_clear else STALL_PERIODS)
+            if self._stall_excess >= self._stall_excess_most:
+                has_turned = self._measured_edges == 2
+                is_clear = has_turned or self._stall_angle >= STALL_PITCHES_CLEAR * self.pitch
+                periods = self._stall_periods_clear - (self._stall_lead if has_turned else 0)
+                self._check_stall(periods if is_clear else STALL_PERIODS)
         self._apply(SLEW_MAX)
         return self.duty
 
@@ -450,9 +451,7 @@ class SpeedLoopMirror(SpeedLoop):
         if number == 1:
             return deque((last,))
         start = min(self._last_edge, last)
-        return deque(
-            [start + (last - start) * (index + 1) // number for index in range(number)]
-        )
+        return deque([start + (last - start) * (index + 1) // number for index in range(number)])
 
     def _run(self, until: int, edges: deque[int]) -> None:
         """Run the loop each LOOP_PERIOD until then, past its edges. The phase of the board's timer

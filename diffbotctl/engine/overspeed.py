@@ -153,11 +153,12 @@ class OverspeedDetector:
         self.settled_excess = max(
             -settled * self.longest, self.settled_excess + turned - settled * elapsed
         )
-        settling = (self.strongest - self.settled_speed) * self.settling
         if self.excess > self.resolution:
-            return WheelExcess(self._speed(self.limit), self.limit)
-        if self.settled_excess > self.resolution + settling:
-            return WheelExcess(self._speed(self.settled_limit), self.settled_limit)
+            return WheelExcess(self._speed(limit), limit)
+        if self.settled_excess > self.resolution:
+            settling = (self.strongest - self.settled_speed) * self.settling
+            if self.settled_excess > self.resolution + settling:
+                return WheelExcess(self._speed(settled), settled)
         return None
 
     def _speed(self, limit: float) -> float:

@@ -191,7 +191,7 @@ class SimulatedBoard:
         """Let everything happen that is due at `now`."""
         for side in self.sides:
             pending = side.pending
-            while pending and pending[0].time <= now:
+            while pending and pending[0][0] <= now:
                 self._receive(side, pending.popleft())
         if now >= self._deadman_due:
             self._deadman_due = NEVER
@@ -281,7 +281,7 @@ class SimulatedBoard:
     def _run_loops(self, now: int) -> None:
         """Run the speed loops, and not again before a command comes if they have come to rest."""
         at_rest = True
-        for side, flag in zip(self.sides, STALL_FLAGS, strict=True):
+        for side in self.sides:
             loop = side.loop
             if loop is None:
                 continue
@@ -289,7 +289,7 @@ class SimulatedBoard:
                 side.duty = loop.tick_duty() if side.is_duty else loop.tick(now)
             at_rest = at_rest and loop.is_at_rest
             if loop.fault and not self.fault_flags:  # the first one ends the drive, as on the board
-                self.fault_flags = flag
+                self.fault_flags = STALL_FLAGS[self.sides.index(side)]
         if self.fault_flags:
             for side in self.sides:
                 self._apply(side, PendingCommand(now, 0.0, side.is_duty))
