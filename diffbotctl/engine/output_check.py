@@ -27,7 +27,8 @@ def check_output(block: Block, output: Any) -> None:
     """Check what `react` of `block` has returned. Raises OutputError."""
     if output is None:
         return
-    ports = _outputs(type(block))
+    kind: type = type(block)
+    ports = _outputs(kind)
     if not ports:
         raise OutputError(f"it returned {_describe(output)}, but it has no output")
     messages = (output,)
