@@ -222,7 +222,8 @@ class SpeedLoop:
         if edges and (not self._measured_edges or self._last_edge - self._origin >= SPAN_MIN):
             self._measure(target, now)
             edges = 0
-        lag = min(self._reference_angle, self._target_angle) - (edges + 1) * self.pitch
+        angle, target_angle = self._reference_angle, self._target_angle
+        lag = (angle if angle <= target_angle else target_angle) - (edges + 1) * self.pitch
         if lag > 0.0:
             self._integrate(target, self._overdue_change(target, lag))
         elif self._hold:

@@ -92,6 +92,9 @@ class _Count(NamedTuple):
     is_timed: bool  # whether the edge time is that of the last edge passed
 
 
+EXPECTED_COUNT = [_Count(0.0, 0.0, 0, True)]
+
+
 @dataclass(slots=True, eq=False)
 class EdgeHypothesis:
     """The motion of one wheel, and the edge that was passed last."""
@@ -170,11 +173,13 @@ class EdgeHypothesis:
         changes = self._drive_changes(frame)
         while changes and changes[0].time <= passed_time:
             self._change_drive(changes.pop(0))
-        self._advance(passed_time)
+        if self.time < passed_time:
+            self._advance(passed_time)
         self.is_timed = has_edge
         motion = self.motion
         if not steps:
-            self._end_frame(time, changes)
+            if changes:  # of a time after the frame's
+                self._end_frame(time, changes)
             return self._update_bounds(abs(motion.speed) > motion.priors.creep, False)
         if motion.speed == 0.0 and frame.drive * self.edge_direction > 0.0:
             motion.release(abs(frame.drive), (time - begin) * 1e-9)
@@ -286,7 +291,9 @@ class EdgeHypothesis:
         self._set_drive(change.drive, change.duty)
 
     def _clamp(self, moment: int | None, time: int) -> int:
-        return self.time if moment is None else min(max(moment, self.time), time)
+        if moment is None or moment < self.time:
+            moment = self.time
+        return moment if moment < time else time
 
     def _advance(self, time: int) -> None:
         """Predict to `time` with the present drive."""
@@ -350,13 +357,14 @@ class EdgeHypothesis:
             if self.is_timed
             else self._untimed_counts(direction, steps)
         )
-        if len(counts) > 1:
-            best = max(count.fit for count in counts)
-            counts = [count for count in counts if count.fit > best - FAULT_LOG_RATIO_MAX]
         before, slot = self.faults, self.edge_slot
         if self.motion.edge_variance(direction > 0) > RESOLVED_SD_MAX * RESOLVED_SD_MAX:
             before = before.added_unresolved(steps, self.motion.is_suspect)
-        hypotheses = [self, *(self.copy() for _ in counts[1:])]
+        hypotheses = [self]
+        if len(counts) > 1:
+            best = max(count.fit for count in counts)
+            counts = [count for count in counts if count.fit > best - FAULT_LOG_RATIO_MAX]
+            hypotheses += [self.copy() for _ in counts[1:]]
         for hypothesis, count in zip(hypotheses, counts, strict=True):
             hypothesis.motion.log_likelihood += count.log_prior
             hypothesis._set_edge(direction, slot + direction * (steps + count.missed))
@@ -376,13 +384,12 @@ class EdgeHypothesis:
         place = _edge_place(self.edge_slot + direction * steps, direction)
         beyond = direction * (motion.z - place)
         variance = motion.edge_variance(direction > 0)
-        expected = _Count(0.0, 0.0, 0, True)
         if (
             -EXPECTED_MAX < beyond < EXPECTED_MAX
             or variance > PREDICTED_SD_MAX**2
             or not motion.finds_faults
         ):
-            return [expected]
+            return EXPECTED_COUNT
         counts, cost = [], motion.priors.change_cost
         extra_max = min(steps, EXTRA_MAX) if self._may_be_additional else 0
         for missed in sorted({0, floor(beyond), ceil(beyond)}):
@@ -399,7 +406,7 @@ class EdgeHypothesis:
             is_timed = steps + missed > 0 and (missed >= 0 or fit > early)
             fit = fit if is_timed else early
             counts.append(_Count(fit + log_prior, log_prior, missed, is_timed))
-        return counts or [expected]
+        return counts or EXPECTED_COUNT
 
     def _untimed_counts(self, direction: int, steps: int) -> list[_Count]:
         """Candidates for the edges passed until the time of the frame, where the motion stands."""
@@ -460,7 +467,9 @@ def update_all(hypotheses: list[EdgeHypothesis], frame: WheelFrame) -> list[Edge
         hypotheses = [
             twin for hypothesis in hypotheses for twin in hypothesis.split_by_friction(frame.drive)
         ]
-    branches = [branch for hypothesis in hypotheses for branch in hypothesis.update(frame)]
+    branches = []
+    for hypothesis in hypotheses:
+        branches += hypothesis.update(frame)
     for branch in branches:
         branch.remember()
     return branches

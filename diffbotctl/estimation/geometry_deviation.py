@@ -55,23 +55,21 @@ class PoseDeviation(NamedTuple):
         self,
         wider: float,
         longer: float,
-        left: float,
-        right: float,
+        distance: float,
         track: float,
         direction: tuple[float, float],
     ) -> PoseDeviation:
-        """The deviation after both wheels travelled `left` and `right` (m).
+        """The deviation after the robot travelled `distance` (m).
 
         The error makes the right wheel travel `wider` (m) more than the left one, and both together
         `longer` (m) more. `direction`: cosine and sine of the heading in the middle of the step.
         """
+        x, y, heading = self
         c, s = direction
         turn = wider / track
         ahead = 0.5 * longer
-        aside = 0.5 * (left + right) * (self.heading + 0.5 * turn)
-        return PoseDeviation(
-            self.x + ahead * c - aside * s, self.y + ahead * s + aside * c, self.heading + turn
-        )
+        aside = distance * (heading + 0.5 * turn)
+        return PoseDeviation(x + ahead * c - aside * s, y + ahead * s + aside * c, heading + turn)
 
 
 def geometry_deviations(

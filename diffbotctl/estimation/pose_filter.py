@@ -149,11 +149,11 @@ class PoseFilter:
             self._add_covariance(left, right, left_variance, right_variance, direction)
         if left or right:
             of_track, of_left, of_right = self.unit_effects
-            track, nothing = self.track, 0.0
+            track, ahead = self.track, 0.5 * (left + right)
             self.unit_effects = (
-                of_track.advanced(left - right, nothing, left, right, track, direction),
-                of_left.advanced(-left, left, left, right, track, direction),
-                of_right.advanced(right, right, left, right, track, direction),
+                of_track.advanced(left - right, 0.0, ahead, track, direction),
+                of_left.advanced(-left, left, ahead, track, direction),
+                of_right.advanced(right, right, ahead, track, direction),
             )
         self.x, self.y, self.heading = arc(self.x, self.y, self.heading, left, right, self.track)
 
@@ -238,13 +238,15 @@ class PoseFilter:
             xh += x * heading
             yh += y * heading
             hh += heading * heading
-        for x, y, heading in fault_effects(effects, left.fault_share, right.fault_share):
-            xx += x * x
-            xy += x * y
-            xh += x * heading
-            yy += y * y
-            yh += y * heading
-            hh += heading * heading
+        left_share, right_share = left.fault_share, right.fault_share
+        if left_share or right_share:
+            for x, y, heading in fault_effects(effects, left_share, right_share):
+                xx += x * x
+                xy += x * y
+                xh += x * heading
+                yy += y * y
+                yh += y * heading
+                hh += heading * heading
         largest = largest_variance(xx - slip_xx, xy - slip_xy, yy - slip_yy)
         least = LEAST_DIRECTION_RATIO * LEAST_DIRECTION_RATIO * largest
         xx += least

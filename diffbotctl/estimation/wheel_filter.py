@@ -113,11 +113,6 @@ class WheelFilter:
             for hypothesis in self.hypotheses
         )
 
-    @property
-    def fault(self) -> str:
-        """What is wrong with the encoder, or an empty text."""
-        return self.hypotheses[0].faults.text
-
     def update(self, frame: WheelFrame) -> None:
         """Update all hypotheses with one frame."""
         if (

@@ -82,10 +82,12 @@ class WheelOdometer:
     def fault(self) -> str:
         """Why its travel is known less well than usual, or an empty text."""
         pushed, faults = self.counting.pushed_text, self.filter.hypotheses[0].faults
+        if not pushed:
+            return faults.text
         # The edges of a push look like edges in excess to the model of a motor without power.
-        if pushed and faults.missed <= faults.extra <= self.counting.pushed_in_all:
+        if faults.missed <= faults.extra <= self.counting.pushed_in_all or not faults.text:
             return pushed
-        return "; ".join(filter(None, (pushed, self.filter.fault)))
+        return f"{pushed}; {faults.text}"
 
     def pose_is_set(self) -> None:
         """What happened before does not matter any more."""
@@ -142,7 +144,8 @@ class WheelOdometer:
         variance = self.filter.variance
         if is_unusual:
             variance += counting.pitches_variance
-        gap = abs(best.motion.travel - counting.position) - best.faults.number
+        faults = best.faults
+        gap = abs(best.motion.travel - counting.position) - (faults.missed + faults.extra)
         if gap > 1.0:
             counted = counting.pitches_variance + counting.reversal_variance
             unexplained = max(gap - GAP_SDS * sqrt(counted), 0.0)

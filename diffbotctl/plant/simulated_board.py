@@ -299,7 +299,6 @@ class SimulatedBoard:
     def _update_due(self) -> None:
         due = self._loop_due if self._loop_due < self._deadman_due else self._deadman_due
         for side in self.sides:
-            pending = side.pending
-            if pending and pending[0].time < due:
-                due = pending[0].time
+            if side.pending and side.pending[0].time < due:
+                due = side.pending[0].time
         self.due = due
