@@ -134,7 +134,8 @@ def limit_integral(integral: float, limit: float) -> float:
 class SpeedLoop:
     """Target, reference model, error and integral of one wheel: common to board and mirror.
 
-    `error` (rad/s) and `integral` (duty) are in the direction of the target.
+    `error` (rad/s) and `integral` (duty) are in the direction of the target. `SpeedGains.duty` is
+    written out where it is computed in each period, without calls.
     """
 
     __slots__ = (
@@ -192,22 +193,14 @@ class SpeedLoop:
 
     def limited_duty(self) -> float:
         """The duty for the target, limited to 1 in its direction; 0 for target 0."""
-        target = self.target
-        power = self._power(target if target >= 0.0 else -target)
+        target, gains = self.target, self.gains
+        size = target if target >= 0.0 else -target
+        power = gains.static + gains.slope * size + gains.proportional * self.error + self.integral
         if not (target and power > 0.0):
             return 0.0
         if power > 1.0:
             power = 1.0
         return power if target > 0.0 else -power
-
-    def _power(self, target: float) -> float:
-        """The duty for |target| in its direction, not limited: `SpeedGains.duty`, in one call.
-
-        The loops run it twice in each period.
-        """
-        gains = self.gains
-        feed_forward = gains.static + gains.slope * target
-        return feed_forward + gains.proportional * self.error + self.integral
 
     def run_period(self, now: int) -> None:
         """Update error and integral at the end of a LOOP_PERIOD; the target is not 0."""
@@ -285,10 +278,11 @@ class SpeedLoop:
 
     def _integrate(self, target: float, change: float) -> None:
         """Add `change` (duty) to the integral, unless the duty is limited on that side."""
-        power = self._power(target)
+        gains, integral = self.gains, self.integral
+        power = gains.static + gains.slope * target + gains.proportional * self.error + integral
         if (power > 1.0 and change > 0.0) or (power < 0.0 and change < 0.0):
             return
-        integral = self.integral + change
+        integral += change
         self.integral = integral if -1.0 <= integral <= 1.0 else copysign(1.0, integral)
 
 

@@ -167,19 +167,19 @@ class EdgeHypothesis:
         time, count, edge_time = frame.time, frame.edge_count, frame.edge_time
         steps = abs(count - self.count)
         self.count = count
+        if not steps and frame.skipped is None:
+            return self._update_without_edge(frame)
         begin = self.time
         has_edge = edge_time is not None and steps != 0
         passed_time = self._clamp(edge_time, time) if has_edge else time
         changes = self._drive_changes(frame)
         while changes and changes[0].time <= passed_time:
             self._change_drive(changes.pop(0))
-        if self.time < passed_time:
-            self._advance(passed_time)
+        self._advance(passed_time)
         self.is_timed = has_edge
         motion = self.motion
         if not steps:
-            if changes:  # of a time after the frame's
-                self._end_frame(time, changes)
+            self._end_frame(time, changes)
             return self._update_bounds(abs(motion.speed) > motion.priors.creep, False)
         if motion.speed == 0.0 and frame.drive * self.edge_direction > 0.0:
             motion.release(abs(frame.drive), (time - begin) * 1e-9)
@@ -198,6 +198,16 @@ class EdgeHypothesis:
                 )
             branches += hypothesis._update_bounds(not hypothesis.is_timed, has_edge)
         return branches
+
+    def _update_without_edge(self, frame: WheelFrame) -> list[EdgeHypothesis]:
+        """Apply the usual frame: at most one command, and no edge."""
+        if frame.drive != self.drive:
+            self._advance(self._clamp(frame.drive_since, frame.time))
+            self._set_drive(frame.drive, frame.duty)
+        self._advance(frame.time)
+        self.is_timed = False
+        motion = self.motion
+        return self._update_bounds(abs(motion.speed) > motion.priors.creep, False)
 
     def _end_frame(self, time: int, changes: list[DriveChange]) -> None:
         """Predict to the end of the frame at `time`, past the `changes` after its last edge."""
@@ -234,7 +244,9 @@ class EdgeHypothesis:
         if not self.edge_direction:
             return [self]
         motion = self.motion
-        low, high = bounds(self.edge_place, self.edge_direction, self.is_reversed)
+        low, high = bounds(
+            _edge_place(self.edge_slot, self.edge_direction), self.edge_direction, self.is_reversed
+        )
         if not is_moving:
             outside_min = OUTSIDE_MIN_AT_REST
         elif motion.priors.has_edge_times and not (has_edge and not self.is_timed):

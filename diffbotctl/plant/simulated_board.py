@@ -163,15 +163,22 @@ class SimulatedBoard:
         is_duty = isinstance(command, Duty)
         if not is_duty and not self.model.has_speed_loop:
             raise TypeError(f"this board does not take {type(command).__name__}")
-        arrival, spread = now + self.model.command_delay, self.model.command_spread
+        arrival = now + self.model.command_delay
         if not self.model.has_speed_loop:
             self._sent.append((arrival, command.left, command.right))
-        for side, value in zip(self.sides, (command.left, command.right), strict=True):
-            time = arrival + (self._rng.randint(-spread, spread) if spread else 0)
-            if side.pending:
-                time = max(time, side.pending[-1].time)
-            side.pending.append(PendingCommand(time, value, is_duty))
+        left, right = self.sides
+        self._queue(left, arrival, command.left, is_duty)
+        self._queue(right, arrival, command.right, is_duty)
         self._update_due()
+
+    def _queue(self, side: BoardSide, arrival: int, value: float, is_duty: bool) -> None:
+        """Let a command of one wheel take hold at about `arrival`, after those before."""
+        spread = self.model.command_spread
+        if spread:
+            arrival += self._rng.randint(-spread, spread)
+        if side.pending:
+            arrival = max(arrival, side.pending[-1].time)
+        side.pending.append(PendingCommand(arrival, value, is_duty))
 
     def press(self, now: int, pressed: bool) -> None:
         """Press or release the stop button. The published firmware knows none."""
@@ -241,9 +248,10 @@ class SimulatedBoard:
 
     def _with_skipped(self, frame: Encoders) -> Encoders:
         """`frame` with the command that no frame has shown, as the host knows it."""
-        left, right = (side.skipped for side in self.sides)
-        for side in self.sides:
-            side.skipped, side.is_shown = None, True
+        left_side, right_side = self.sides
+        left, right = left_side.skipped, right_side.skipped
+        left_side.skipped = right_side.skipped = None
+        left_side.is_shown = right_side.is_shown = True
         if left is None or right is None:
             return frame
         return frame._replace(
