@@ -93,11 +93,13 @@ class WheelFilter:
         for hypothesis in self.hypotheses:
             motion = hypothesis.motion
             weight = exp(motion.log_likelihood - top)
+            total += weight
+            if hypothesis is best:
+                continue
             difference = motion.travel - travel
             square = difference * difference
-            total += weight
             spread += weight * (square + max(motion.variance - variance, 0.0))
-            if hypothesis is not best and weight * square > most:
+            if weight * square > most:
                 most, other = weight * square, hypothesis
         return spread / total, best.frames_since(other)
 

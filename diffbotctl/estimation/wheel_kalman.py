@@ -46,7 +46,7 @@ from diffbotctl.estimation.slot_errors import (
 
 PROBABILITY_MIN = 1e-6  # below it a bound is applied as a measurement of its nearer end
 # Probability that z is within bounds that it has reached by a sudden change.
-CHANGED_WITHIN = 0.25
+LOG_CHANGED_WITHIN = log(0.25)
 UNIFORM_VARIANCE = 1.0 / 12.0  # of a uniform distribution over one pitch
 EDGE_SD_MIN = 0.004  # pitches; play of the light barrier
 EDGE_TIME_SD = 50e-6  # s
@@ -97,6 +97,13 @@ class Response(NamedTuple):
     is_free_wheeling: bool
     is_dry: bool | None
     """braked by dry friction when coasting; None: not yet known"""
+
+
+RESPONSES = {
+    (is_free_wheeling, is_dry): Response(is_free_wheeling, is_dry)
+    for is_free_wheeling in (False, True)
+    for is_dry in (None, False, True)
+}
 
 
 class WheelKalman:
@@ -168,7 +175,7 @@ class WheelKalman:
     @property
     def response(self) -> Response:
         """How its motor responds to its duty."""
-        return Response(self.is_free_wheeling, self.is_dry)
+        return RESPONSES[self.is_free_wheeling, self.is_dry]
 
     @property
     def travel(self) -> float:
@@ -506,25 +513,31 @@ class WheelKalman:
     def bounds_log_likelihood(self, low: float, high: float) -> float:
         """Log probability that z lies between `low` and `high`, also after a sudden change of the
         motion."""
-        probability = self.probability_within(low, high)
-        likelihood = log(max(probability, PROBABILITY_MIN))
-        return max(likelihood, log(CHANGED_WITHIN) - self.priors.change_cost)
+        return self._robust_log(self.probability_within(low, high))
+
+    def _robust_log(self, probability: float) -> float:
+        """Log of a `probability`, or of that of a sudden change of the motion."""
+        likelihood = log(probability if probability > PROBABILITY_MIN else PROBABILITY_MIN)
+        changed = LOG_CHANGED_WITHIN - self.priors.change_cost
+        return likelihood if likelihood >= changed else changed
 
     def update_bounds(self, low: float, high: float) -> None:
         """Update by the knowledge that z lies between `low` and `high`."""
-        self.log_likelihood += self.bounds_log_likelihood(low, high)
         sd = self._bounds_sd()
+        below, above = (low - self.z) / sd, (high - self.z) / sd
+        probability = normal_cdf(above) - normal_cdf(below)
+        self.log_likelihood += self._robust_log(probability)
         distance = max(low - self.z, self.z - high, 0.0)
         ratio = distance * distance / (sd * sd)
-        if self.priors.change_cost != inf:
+        cost = self.priors.change_cost
+        if cost != inf:
             self._adapt_noise(max(ratio, WITHIN_RATIO))
-            if is_outlier(distance, sd * sd, self.priors.change_cost):
+            if is_outlier(distance, sd * sd, cost):
                 self._add_sudden_change(distance)
                 sd = self._bounds_sd()
+                below, above = (low - self.z) / sd, (high - self.z) / sd
+                probability = normal_cdf(above) - normal_cdf(below)
         variance = sd * sd
-        below = (low - self.z) / sd
-        above = (high - self.z) / sd
-        probability = normal_cdf(above) - normal_cdf(below)
         if probability < PROBABILITY_MIN:
             nearer = low if below > 0.0 else high
             self._update_z((nearer - self.z) / variance, 1.0 / variance)

@@ -223,7 +223,9 @@ class CountWheelOdometer(WheelOdometer):
 
 def share_response(left: WheelOdometer, right: WheelOdometer) -> None:
     """Decide for both wheels together how their motors respond: they are of the same type."""
-    if len(left.filter.hypotheses) == 1 and len(right.filter.hypotheses) == 1:
+    hypotheses = left.filter.hypotheses + right.filter.hypotheses
+    responses = {hypothesis.motion.response for hypothesis in hypotheses}
+    if len(hypotheses) == 2 or len(responses) == 1:
         return
     likely = left.filter.response_log_likelihoods(), right.filter.response_log_likelihoods()
     best = max(
