@@ -268,7 +268,10 @@ class WheelKalman:
         if speed == 0.0 and not drive:
             self.elapsed += span
             return
-        response = self._response(duty if drive else 0.0)
+        if self.is_free_wheeling:
+            response = self._response(duty if drive else 0.0)
+        else:
+            response = exp(self.log_lag), 1.0
         if self.is_dry and speed * sign <= 0.0 and speed != 0.0:
             self._brake(span, drive, duty, response)
             return
@@ -450,10 +453,9 @@ class WheelKalman:
         elif self.is_last_forward is not None and is_forward != self.is_last_forward:
             self._inflate(disc.edges.open_share.variance)
         self.is_last_forward = is_forward
-        row = self._z_row()
         error, variance = disc.edge_estimate(slot, is_forward)
         innovation = place + error - self.z
-        innovation_variance = self._add_log_likelihood(innovation, row[0] + variance)
+        innovation_variance = self._add_log_likelihood(innovation, self.covariance[Z_Z] + variance)
         row = self._z_row()
         self._update(row, innovation / innovation_variance, 1.0 / innovation_variance)
 
@@ -467,12 +469,12 @@ class WheelKalman:
         slot_row = [
             z - error for z, error in zip(disc.cross_covariance[0], error_slot_row, strict=True)
         ]
-        row = tuple(z - error for z, error in zip(self._z_row(), error_row, strict=True))
+        z_variance = self.covariance[Z_Z] - error_row[0]
         fixed = disc.fixed_estimate(slot, is_forward)
         noise = fixed.variance or EDGE_SD_MIN * EDGE_SD_MIN + (self.speed * EDGE_TIME_SD) ** 2
         innovation = place + disc.errors[index] + fixed.error - self.z
-        variance = self._add_log_likelihood(innovation, row[0] - slot_row[index] + noise)
-        row = tuple(z - error for z, error in zip(self._z_row(), error_row, strict=True))
+        variance = self._add_log_likelihood(innovation, z_variance - slot_row[index] + noise)
+        row = tuple([z - error for z, error in zip(self._z_row(), error_row, strict=True)])
         scaled_innovation = innovation / variance
         self._update(row, scaled_innovation, 1.0 / variance)
         disc.update(row, slot_row, scaled_innovation, 1.0 / variance)
@@ -532,7 +534,7 @@ class WheelKalman:
         cost = self.priors.change_cost
         if cost != inf:
             self._adapt_noise(max(ratio, WITHIN_RATIO))
-            if is_outlier(distance, sd * sd, cost):
+            if is_outlier(ratio, cost):
                 self._add_sudden_change(distance)
                 sd = self._bounds_sd()
                 below, above = (low - self.z) / sd, (high - self.z) / sd
@@ -564,8 +566,9 @@ class WheelKalman:
         self.log_likelihood += robust_log_likelihood(innovation, variance, cost)
         if cost == inf:
             return variance
-        self._adapt_noise(innovation * innovation / variance)
-        if not is_outlier(innovation, variance, cost):
+        ratio = innovation * innovation / variance
+        self._adapt_noise(ratio)
+        if not is_outlier(ratio, cost):
             return variance
         self._add_sudden_change(innovation)
         return variance + innovation * innovation
@@ -589,10 +592,12 @@ class WheelKalman:
         """Adapt the noise of the motor model to the squared `ratio` of an innovation to its
         standard deviation: without a systematic error its mean is 1."""
         change = exp(NOISE_GAIN * (min(ratio, NOISE_RATIO_MAX) - NOISE_RATIO))
+        noise = change * (self.driven_noise if self.is_driven else self.coasting_noise)
+        noise = min(max(noise, 1.0), NOISE_FACTOR_MAX)
         if self.is_driven:
-            self.driven_noise = min(max(self.driven_noise * change, 1.0), NOISE_FACTOR_MAX)
+            self.driven_noise = noise
         else:
-            self.coasting_noise = min(max(self.coasting_noise * change, 1.0), NOISE_FACTOR_MAX)
+            self.coasting_noise = noise
 
     def _update_z(self, scaled_innovation: float, inverse_variance: float) -> None:
         """Kalman update by a measurement of z."""
