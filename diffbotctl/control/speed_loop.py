@@ -221,7 +221,8 @@ class SpeedLoop:
             self._integrate(target, self._overdue_change(target, lag))
         elif self._hold:
             self._hold -= 1
-            self._integrate(target, self.gains.integral * self.error * LOOP_PERIOD_S)
+            if self.error:
+                self._integrate(target, self.gains.integral * self.error * LOOP_PERIOD_S)
 
     def _measure(self, target: float, now: int) -> None:
         """Take the edges since `_origin` as a measurement of the speed."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from math import ceil, exp, floor, log, sqrt
 from typing import NamedTuple
 
@@ -140,13 +141,12 @@ class EdgeHypothesis:
 
     def frames_since(self, other: EdgeHypothesis) -> int:
         """Frames since the travel of `other` had less than half of its present difference."""
-        difference = abs(other.travels[-1] - self.travels[-1])
-        frames = 0
-        for own, its in zip(reversed(self.travels), reversed(other.travels), strict=False):
-            if abs(its - own) < 0.5 * difference or frames == FRAMES_MAX:
-                break
-            frames += 1
-        return frames
+        limit = 0.5 * abs(other.travels[-1] - self.travels[-1])
+        pairs = zip(reversed(self.travels), reversed(other.travels), strict=False)
+        for frames, (own, its) in enumerate(islice(pairs, FRAMES_MAX)):
+            if -limit < its - own < limit:
+                return frames
+        return min(len(self.travels), len(other.travels), FRAMES_MAX)
 
     def corrections(self, other: EdgeHypothesis) -> list[float]:
         """What the travel of `other` exceeds the own one by (pitches) in each of the last frames,

@@ -207,19 +207,21 @@ class PoseFilter:
         turns the path since then. The errors of the geometry are those of the path
         since the last `set_pose`.
         """
-        origins = [(self._start, left.variance + right.variance)]
+        start = self._start
+        origins = [(start, left.variance + right.variance)]
         for wheel in (left, right):
             if wheel.disagreement:
-                origin = self.history.before(wheel.disagreement_frames, self._start)
+                origin = self.history.before(wheel.disagreement_frames, start)
                 origins.append((origin, wheel.disagreement))
         end = left.end_variance + right.end_variance
         if end:
             origins.append(((self.x, self.y, self.heading), end))
-        slip_xx, slip_xy, _, slip_yy, _, _ = self.slip_covariance
+        here_x, here_y = self.x, self.y
         xx, xy, xh, yy, yh, hh = self.slip_covariance
+        slip_xx, slip_xy, slip_yy = xx, xy, yy
         for (origin_x, origin_y, _), variance in origins:
             heading = self._heading_variance(variance)
-            lever_x, lever_y = origin_y - self.y, self.x - origin_x
+            lever_x, lever_y = origin_y - here_y, here_x - origin_x
             along = 0.25 * variance  # in any direction: the heading has changed since
             bend = BEND_RATIO * heading * heading
             xx += lever_x * lever_x * heading + lever_y * lever_y * bend + along
@@ -254,8 +256,8 @@ class PoseFilter:
         left_speed, right_speed = left.speed, right.speed
         return Odometry(
             time,
-            self.x,
-            self.y,
+            here_x,
+            here_y,
             self.heading,
             0.5 * (left_speed + right_speed),
             (right_speed - left_speed) / self.track,

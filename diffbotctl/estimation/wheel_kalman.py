@@ -337,15 +337,23 @@ class WheelKalman:
         priors = self.priors
         self.is_driven = is_driven
         self.elapsed += span
-        noise_factor = self.driven_noise if is_driven else self.coasting_noise
         model_noise = priors.model_noise
-        speed_noise = noise_factor * model_noise * model_noise * span
-        offset_noise = gain_noise = 0.0
-        if is_driven:
-            offset_drift, gain_drift = priors.offset_drift, priors.gain_drift
-            offset_noise = noise_factor * offset_drift * offset_drift * span
-            gain_noise = gain_drift * gain_drift * span
-        self._predict_covariance(rows, speed_noise, span, offset_noise, gain_noise)
+        if not is_driven:
+            speed_noise = self.coasting_noise * model_noise * model_noise * span
+            self._predict_covariance(rows, speed_noise, span, 0.0, 0.0)
+            return
+        noise_factor, offset_drift, gain_drift = (
+            self.driven_noise,
+            priors.offset_drift,
+            priors.gain_drift,
+        )
+        self._predict_covariance(
+            rows,
+            noise_factor * model_noise * model_noise * span,
+            span,
+            noise_factor * offset_drift * offset_drift * span,
+            gain_drift * gain_drift * span,
+        )
 
     def _stop(self, time: float) -> None:
         """Friction stops the wheel; the distance until then is as uncertain as the speed was, over

@@ -306,7 +306,9 @@ class SimulatedBoard:
 
     def _update_due(self) -> None:
         due = self._loop_due if self._loop_due < self._deadman_due else self._deadman_due
-        for side in self.sides:
-            if side.pending and side.pending[0].time < due:
-                due = side.pending[0].time
+        left, right = self.sides
+        if left.pending and left.pending[0].time < due:
+            due = left.pending[0].time
+        if right.pending and right.pending[0].time < due:
+            due = right.pending[0].time
         self.due = due
