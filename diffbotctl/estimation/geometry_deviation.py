@@ -8,7 +8,7 @@ covariance (propagation of errors, J P J').
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
 from diffbotctl.units import quantity
@@ -112,18 +112,21 @@ def calibrated_sd(entry: CalibratedValue | None) -> float | None:
 
 
 def combined(
-    unit_effects: tuple[PoseDeviation, PoseDeviation, PoseDeviation], error: GeometryDeviation
-) -> tuple[float, float, float]:
-    """What one `error` of the geometry does to the pose (m, rad), from the effects of relative
+    unit_effects: tuple[PoseDeviation, PoseDeviation, PoseDeviation],
+    errors: Sequence[GeometryDeviation],
+) -> list[tuple[float, float, float]]:
+    """What each of `errors` of the geometry does to the pose (m, rad), from the effects of relative
     errors of 1 of the track, the left and the right diameter."""
     (track_x, track_y, track_heading), (left_x, left_y, left_heading), of_right = unit_effects
     right_x, right_y, right_heading = of_right
-    track, left, right = error
-    return (
-        track * track_x + left * left_x + right * right_x,
-        track * track_y + left * left_y + right * right_y,
-        track * track_heading + left * left_heading + right * right_heading,
-    )
+    return [
+        (
+            track * track_x + left * left_x + right * right_x,
+            track * track_y + left * left_y + right * right_y,
+            track * track_heading + left * left_heading + right * right_heading,
+        )
+        for track, left, right in errors
+    ]
 
 
 def fault_effects(
@@ -140,4 +143,4 @@ def fault_effects(
     left, right = max(left, UNSEEN_RATIO * right), max(right, UNSEEN_RATIO * left)
     common = GeometryDeviation(left=left, right=right)
     errors = common, GeometryDeviation(left=left), GeometryDeviation(right=right)
-    return [combined(unit_effects, error) for error in errors]
+    return combined(unit_effects, errors)

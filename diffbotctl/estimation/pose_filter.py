@@ -232,8 +232,7 @@ class PoseFilter:
             hh += heading
         geometry_xx = geometry_xy = geometry_yy = 0.0
         effects = self.unit_effects
-        for error in self.geometry:
-            x, y, heading = combined(effects, error)
+        for x, y, heading in combined(effects, self.geometry):
             geometry_xx += x * x
             geometry_xy += x * y
             geometry_yy += y * y

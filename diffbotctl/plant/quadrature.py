@@ -71,9 +71,7 @@ class TwoChannelPins:
 
     def is_needed(self, index: int, is_forward: bool) -> bool:
         """Whether the time of edge number `index` is needed: it counts, or the pins are watched."""
-        return (
-            index % EDGES_PER_PITCH == 0 or self._disc.every_edge or self._changes is not None
-        )
+        return index % EDGES_PER_PITCH == 0 or self._disc.every_edge or self._changes is not None
 
     def record(self, time: int, index: int, is_forward: bool) -> None:
         """The disc goes past edge number `index` at `time` (ns)."""
