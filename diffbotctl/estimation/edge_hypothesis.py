@@ -8,7 +8,7 @@ pitches.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from math import ceil, exp, floor, log, sqrt
@@ -93,7 +93,7 @@ class _Count(NamedTuple):
     is_timed: bool  # whether the edge time is that of the last edge passed
 
 
-EXPECTED_COUNT = [_Count(0.0, 0.0, 0, True)]
+EXPECTED_COUNT = (_Count(0.0, 0.0, 0, True),)
 
 
 @dataclass(slots=True, eq=False)
@@ -390,7 +390,7 @@ class EdgeHypothesis:
         """An edge bounces while it passes: a wheel that stands gives no additional ones."""
         return self.motion.is_rolling(ROLLING_CREEP_RATIO)
 
-    def _timed_counts(self, direction: int, steps: int) -> list[_Count]:
+    def _timed_counts(self, direction: int, steps: int) -> Sequence[_Count]:
         """Candidates for the edges passed until the edge time, where the motion stands."""
         motion = self.motion
         place = _edge_place(self.edge_slot + direction * steps, direction)
@@ -420,7 +420,7 @@ class EdgeHypothesis:
             counts.append(_Count(fit + log_prior, log_prior, missed, is_timed))
         return counts or EXPECTED_COUNT
 
-    def _untimed_counts(self, direction: int, steps: int) -> list[_Count]:
+    def _untimed_counts(self, direction: int, steps: int) -> Sequence[_Count]:
         """Candidates for the edges passed until the time of the frame, where the motion stands."""
         counts: list[_Count] = []
         if not self.motion.finds_faults:
