@@ -110,6 +110,7 @@ class ObstacleStop(Block):
         self.is_latched = False
         self.is_slowing = False  # for an obstacle that is still far enough away
         self.last_resume: Resume | None = None
+        self.usual_reaction = 0, 0.0  # `debounce` and the reaction time (s) that it gives
 
     def react(
         self, now: int, twist: Twist | None, range: Range | None, resume: Resume | None
@@ -124,7 +125,7 @@ class ObstacleStop(Block):
         if twist is None:
             return None, event
         if not is_forward:
-            return twist._replace(time=now), event
+            return Twist(now, twist.linear, twist.angular), event
         if self.code or self.is_latched:
             return Twist(now, 0.0, twist.angular), event
         limit = max_safe_speed(free - self.margin, self.braking, self._reaction_time())
@@ -136,9 +137,13 @@ class ObstacleStop(Block):
         """Reaction time (s), with the present value of `debounce`, which is live."""
         if self.reaction is not None:
             return self.reaction
-        name = self.sensor or next(iter(self.sensors), "")
-        guard = guard_reaction(self.sensors, name, self.telemetry, self.debounce)
-        return guard + self.command_delay + self.lag
+        debounce, reaction = self.usual_reaction
+        if debounce != self.debounce:
+            name = self.sensor or next(iter(self.sensors), "")
+            guard = guard_reaction(self.sensors, name, self.telemetry, self.debounce)
+            reaction = guard + self.command_delay + self.lag
+            self.usual_reaction = self.debounce, reaction
+        return reaction
 
     def _log_slowing(self, free: float) -> None:
         self.is_slowing = not self.is_slowing
@@ -237,5 +242,5 @@ def max_safe_speed(free: float, braking: float, reaction: float) -> float:
 def limit_to(twist: Twist, limit: float, now: int) -> Twist:
     """`twist` limited to `limit` m/s forward, with the same curvature."""
     if twist.linear <= limit:
-        return twist._replace(time=now)
+        return Twist(now, twist.linear, twist.angular)
     return Twist(now, limit, twist.angular * limit / twist.linear)

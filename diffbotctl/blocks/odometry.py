@@ -143,8 +143,9 @@ class OdometryBlock(Block):
         return not gyro.awaits_rest
 
     def _message(self, time: int, left: Wheel, right: Wheel) -> Odometry:
-        fault = self.gyro.fault if self.gyro is not None else ""
-        text = "; ".join(filter(None, (fault, warning(left, right))))
+        text = warning(left, right)
+        if self.gyro is not None and self.gyro.fault:
+            text = f"{self.gyro.fault}; {text}" if text else self.gyro.fault
         return self.pose.message(time, left, right, text)
 
     def _rolls_out(self, encoders: Encoders, last: Encoders) -> bool:
@@ -230,5 +231,8 @@ class OdometryBlock(Block):
 
 def warning(left: Wheel, right: Wheel) -> str:
     """Why the pose is less accurate than usual; empty when it is not."""
-    faults = (("left", left.fault), ("right", right.fault))
+    left_fault, right_fault = left.fault, right.fault
+    if not left_fault and not right_fault:
+        return ""
+    faults = (("left", left_fault), ("right", right_fault))
     return "; ".join(f"{side} wheel: {fault}" for side, fault in faults if fault)

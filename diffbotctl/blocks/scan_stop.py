@@ -126,7 +126,7 @@ class ScanStop(Block):
         seconds = self.stopping_time(linear, angular)
         # No point of the outline moves farther than its farthest corner can.
         distance = (abs(linear) + abs(angular) * outline.reach) * seconds
-        points = [point for point in points if outline.clearance(*point) < margin + distance]
+        points = outline.near(points, margin + distance)
         if not points:
             return True
         clearances = [outline.clearance(*point) for point in points]

@@ -134,7 +134,8 @@ def limit_integral(integral: float, limit: float) -> float:
 class SpeedLoop:
     """Target, reference model, error and integral of one wheel: common to board and mirror.
 
-    `error` (rad/s) and `integral` (duty) are in the direction of the target.
+    `error` (rad/s) and `integral` (duty) are in the direction of the target. `SpeedGains.duty` is
+    written out where it is computed in each period, without calls.
     """
 
     __slots__ = (
@@ -192,22 +193,14 @@ class SpeedLoop:
 
     def limited_duty(self) -> float:
         """The duty for the target, limited to 1 in its direction; 0 for target 0."""
-        target = self.target
-        power = self._power(target if target >= 0.0 else -target)
+        target, gains = self.target, self.gains
+        size = target if target >= 0.0 else -target
+        power = gains.static + gains.slope * size + gains.proportional * self.error + self.integral
         if not (target and power > 0.0):
             return 0.0
         if power > 1.0:
             power = 1.0
         return power if target > 0.0 else -power
-
-    def _power(self, target: float) -> float:
-        """The duty for |target| in its direction, not limited: `SpeedGains.duty`, in one call.
-
-        The loops run it twice in each period.
-        """
-        gains = self.gains
-        feed_forward = gains.static + gains.slope * target
-        return feed_forward + gains.proportional * self.error + self.integral
 
     def run_period(self, now: int) -> None:
         """Update error and integral at the end of a LOOP_PERIOD; the target is not 0."""
@@ -222,12 +215,14 @@ class SpeedLoop:
         if edges and (not self._measured_edges or self._last_edge - self._origin >= SPAN_MIN):
             self._measure(target, now)
             edges = 0
-        lag = min(self._reference_angle, self._target_angle) - (edges + 1) * self.pitch
+        angle, target_angle = self._reference_angle, self._target_angle
+        lag = (angle if angle <= target_angle else target_angle) - (edges + 1) * self.pitch
         if lag > 0.0:
             self._integrate(target, self._overdue_change(target, lag))
         elif self._hold:
             self._hold -= 1
-            self._integrate(target, self.gains.integral * self.error * LOOP_PERIOD_S)
+            if self.error:
+                self._integrate(target, self.gains.integral * self.error * LOOP_PERIOD_S)
 
     def _measure(self, target: float, now: int) -> None:
         """Take the edges since `_origin` as a measurement of the speed."""
@@ -284,10 +279,11 @@ class SpeedLoop:
 
     def _integrate(self, target: float, change: float) -> None:
         """Add `change` (duty) to the integral, unless the duty is limited on that side."""
-        power = self._power(target)
+        gains, integral = self.gains, self.integral
+        power = gains.static + gains.slope * target + gains.proportional * self.error + integral
         if (power > 1.0 and change > 0.0) or (power < 0.0 and change < 0.0):
             return
-        integral = self.integral + change
+        integral += change
         self.integral = integral if -1.0 <= integral <= 1.0 else copysign(1.0, integral)
 
 
@@ -355,10 +351,11 @@ class WheelSpeedLoop(SpeedLoop):
         if self.target != 0.0 and not self.fault:
             self.run_period(now)
             self._add_to_stall(abs(self.target))
-            has_turned = self._measured_edges == 2
-            is_clear = has_turned or self._stall_angle >= STALL_PITCHES_CLEAR * self.pitch
-            periods = self._stall_periods_clear - (self._stall_lead if has_turned else 0)
-            self._check_stall(periods if is_clear else STALL_PERIODS)
+            if self._stall_excess >= self._stall_excess_most:
+                has_turned = self._measured_edges == 2
+                is_clear = has_turned or self._stall_angle >= STALL_PITCHES_CLEAR * self.pitch
+                periods = self._stall_periods_clear - (self._stall_lead if has_turned else 0)
+                self._check_stall(periods if is_clear else STALL_PERIODS)
         self._apply(SLEW_MAX)
         return self.duty
 
@@ -425,25 +422,32 @@ class SpeedLoopMirror(SpeedLoop):
     def update(
         self, time: int, steps: int, edge: int, changes: Iterable[tuple[int, float]]
     ) -> list[float]:
-        """Apply one frame. Returns the duty after each change, and that at the frame's time.
+        """Apply one frame. Returns the duty after each change but the last, and that at the
+        frame's time.
 
         `steps`: counts since the previous frame, the last of them at time `edge`; `changes`: the
         targets (rad/s) that took effect in this order, each with its time.
         """
         edges = self._edge_times(edge, abs(steps))
-        duties = []
-        for since, target in changes:
+        duties: list[float] = []
+        for number, (since, target) in enumerate(changes):
+            if number:
+                duties.append(self.limited_duty())
             if target != self.target:
                 self._run(since, edges)
                 self.set_target(target, since)
-            duties.append(self.limited_duty())
         self._run(time, edges)
-        return [*duties, self.limited_duty()]
+        duties.append(self.limited_duty())
+        return duties
 
     def _edge_times(self, last: int, number: int) -> deque[int]:
         """Times of `number` edges until `last`: they are taken as evenly spaced."""
+        if number == 0:
+            return deque()
+        if number == 1:
+            return deque((last,))
         start = min(self._last_edge, last)
-        return deque(start + (last - start) * (index + 1) // number for index in range(number))
+        return deque([start + (last - start) * (index + 1) // number for index in range(number)])
 
     def _run(self, until: int, edges: deque[int]) -> None:
         """Run the loop each LOOP_PERIOD until then, past its edges. The phase of the board's timer
@@ -451,11 +455,13 @@ class SpeedLoopMirror(SpeedLoop):
         if self.target:
             for time in range(self.time + LOOP_PERIOD, until + 1, LOOP_PERIOD):
                 self.time = time
-                self._pass_edges(time, edges)
+                if edges:
+                    self._pass_edges(time, edges)
                 self.run_period(time)
         else:
             self.time = max(until, self.time)
-        self._pass_edges(until, edges)
+        if edges:
+            self._pass_edges(until, edges)
 
     def _pass_edges(self, until: int, edges: deque[int]) -> None:
         passed, last = 0, 0

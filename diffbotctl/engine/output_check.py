@@ -9,7 +9,7 @@ from numbers import Integral, Real
 from types import NoneType, UnionType
 from typing import Any, Literal, Union, get_args, get_origin
 
-from diffbotctl.block import Block, outputs
+from diffbotctl.block import Block, Out, outputs
 from diffbotctl.message_types import type_name
 from diffbotctl.messages import FINITE, Field, fields
 
@@ -25,9 +25,10 @@ class OutputError(Exception):
 
 def check_output(block: Block, output: Any) -> None:
     """Check what `react` of `block` has returned. Raises OutputError."""
-    ports = outputs(type(block))
     if output is None:
         return
+    kind: type = type(block)
+    ports = _outputs(kind)
     if not ports:
         raise OutputError(f"it returned {_describe(output)}, but it has no output")
     messages = (output,)
@@ -49,13 +50,19 @@ def check_message(port: str, kind: type, message: Any) -> None:
         raise OutputError(f"output {port}: {_describe(message)} instead of a {type_name(kind)}")
     for name, (hint, field) in _fields(kind).items():
         value = getattr(message, name)
-        if not _fits(value, hint):
+        if type(value) is not hint and not _fits(value, hint):
             raise OutputError(f"output {port}: {name} is {_describe(value)}, not {_name(hint)}")
         if kind in FINITE and not _is_finite(value):
             raise OutputError(f"output {port}: {name} is {value}, not a finite number")
         if not _is_within(value, field):
             limits = f"{field.minimum:g} to {field.maximum:g} {field.unit}".rstrip()
             raise OutputError(f"output {port}: {name} is {value}, not {limits}")
+
+
+@cache
+def _outputs(kind: type) -> dict[str, Out]:
+    """The outputs of a class of blocks."""
+    return outputs(kind)
 
 
 @cache

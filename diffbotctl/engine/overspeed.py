@@ -149,15 +149,17 @@ class OverspeedDetector:
         if elapsed >= self.longest or now >= self.queue_until:
             self.longest, self.queue_until = elapsed, now + QUEUE_TIME
         limit, settled = self.limit, self.settled_limit
-        self.excess = max(-limit * self.longest, self.excess + turned - limit * elapsed)
-        self.settled_excess = max(
-            -settled * self.longest, self.settled_excess + turned - settled * elapsed
-        )
-        settling = (self.strongest - self.settled_speed) * self.settling
-        if self.excess > self.resolution:
-            return WheelExcess(self._speed(self.limit), self.limit)
-        if self.settled_excess > self.resolution + settling:
-            return WheelExcess(self._speed(self.settled_limit), self.settled_limit)
+        excess, lowest = self.excess + turned - limit * elapsed, -limit * self.longest
+        self.excess = excess = excess if excess > lowest else lowest
+        settled_excess = self.settled_excess + turned - settled * elapsed
+        lowest = -settled * self.longest
+        self.settled_excess = settled_excess = settled_excess if settled_excess > lowest else lowest
+        if excess > self.resolution:
+            return WheelExcess(self._speed(limit), limit)
+        if settled_excess > self.resolution:
+            settling = (self.strongest - self.settled_speed) * self.settling
+            if settled_excess > self.resolution + settling:
+                return WheelExcess(self._speed(settled), settled)
         return None
 
     def _speed(self, limit: float) -> float:

@@ -99,7 +99,7 @@ class Gate(Block):
         resume: Resume | None,
     ) -> tuple[Wheels | None, Stop | None]:
         before = self.active_stop
-        if self.is_new("resume", resume) and encoders is not None:
+        if resume is not None and self.is_new("resume", resume) and encoders is not None:
             self.active_stop = None
         fresh = self.is_new("encoders", encoders)
         self.update_stop(self.find_fault(now, command, encoders, fresh, link, board, operator))
@@ -116,8 +116,9 @@ class Gate(Block):
     def note_command(self, now: int, outgoing: Wheels | None) -> None:
         """Pass what is sent to the detectors of wheels that turn too fast."""
         if outgoing is not None:
-            self.wheels_watched["left"].command(now, outgoing.left)
-            self.wheels_watched["right"].command(now, outgoing.right)
+            watched = self.wheels_watched
+            watched["left"].command(now, outgoing.left)
+            watched["right"].command(now, outgoing.right)
 
     def update_stop(self, fault: Stop | None) -> None:
         """Set or clear the active stop; only `resume` clears a latched one."""
@@ -147,10 +148,11 @@ class Gate(Block):
         operator: Stop | None,
     ) -> Stop | None:
         """The reason why motion is not allowed now, the most severe first; None if it is."""
-        for name, stop in (("board", board), ("operator", operator)):
-            if self.is_new(name, stop) and stop is not None and stop.code:
-                return stop
-        if self.is_new("link", link) and link is not None and link.state == "lost":
+        if board is not None and self.is_new("board", board) and board.code:
+            return board
+        if operator is not None and self.is_new("operator", operator) and operator.code:
+            return operator
+        if link is not None and self.is_new("link", link) and link.state == "lost":
             return Stop(now, "link_lost", f"the link to the board is gone: {link.cause}", True)
         if encoders is not None and fresh:
             fault = self.check_telemetry(now, encoders) or self.check_wheels(now, encoders)
@@ -214,22 +216,20 @@ class Gate(Block):
         left, right = command.left, command.right
         if not (isfinite(left) and isfinite(right)):
             return self.limit_stop(now, f"a wheel command is not a number ({left}, {right})")
-        for side, speed, rated in (
-            ("left", abs(left), self.left_rated),
-            ("right", abs(right), self.right_rated),
-        ):
-            if speed > rated * (1 + ROUNDING_TOLERANCE):
-                why = f"{speed:.2f} rad/s for the {side} wheel is above its motor's rated"
-                return self.limit_stop(now, f"{why} {rated:.2f} rad/s")
+        tolerance = 1 + ROUNDING_TOLERANCE
+        if abs(left) > self.left_rated * tolerance:
+            return self.limit_stop(now, _above_rated("left", left, self.left_rated))
+        if abs(right) > self.right_rated * tolerance:
+            return self.limit_stop(now, _above_rated("right", right, self.right_rated))
         left_rim_speed = left * self.left_diameter / 2
         right_rim_speed = right * self.right_diameter / 2
         linear = (left_rim_speed + right_rim_speed) / 2
         angular = (right_rim_speed - left_rim_speed) / self.track
-        if abs(linear) > self.speed * (1 + ROUNDING_TOLERANCE):
+        if abs(linear) > self.speed * tolerance:
             return self.limit_stop(
                 now, f"{abs(linear):.3f} m/s is above the robot's limit of {self.speed:.3f} m/s"
             )
-        if abs(angular) > self.turn_rate * (1 + ROUNDING_TOLERANCE):
+        if abs(angular) > self.turn_rate * tolerance:
             return self.limit_stop(
                 now,
                 f"{abs(angular):.2f} rad/s is above the robot's turn limit of "
@@ -246,3 +246,9 @@ class Gate(Block):
             return False
         self.last_messages[port] = message
         return True
+
+
+def _above_rated(side: str, speed: float, rated: float) -> str:
+    """Why a wheel may not turn at `speed` (rad/s)."""
+    why = f"{abs(speed):.2f} rad/s for the {side} wheel is above its motor's rated"
+    return f"{why} {rated:.2f} rad/s"

@@ -48,12 +48,22 @@ class EdgeFaults(NamedTuple):
 
     def added(self, edges: int, missed: int) -> EdgeFaults:
         """After `edges` counts of which `missed` were missing, or, if negative, in excess."""
-        if missed == 0:
-            return self._replace(edges=self.edges + edges)
-        return self._replace(
-            edges=self.edges + edges,
-            missed=self.missed + max(missed, 0),
-            extra=self.extra + max(-missed, 0),
+        return EdgeFaults(
+            self.edges + edges,
+            self.missed + missed if missed > 0 else self.missed,
+            self.extra - missed if missed < 0 else self.extra,
+            self.unresolved,
+            self.suspect,
+        )
+
+    def added_unresolved(self, edges: int, is_suspect: bool) -> EdgeFaults:
+        """After `edges` at which the motion was too uncertain to notice a fault."""
+        return EdgeFaults(
+            self.edges,
+            self.missed,
+            self.extra,
+            self.unresolved + edges,
+            self.suspect + edges if is_suspect else self.suspect,
         )
 
     @property
@@ -64,10 +74,11 @@ class EdgeFaults(NamedTuple):
         them; where the counts are suspect they are all of one kind, missing or additional edges.
         Those assumed may be errors of the motor model instead, all alike.
         """
-        uncertain = FAULT_SD * self.number
+        number = self.missed + self.extra
+        uncertain = FAULT_SD * number
         if not self.unresolved:
             return uncertain * uncertain
-        faults = PRIOR_RATE * PRIOR_EDGES + self.number
+        faults = PRIOR_RATE * PRIOR_EDGES + number
         unseen = self.unresolved * min(faults / (PRIOR_EDGES + self.edges), RATE_MAX)
         alike = self.suspect * SUSPECT_RATE
         return uncertain * uncertain + unseen + alike + alike * alike

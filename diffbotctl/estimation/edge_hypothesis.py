@@ -8,8 +8,9 @@ pitches.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from math import ceil, exp, floor, log, sqrt
 from typing import NamedTuple
 
@@ -92,6 +93,9 @@ class _Count(NamedTuple):
     is_timed: bool  # whether the edge time is that of the last edge passed
 
 
+EXPECTED_COUNT = (_Count(0.0, 0.0, 0, True),)
+
+
 @dataclass(slots=True, eq=False)
 class EdgeHypothesis:
     """The motion of one wheel, and the edge that was passed last."""
@@ -137,13 +141,12 @@ class EdgeHypothesis:
 
     def frames_since(self, other: EdgeHypothesis) -> int:
         """Frames since the travel of `other` had less than half of its present difference."""
-        difference = abs(other.travels[-1] - self.travels[-1])
-        frames = 0
-        for own, its in zip(reversed(self.travels), reversed(other.travels), strict=False):
-            if abs(its - own) < 0.5 * difference or frames == FRAMES_MAX:
-                break
-            frames += 1
-        return frames
+        limit = 0.5 * abs(other.travels[-1] - self.travels[-1])
+        pairs = zip(reversed(self.travels), reversed(other.travels), strict=False)
+        for frames, (own, its) in enumerate(islice(pairs, FRAMES_MAX)):
+            if -limit < its - own < limit:
+                return frames
+        return min(len(self.travels), len(other.travels), FRAMES_MAX)
 
     def corrections(self, other: EdgeHypothesis) -> list[float]:
         """What the travel of `other` exceeds the own one by (pitches) in each of the last frames,
@@ -164,6 +167,8 @@ class EdgeHypothesis:
         time, count, edge_time = frame.time, frame.edge_count, frame.edge_time
         steps = abs(count - self.count)
         self.count = count
+        if not steps and frame.skipped is None:
+            return self._update_without_edge(frame)
         begin = self.time
         has_edge = edge_time is not None and steps != 0
         passed_time = self._clamp(edge_time, time) if has_edge else time
@@ -171,32 +176,44 @@ class EdgeHypothesis:
         while changes and changes[0].time <= passed_time:
             self._change_drive(changes.pop(0))
         self._advance(passed_time)
-        hypotheses = [self]
         self.is_timed = has_edge
-        if steps and self.motion.speed == 0.0 and frame.drive * self.edge_direction > 0.0:
-            self.motion.release(abs(frame.drive), (time - begin) * 1e-9)
-        if steps:
-            window = 0.0 if has_edge else abs(self.motion.speed) * (time - begin) * 1e-9
-            hypotheses = self._pass_edges(steps, window)
+        motion = self.motion
+        if not steps:
+            self._end_frame(time, changes)
+            return self._update_bounds(abs(motion.speed) > motion.priors.creep, False)
+        if motion.speed == 0.0 and frame.drive * self.edge_direction > 0.0:
+            motion.release(abs(frame.drive), (time - begin) * 1e-9)
+        window = 0.0 if has_edge else abs(motion.speed) * (time - begin) * 1e-9
         branches = []
-        for hypothesis in hypotheses:
+        for hypothesis in self._pass_edges(steps, window):
             motion = hypothesis.motion
-            if hypothesis.is_timed and steps:
+            if hypothesis.is_timed:
                 motion.update_edge(
                     hypothesis.edge_place, hypothesis.edge_slot, hypothesis.edge_direction > 0
                 )
-            for change in changes:
-                hypothesis._change_drive(change)
-            hypothesis._advance(time)
-            if steps and hypothesis.is_reversed:
+            hypothesis._end_frame(time, changes)
+            if hypothesis.is_reversed:
                 hypothesis.coasting_speed = min(
                     hypothesis.coasting_speed, motion.largest_speed(COAST_SDS)
                 )
-            is_moving = steps != 0 or abs(motion.speed) > motion.priors.creep
-            branches += hypothesis._update_bounds(
-                is_moving and not (steps and hypothesis.is_timed), has_edge
-            )
+            branches += hypothesis._update_bounds(not hypothesis.is_timed, has_edge)
         return branches
+
+    def _update_without_edge(self, frame: WheelFrame) -> list[EdgeHypothesis]:
+        """Apply the usual frame: at most one command, and no edge."""
+        if frame.duty != self.duty:
+            self._advance(self._clamp(frame.drive_since, frame.time))
+            self._set_drive(frame.drive, frame.duty)
+        self._advance(frame.time)
+        self.is_timed = False
+        motion = self.motion
+        return self._update_bounds(abs(motion.speed) > motion.priors.creep, False)
+
+    def _end_frame(self, time: int, changes: list[DriveChange]) -> None:
+        """Predict to the end of the frame at `time`, past the `changes` after its last edge."""
+        for change in changes:
+            self._change_drive(change)
+        self._advance(time)
 
     def split_by_friction(self, drive: float) -> list[EdgeHypothesis]:
         """Split into hypotheses without and with dry friction when the wheel first coasts."""
@@ -227,7 +244,9 @@ class EdgeHypothesis:
         if not self.edge_direction:
             return [self]
         motion = self.motion
-        low, high = bounds(self.edge_place, self.edge_direction, self.is_reversed)
+        low, high = bounds(
+            _edge_place(self.edge_slot, self.edge_direction), self.edge_direction, self.is_reversed
+        )
         if not is_moving:
             outside_min = OUTSIDE_MIN_AT_REST
         elif motion.priors.has_edge_times and not (has_edge and not self.is_timed):
@@ -284,7 +303,9 @@ class EdgeHypothesis:
         self._set_drive(change.drive, change.duty)
 
     def _clamp(self, moment: int | None, time: int) -> int:
-        return self.time if moment is None else min(max(moment, self.time), time)
+        if moment is None or moment < self.time:
+            moment = self.time
+        return moment if moment < time else time
 
     def _advance(self, time: int) -> None:
         """Predict to `time` with the present drive."""
@@ -348,14 +369,14 @@ class EdgeHypothesis:
             if self.is_timed
             else self._untimed_counts(direction, steps)
         )
+        before, slot = self.faults, self.edge_slot
+        if self.motion.edge_variance(direction > 0) > RESOLVED_SD_MAX * RESOLVED_SD_MAX:
+            before = before.added_unresolved(steps, self.motion.is_suspect)
+        hypotheses = [self]
         if len(counts) > 1:
             best = max(count.fit for count in counts)
             counts = [count for count in counts if count.fit > best - FAULT_LOG_RATIO_MAX]
-        before, slot = self.faults, self.edge_slot
-        if self.motion.edge_variance(direction > 0) > RESOLVED_SD_MAX * RESOLVED_SD_MAX:
-            suspect = before.suspect + (steps if self.motion.is_suspect else 0)
-            before = before._replace(unresolved=before.unresolved + steps, suspect=suspect)
-        hypotheses = [self, *(self.copy() for _ in counts[1:])]
+            hypotheses += [self.copy() for _ in counts[1:]]
         for hypothesis, count in zip(hypotheses, counts, strict=True):
             hypothesis.motion.log_likelihood += count.log_prior
             hypothesis._set_edge(direction, slot + direction * (steps + count.missed))
@@ -369,19 +390,18 @@ class EdgeHypothesis:
         """An edge bounces while it passes: a wheel that stands gives no additional ones."""
         return self.motion.is_rolling(ROLLING_CREEP_RATIO)
 
-    def _timed_counts(self, direction: int, steps: int) -> list[_Count]:
+    def _timed_counts(self, direction: int, steps: int) -> Sequence[_Count]:
         """Candidates for the edges passed until the edge time, where the motion stands."""
         motion = self.motion
         place = _edge_place(self.edge_slot + direction * steps, direction)
         beyond = direction * (motion.z - place)
         variance = motion.edge_variance(direction > 0)
-        expected = _Count(0.0, 0.0, 0, True)
         if (
             -EXPECTED_MAX < beyond < EXPECTED_MAX
             or variance > PREDICTED_SD_MAX**2
             or not motion.finds_faults
         ):
-            return [expected]
+            return EXPECTED_COUNT
         counts, cost = [], motion.priors.change_cost
         extra_max = min(steps, EXTRA_MAX) if self._may_be_additional else 0
         for missed in sorted({0, floor(beyond), ceil(beyond)}):
@@ -398,9 +418,9 @@ class EdgeHypothesis:
             is_timed = steps + missed > 0 and (missed >= 0 or fit > early)
             fit = fit if is_timed else early
             counts.append(_Count(fit + log_prior, log_prior, missed, is_timed))
-        return counts or [expected]
+        return counts or EXPECTED_COUNT
 
-    def _untimed_counts(self, direction: int, steps: int) -> list[_Count]:
+    def _untimed_counts(self, direction: int, steps: int) -> Sequence[_Count]:
         """Candidates for the edges passed until the time of the frame, where the motion stands."""
         counts: list[_Count] = []
         if not self.motion.finds_faults:
@@ -459,7 +479,9 @@ def update_all(hypotheses: list[EdgeHypothesis], frame: WheelFrame) -> list[Edge
         hypotheses = [
             twin for hypothesis in hypotheses for twin in hypothesis.split_by_friction(frame.drive)
         ]
-    branches = [branch for hypothesis in hypotheses for branch in hypothesis.update(frame)]
+    branches = []
+    for hypothesis in hypotheses:
+        branches += hypothesis.update(frame)
     for branch in branches:
         branch.remember()
     return branches

@@ -8,7 +8,7 @@ covariance (propagation of errors, J P J').
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
 from diffbotctl.units import quantity
@@ -55,23 +55,21 @@ class PoseDeviation(NamedTuple):
         self,
         wider: float,
         longer: float,
-        left: float,
-        right: float,
+        distance: float,
         track: float,
         direction: tuple[float, float],
     ) -> PoseDeviation:
-        """The deviation after both wheels travelled `left` and `right` (m).
+        """The deviation after the robot travelled `distance` (m).
 
         The error makes the right wheel travel `wider` (m) more than the left one, and both together
         `longer` (m) more. `direction`: cosine and sine of the heading in the middle of the step.
         """
+        x, y, heading = self
         c, s = direction
         turn = wider / track
         ahead = 0.5 * longer
-        aside = 0.5 * (left + right) * (self.heading + 0.5 * turn)
-        return PoseDeviation(
-            self.x + ahead * c - aside * s, self.y + ahead * s + aside * c, self.heading + turn
-        )
+        aside = distance * (heading + 0.5 * turn)
+        return PoseDeviation(x + ahead * c - aside * s, y + ahead * s + aside * c, heading + turn)
 
 
 def geometry_deviations(
@@ -114,17 +112,21 @@ def calibrated_sd(entry: CalibratedValue | None) -> float | None:
 
 
 def combined(
-    unit_effects: tuple[PoseDeviation, PoseDeviation, PoseDeviation], error: GeometryDeviation
-) -> tuple[float, float, float]:
-    """What one `error` of the geometry does to the pose (m, rad), from the effects of relative
+    unit_effects: tuple[PoseDeviation, PoseDeviation, PoseDeviation],
+    errors: Sequence[GeometryDeviation],
+) -> list[tuple[float, float, float]]:
+    """What each of `errors` of the geometry does to the pose (m, rad), from the effects of relative
     errors of 1 of the track, the left and the right diameter."""
-    of_track, of_left, of_right = unit_effects
-    track, left, right = error
-    return (
-        track * of_track.x + left * of_left.x + right * of_right.x,
-        track * of_track.y + left * of_left.y + right * of_right.y,
-        track * of_track.heading + left * of_left.heading + right * of_right.heading,
-    )
+    (track_x, track_y, track_heading), (left_x, left_y, left_heading), of_right = unit_effects
+    right_x, right_y, right_heading = of_right
+    return [
+        (
+            track * track_x + left * left_x + right * right_x,
+            track * track_y + left * left_y + right * right_y,
+            track * track_heading + left * left_heading + right * right_heading,
+        )
+        for track, left, right in errors
+    ]
 
 
 def fault_effects(
@@ -141,4 +143,4 @@ def fault_effects(
     left, right = max(left, UNSEEN_RATIO * right), max(right, UNSEEN_RATIO * left)
     common = GeometryDeviation(left=left, right=right)
     errors = common, GeometryDeviation(left=left), GeometryDeviation(right=right)
-    return [combined(unit_effects, error) for error in errors]
+    return combined(unit_effects, errors)

@@ -177,13 +177,13 @@ class GyroPoseFilter(PoseFilter):
         self._propagate(ahead, along, step.variance, direction)
         of_track, of_left, of_right = self.unit_effects
         self.unit_effects = (
-            of_track.advanced(0.0, 0.0, left, right, track, direction),
-            of_left.advanced(0.0, left, left, right, track, direction),
-            of_right.advanced(0.0, right, left, right, track, direction),
+            of_track.advanced(0.0, 0.0, ahead, track, direction),
+            of_left.advanced(0.0, left, ahead, track, direction),
+            of_right.advanced(0.0, right, ahead, track, direction),
         )
         turned, waited = step.angle * track, step.seconds * track
-        self._of_scale = self._of_scale.advanced(turned, 0.0, left, right, track, direction)
-        self._of_bias = self._of_bias.advanced(waited, 0.0, left, right, track, direction)
+        self._of_scale = self._of_scale.advanced(turned, 0.0, ahead, track, direction)
+        self._of_bias = self._of_bias.advanced(waited, 0.0, ahead, track, direction)
         half = 0.5 * step.angle * track
         self.x, self.y, self.heading = arc(
             self.x, self.y, self.heading, ahead - half, ahead + half, track

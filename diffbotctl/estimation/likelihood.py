@@ -10,19 +10,19 @@ from __future__ import annotations
 from math import erf, exp, log, pi, sqrt
 
 
-def is_outlier(innovation: float, variance: float, cost: float) -> bool:
-    """Whether a sudden change of the motion explains `innovation` better than its `variance`.
+def is_outlier(ratio: float, cost: float) -> bool:
+    """Whether a sudden change of the motion explains an innovation better than its variance.
 
-    `cost`: minus the log probability of such a change.
+    `ratio`: of the square of the innovation to the variance. `cost`: minus the log probability of
+    such a change.
     """
-    ratio = innovation * innovation / variance
     return 0.5 * ratio > cost and ratio - log(1.0 + ratio) > 2.0 * cost + 1.0
 
 
 def robust_log_likelihood(innovation: float, variance: float, cost: float) -> float:
     """Log density of `innovation`, which may also be caused by a sudden change of the motion."""
     ratio = innovation * innovation / variance
-    if not is_outlier(innovation, variance, cost):
+    if not is_outlier(ratio, cost):
         return -0.5 * (ratio + log(2.0 * pi * variance))
     return -0.5 - cost - 0.5 * log(2.0 * pi * variance * (1.0 + ratio))
 

@@ -149,11 +149,11 @@ class PoseFilter:
             self._add_covariance(left, right, left_variance, right_variance, direction)
         if left or right:
             of_track, of_left, of_right = self.unit_effects
-            track, nothing = self.track, 0.0
+            track, ahead = self.track, 0.5 * (left + right)
             self.unit_effects = (
-                of_track.advanced(left - right, nothing, left, right, track, direction),
-                of_left.advanced(-left, left, left, right, track, direction),
-                of_right.advanced(right, right, left, right, track, direction),
+                of_track.advanced(left - right, 0.0, ahead, track, direction),
+                of_left.advanced(-left, left, ahead, track, direction),
+                of_right.advanced(right, right, ahead, track, direction),
             )
         self.x, self.y, self.heading = arc(self.x, self.y, self.heading, left, right, self.track)
 
@@ -207,19 +207,21 @@ class PoseFilter:
         turns the path since then. The errors of the geometry are those of the path
         since the last `set_pose`.
         """
-        origins = [(self._start, left.variance + right.variance)]
+        start = self._start
+        origins = [(start, left.variance + right.variance)]
         for wheel in (left, right):
             if wheel.disagreement:
-                origin = self.history.before(wheel.disagreement_frames, self._start)
+                origin = self.history.before(wheel.disagreement_frames, start)
                 origins.append((origin, wheel.disagreement))
         end = left.end_variance + right.end_variance
         if end:
             origins.append(((self.x, self.y, self.heading), end))
-        slip_xx, slip_xy, _, slip_yy, _, _ = self.slip_covariance
+        here_x, here_y = self.x, self.y
         xx, xy, xh, yy, yh, hh = self.slip_covariance
+        slip_xx, slip_xy, slip_yy = xx, xy, yy
         for (origin_x, origin_y, _), variance in origins:
             heading = self._heading_variance(variance)
-            lever_x, lever_y = origin_y - self.y, self.x - origin_x
+            lever_x, lever_y = origin_y - here_y, here_x - origin_x
             along = 0.25 * variance  # in any direction: the heading has changed since
             bend = BEND_RATIO * heading * heading
             xx += lever_x * lever_x * heading + lever_y * lever_y * bend + along
@@ -229,32 +231,35 @@ class PoseFilter:
             yh += lever_y * heading
             hh += heading
         geometry_xx = geometry_xy = geometry_yy = 0.0
-        for error in self.geometry:
-            x, y, heading = combined(self.unit_effects, error)
+        effects = self.unit_effects
+        for x, y, heading in combined(effects, self.geometry):
             geometry_xx += x * x
             geometry_xy += x * y
             geometry_yy += y * y
             xh += x * heading
             yh += y * heading
             hh += heading * heading
-        for x, y, heading in fault_effects(self.unit_effects, left.fault_share, right.fault_share):
-            xx += x * x
-            xy += x * y
-            xh += x * heading
-            yy += y * y
-            yh += y * heading
-            hh += heading * heading
+        left_share, right_share = left.fault_share, right.fault_share
+        if left_share or right_share:
+            for x, y, heading in fault_effects(effects, left_share, right_share):
+                xx += x * x
+                xy += x * y
+                xh += x * heading
+                yy += y * y
+                yh += y * heading
+                hh += heading * heading
         largest = largest_variance(xx - slip_xx, xy - slip_xy, yy - slip_yy)
         least = LEAST_DIRECTION_RATIO * LEAST_DIRECTION_RATIO * largest
         xx += least
         yy += least
+        left_speed, right_speed = left.speed, right.speed
         return Odometry(
             time,
-            self.x,
-            self.y,
+            here_x,
+            here_y,
             self.heading,
-            0.5 * (left.speed + right.speed),
-            (right.speed - left.speed) / self.track,
+            0.5 * (left_speed + right_speed),
+            (right_speed - left_speed) / self.track,
             (xx + geometry_xx, xy + geometry_xy, xh, yy + geometry_yy, yh, hh),
             warning,
             sqrt(largest_variance(geometry_xx, geometry_xy, geometry_yy)),

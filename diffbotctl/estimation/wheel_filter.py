@@ -83,9 +83,9 @@ class WheelFilter:
         """Variance of the travel (pitches2) between the hypotheses: their differences from the best
         one, weighted by their probabilities. And the frames since the best one differs from the one
         that matters most else."""
-        best = other = self.hypotheses[0]
         if len(self.hypotheses) == 1:
             return 0.0, 0
+        best = other = self.hypotheses[0]
         top = max(hypothesis.motion.log_likelihood for hypothesis in self.hypotheses)
         travel, variance = best.motion.travel, best.motion.variance
         total = spread = 0.0
@@ -93,11 +93,13 @@ class WheelFilter:
         for hypothesis in self.hypotheses:
             motion = hypothesis.motion
             weight = exp(motion.log_likelihood - top)
+            total += weight
+            if hypothesis is best:
+                continue
             difference = motion.travel - travel
             square = difference * difference
-            total += weight
             spread += weight * (square + max(motion.variance - variance, 0.0))
-            if hypothesis is not best and weight * square > most:
+            if weight * square > most:
                 most, other = weight * square, hypothesis
         return spread / total, best.frames_since(other)
 
@@ -112,11 +114,6 @@ class WheelFilter:
             hypothesis.motion.is_typical and hypothesis.motion.log_likelihood > limit
             for hypothesis in self.hypotheses
         )
-
-    @property
-    def fault(self) -> str:
-        """What is wrong with the encoder, or an empty text."""
-        return self.hypotheses[0].faults.text
 
     def update(self, frame: WheelFrame) -> None:
         """Update all hypotheses with one frame."""

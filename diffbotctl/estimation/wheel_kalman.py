@@ -46,7 +46,7 @@ from diffbotctl.estimation.slot_errors import (
 
 PROBABILITY_MIN = 1e-6  # below it a bound is applied as a measurement of its nearer end
 # Probability that z is within bounds that it has reached by a sudden change.
-CHANGED_WITHIN = 0.25
+LOG_CHANGED_WITHIN = log(0.25)
 UNIFORM_VARIANCE = 1.0 / 12.0  # of a uniform distribution over one pitch
 EDGE_SD_MIN = 0.004  # pitches; play of the light barrier
 EDGE_TIME_SD = 50e-6  # s
@@ -108,6 +108,13 @@ class Response(NamedTuple):
     """braked by dry friction when coasting; None: not yet known"""
 
 
+RESPONSES = {
+    (is_free_wheeling, is_dry): Response(is_free_wheeling, is_dry)
+    for is_free_wheeling in (False, True)
+    for is_dry in (None, False, True)
+}
+
+
 class WheelKalman:
     """State and covariance of one wheel, with the slot errors of its disc."""
 
@@ -120,7 +127,9 @@ class WheelKalman:
         "gain",
         "is_driven",
         "is_dry",
+        "is_free_wheeling",
         "is_last_forward",
+        "is_typical",
         "kind",
         "log_lag",
         "log_likelihood",
@@ -135,7 +144,11 @@ class WheelKalman:
     def __init__(self, priors: Priors, slots: int, kind: MotorKind = MotorKind.LINEAR) -> None:
         """`slots` of the disc; `priors` in rad/s."""
         self.kind = kind
-        is_typical = self.is_typical
+        is_typical = kind <= MotorKind.FREE_WHEELING
+        self.is_typical = is_typical
+        """whether its priors are those of a usual motor"""
+        self.is_free_wheeling = kind % 2 == 1
+        """whether no current brakes it between the driver's pulses"""
         if not is_typical:
             priors = priors.widened()
         self.priors = priors = priors.in_pitches(slots)
@@ -170,16 +183,6 @@ class WheelKalman:
         self.covariance: Covariance = tuple(covariance)
 
     @property
-    def is_typical(self) -> bool:
-        """Whether its priors are those of a usual motor."""
-        return self.kind <= MotorKind.FREE_WHEELING
-
-    @property
-    def is_free_wheeling(self) -> bool:
-        """Whether no current brakes it between the driver's pulses."""
-        return self.kind % 2 == 1
-
-    @property
     def _coasting_noise_min(self) -> float:
         """Least factor of the noise's variance while nothing drives it."""
         return SHORTED_NOISE if self.is_free_wheeling and self.priors.brakes else 1.0
@@ -187,7 +190,7 @@ class WheelKalman:
     @property
     def response(self) -> Response:
         """How its motor responds to its duty."""
-        return Response(self.is_free_wheeling, self.is_dry)
+        return RESPONSES[self.is_free_wheeling, self.is_dry]
 
     @property
     def travel(self) -> float:
@@ -292,7 +295,10 @@ class WheelKalman:
             span -= self._brake_shorted(span)
             if span <= 0.0:
                 return
-        response = self._response(abs(duty) or self._idle_duty)
+        if self.is_free_wheeling:
+            response = self._response(abs(duty) or self._idle_duty)
+        else:
+            response = exp(self.log_lag), 1.0
         if self.is_dry and speed * sign <= 0.0 and speed != 0.0:
             self._brake(span, drive, duty, response)
             return
@@ -397,13 +403,23 @@ class WheelKalman:
         priors = self.priors
         self.is_driven = is_driven
         self.elapsed += span
-        noise_factor = self.driven_noise if is_driven else self.coasting_noise
-        offset_noise = (
-            noise_factor * priors.offset_drift * priors.offset_drift * span if is_driven else 0.0
+        model_noise = priors.model_noise
+        if not is_driven:
+            speed_noise = self.coasting_noise * model_noise * model_noise * span
+            self._predict_covariance(rows, speed_noise, span, 0.0, 0.0)
+            return
+        noise_factor, offset_drift, gain_drift = (
+            self.driven_noise,
+            priors.offset_drift,
+            priors.gain_drift,
         )
-        speed_noise = noise_factor * priors.model_noise * priors.model_noise * span
-        gain_noise = priors.gain_drift * priors.gain_drift * span if is_driven else 0.0
-        self._predict_covariance(rows, speed_noise, span, offset_noise, gain_noise)
+        self._predict_covariance(
+            rows,
+            noise_factor * model_noise * model_noise * span,
+            span,
+            noise_factor * offset_drift * offset_drift * span,
+            gain_drift * gain_drift * span,
+        )
 
     def _stop(self, time: float) -> None:
         """Friction stops the wheel; the distance until then is as uncertain as the speed was, over
@@ -511,10 +527,9 @@ class WheelKalman:
         elif self.is_last_forward is not None and is_forward != self.is_last_forward:
             self._inflate(disc.edges.open_share.variance)
         self.is_last_forward = is_forward
-        row = self._z_row()
         error, variance = disc.edge_estimate(slot, is_forward)
         innovation = place + error - self.z
-        innovation_variance = self._add_log_likelihood(innovation, row[0] + variance)
+        innovation_variance = self._add_log_likelihood(innovation, self.covariance[Z_Z] + variance)
         row = self._z_row()
         self._update(row, innovation / innovation_variance, 1.0 / innovation_variance)
 
@@ -528,12 +543,12 @@ class WheelKalman:
         slot_row = [
             z - error for z, error in zip(disc.cross_covariance[0], error_slot_row, strict=True)
         ]
-        row = tuple(z - error for z, error in zip(self._z_row(), error_row, strict=True))
+        z_variance = self.covariance[Z_Z] - error_row[0]
         fixed = disc.fixed_estimate(slot, is_forward)
         noise = fixed.variance or EDGE_SD_MIN * EDGE_SD_MIN + (self.speed * EDGE_TIME_SD) ** 2
         innovation = place + disc.errors[index] + fixed.error - self.z
-        variance = self._add_log_likelihood(innovation, row[0] - slot_row[index] + noise)
-        row = tuple(z - error for z, error in zip(self._z_row(), error_row, strict=True))
+        variance = self._add_log_likelihood(innovation, z_variance - slot_row[index] + noise)
+        row = tuple([z - error for z, error in zip(self._z_row(), error_row, strict=True)])
         scaled_innovation = innovation / variance
         self._update(row, scaled_innovation, 1.0 / variance)
         disc.update(row, slot_row, scaled_innovation, 1.0 / variance)
@@ -574,25 +589,31 @@ class WheelKalman:
     def bounds_log_likelihood(self, low: float, high: float) -> float:
         """Log probability that z lies between `low` and `high`, also after a sudden change of the
         motion."""
-        probability = self.probability_within(low, high)
-        likelihood = log(max(probability, PROBABILITY_MIN))
-        return max(likelihood, log(CHANGED_WITHIN) - self.priors.change_cost)
+        return self._robust_log(self.probability_within(low, high))
+
+    def _robust_log(self, probability: float) -> float:
+        """Log of a `probability`, or of that of a sudden change of the motion."""
+        likelihood = log(probability if probability > PROBABILITY_MIN else PROBABILITY_MIN)
+        changed = LOG_CHANGED_WITHIN - self.priors.change_cost
+        return likelihood if likelihood >= changed else changed
 
     def update_bounds(self, low: float, high: float) -> None:
         """Update by the knowledge that z lies between `low` and `high`."""
-        self.log_likelihood += self.bounds_log_likelihood(low, high)
         sd = self._bounds_sd()
+        below, above = (low - self.z) / sd, (high - self.z) / sd
+        probability = normal_cdf(above) - normal_cdf(below)
+        self.log_likelihood += self._robust_log(probability)
         distance = max(low - self.z, self.z - high, 0.0)
         ratio = distance * distance / (sd * sd)
-        if self.priors.change_cost != inf:
+        cost = self.priors.change_cost
+        if cost != inf:
             self._adapt_noise(max(ratio, WITHIN_RATIO))
-            if is_outlier(distance, sd * sd, self.priors.change_cost):
+            if is_outlier(ratio, cost):
                 self._add_sudden_change(distance)
                 sd = self._bounds_sd()
+                below, above = (low - self.z) / sd, (high - self.z) / sd
+                probability = normal_cdf(above) - normal_cdf(below)
         variance = sd * sd
-        below = (low - self.z) / sd
-        above = (high - self.z) / sd
-        probability = normal_cdf(above) - normal_cdf(below)
         if probability < PROBABILITY_MIN:
             nearer = low if below > 0.0 else high
             self._update_z((nearer - self.z) / variance, 1.0 / variance)
@@ -603,7 +624,10 @@ class WheelKalman:
     def _bounds_sd(self) -> float:
         """Predicted standard deviation of z relative to an edge, at the time of a frame."""
         priors = self.priors
-        return sqrt(self.covariance[Z_Z] + priors.slot**2 + (self.speed * priors.frame_time) ** 2)
+        variance = self.covariance[Z_Z] + priors.slot**2
+        if priors.frame_time:
+            variance += (self.speed * priors.frame_time) ** 2
+        return sqrt(variance)
 
     def _add_log_likelihood(self, innovation: float, variance: float) -> float:
         """Add that of an edge. Returns the variance to update with, larger for an outlier.
@@ -616,8 +640,9 @@ class WheelKalman:
         self.log_likelihood += robust_log_likelihood(innovation, variance, cost)
         if cost == inf:
             return variance
-        self._adapt_noise(innovation * innovation / variance)
-        if not is_outlier(innovation, variance, cost):
+        ratio = innovation * innovation / variance
+        self._adapt_noise(ratio)
+        if not is_outlier(ratio, cost):
             return variance
         self._add_sudden_change(innovation)
         return variance + innovation * innovation

@@ -76,7 +76,7 @@ class WheelOdometer:
     @property
     def speed(self) -> float:
         """m/s"""
-        return self.filter.motion.speed * self.pitch
+        return self.filter.hypotheses[0].motion.speed * self.pitch
 
     @property
     def coasting_travel(self) -> float:
@@ -87,10 +87,12 @@ class WheelOdometer:
     def fault(self) -> str:
         """Why its travel is known less well than usual, or an empty text."""
         pushed, faults = self.counting.pushed_text, self.filter.hypotheses[0].faults
+        if not pushed:
+            return faults.text
         # The edges of a push look like edges in excess to the model of a motor without power.
-        if pushed and faults.missed <= faults.extra <= self.counting.pushed_in_all:
+        if faults.missed <= faults.extra <= self.counting.pushed_in_all or not faults.text:
             return pushed
-        return "; ".join(filter(None, (pushed, self.filter.fault)))
+        return f"{pushed}; {faults.text}"
 
     def pose_is_set(self) -> None:
         """What happened before does not matter any more."""
@@ -114,14 +116,14 @@ class WheelOdometer:
         changes = [(command_since, command)]
         if self.skipped is not None:
             changes.insert(0, self.skipped)
-        duties = [value for _, value in changes]
-        if not is_duty:
+        if is_duty:
+            duties = [value for _, value in changes]
+        else:
             steps = count - self.count
             edge = edge_time
             if edge is None:
                 edge = self.filter.hypotheses[0].estimated_edge_time(time, steps)
-            *before, _, last = self.mirror.update(time, steps, edge, changes)
-            duties = [*before, last]
+            duties = self.mirror.update(time, steps, edge, changes)
         self.count = count
         skipped = None
         if self.skipped is not None:
@@ -141,12 +143,13 @@ class WheelOdometer:
         model where it contradicts them.
         """
         best, counting = self.filter.hypotheses[0], self.counting
-        variance, counted = self.filter.variance, counting.pitches_variance
+        variance = self.filter.variance
         if is_unusual:
-            variance += counted
-        gap = abs(best.motion.travel - counting.position) - best.faults.number
+            variance += counting.pitches_variance
+        faults = best.faults
+        gap = abs(best.motion.travel - counting.position) - (faults.missed + faults.extra)
         if gap > 1.0:
-            counted += counting.reversal_variance
+            counted = counting.pitches_variance + counting.reversal_variance
             unexplained = max(gap - GAP_SDS * sqrt(counted), 0.0)
             variance += unexplained * unexplained
         return variance
@@ -178,15 +181,16 @@ class WheelOdometer:
 
     def report(self) -> None:
         """Set `travel` and the corrections to their values since the last call."""
-        self.counting.report()
+        counting = self.counting
+        counting.report()
         is_unusual = self.filter.is_unusual
         square = self.pitch * self.pitch
-        self.added_variance = (
-            self.counting.added_variance if is_unusual else self._pushed_variance() * square
-        )
-        self.end_variance = self.counting.end_variance if is_unusual else 0.0
-        # Of a few slots the filter's hypotheses include what the counts do not show.
-        self.fault_share = self.counting.faults.shown_share if is_unusual else 0.0
+        if is_unusual:
+            self.added_variance, self.end_variance = counting.added_variance, counting.end_variance
+            self.fault_share = counting.faults.shown_share
+        else:  # of a few slots the filter's hypotheses include what the counts do not show
+            self.added_variance = self._pushed_variance() * square
+            self.end_variance = self.fault_share = 0.0
         self.variance = self._variance(is_unusual) * square
         disagreement, self.disagreement_frames = self.filter.disagreement()
         self.disagreement = disagreement * square
@@ -221,7 +225,9 @@ class CountWheelOdometer(WheelOdometer):
 
 def share_response(left: WheelOdometer, right: WheelOdometer) -> None:
     """Decide for both wheels together how their motors respond: they are of the same type."""
-    if len(left.filter.hypotheses) == 1 and len(right.filter.hypotheses) == 1:
+    hypotheses = left.filter.hypotheses + right.filter.hypotheses
+    responses = {hypothesis.motion.response for hypothesis in hypotheses}
+    if len(hypotheses) == 2 or len(responses) == 1:
         return
     likely = left.filter.response_log_likelihoods(), right.filter.response_log_likelihoods()
     best = max(

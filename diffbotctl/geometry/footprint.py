@@ -28,6 +28,15 @@ class Footprint(NamedTuple):
         aside = max(abs(y) - self.half, 0.0)
         return hypot(ahead, aside)
 
+    def near(self, points: list[Point], limit: float) -> list[Point]:
+        """The points within `limit` (m) of the outline."""
+        low, high, half = -self.back - limit, self.front + limit, self.half + limit
+        return [
+            (x, y)
+            for x, y in points
+            if low < x < high and -half < y < half and self.clearance(x, y) < limit
+        ]
+
 
 class Mount(Protocol):
     """Pose of a device in base_link, in the robot file."""

@@ -73,19 +73,24 @@ class EncoderWheel:
 
         Only those that count are timed, unless the pins are watched.
         """
-        pins = self._pins
-        while angle >= self._next_edge:
-            if pins.is_needed(self._edge_index, True):
-                pins.record(time_at(self._next_edge), self._edge_index, True)
-            self._edge_index += 1
-            self._previous_edge = self._next_edge
-            self._next_edge = self._edge_angle(self._edge_index)
-        while angle < self._previous_edge:
-            self._edge_index -= 1
-            if pins.is_needed(self._edge_index, False):
-                pins.record(time_at(self._previous_edge), self._edge_index, False)
-            self._next_edge = self._previous_edge
-            self._previous_edge = self._edge_angle(self._edge_index - 1)
+        pins, index = self._pins, self._edge_index
+        previous, following = self._previous_edge, self._next_edge
+        edges, start = self._disc.edges, self._disc.start
+        turn, place = divmod(index, len(edges))
+        while angle >= following:
+            if pins.is_needed(index, True):
+                pins.record(time_at(following), index, True)
+            index += 1
+            place += 1
+            if place == len(edges):
+                turn, place = turn + 1, 0
+            previous, following = following, edges[place] + turn * 2 * pi - start
+        while angle < previous:
+            index -= 1
+            if pins.is_needed(index, False):
+                pins.record(time_at(previous), index, False)
+            previous, following = self._edge_angle(index - 1), previous
+        self._edge_index, self._previous_edge, self._next_edge = index, previous, following
 
     def _edge_angle(self, index: int) -> float:
         turn, place = divmod(index, len(self._disc.edges))

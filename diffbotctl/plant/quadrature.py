@@ -71,16 +71,17 @@ class TwoChannelPins:
 
     def is_needed(self, index: int, is_forward: bool) -> bool:
         """Whether the time of edge number `index` is needed: it counts, or the pins are watched."""
-        return self._changes is not None or self._counts(index)
+        return index % EDGES_PER_PITCH == 0 or self._disc.every_edge or self._changes is not None
 
     def record(self, time: int, index: int, is_forward: bool) -> None:
         """The disc goes past edge number `index` at `time` (ns)."""
-        if self._disc.jitter:
-            delay = int(abs(self._rng.gauss(0.0, self._disc.jitter)) * SECOND)
-            time += min(delay, int(max(time - self._last, 0) * JITTER_SHARE_MAX))
-        time = self._last = max(time, self._last)
-        kind = index % EDGES_PER_PITCH
+        jitter, last = self._disc.jitter, self._last
+        if jitter:
+            delay = int(abs(self._rng.gauss(0.0, jitter)) * SECOND)
+            time += min(delay, int(max(time - last, 0) * JITTER_SHARE_MAX))
+        time = self._last = max(time, last)
         if self._changes is not None:
+            kind = index % EDGES_PER_PITCH
             level = int((kind < EDGES_PER_PITCH // 2) == is_forward)
             self._changes[kind % 2].append(LevelChange(time, level))
         if self._counts(index):

@@ -51,7 +51,8 @@ class Scanner:
             elif distance < nearest:
                 distances.append(0.0)
             elif spread:
-                distances.append(max(distance + gauss(0.0, spread), nearest))
+                measured = distance + gauss(0.0, spread)
+                distances.append(measured if measured > nearest else nearest)
             else:
                 distances.append(distance)
         return tuple(distances)

@@ -163,15 +163,22 @@ class SimulatedBoard:
         is_duty = isinstance(command, Duty)
         if not is_duty and not self.model.has_speed_loop:
             raise TypeError(f"this board does not take {type(command).__name__}")
-        arrival, spread = now + self.model.command_delay, self.model.command_spread
+        arrival = now + self.model.command_delay
         if not self.model.has_speed_loop:
             self._sent.append((arrival, command.left, command.right))
-        for side, value in zip(self.sides, (command.left, command.right), strict=True):
-            time = arrival + (self._rng.randint(-spread, spread) if spread else 0)
-            if side.pending:
-                time = max(time, side.pending[-1].time)
-            side.pending.append(PendingCommand(time, value, is_duty))
+        left, right = self.sides
+        self._queue(left, arrival, command.left, is_duty)
+        self._queue(right, arrival, command.right, is_duty)
         self._update_due()
+
+    def _queue(self, side: BoardSide, arrival: int, value: float, is_duty: bool) -> None:
+        """Let a command of one wheel take hold at about `arrival`, after those before."""
+        spread = self.model.command_spread
+        if spread:
+            arrival += self._rng.randint(-spread, spread)
+        if side.pending:
+            arrival = max(arrival, side.pending[-1].time)
+        side.pending.append(PendingCommand(arrival, value, is_duty))
 
     def press(self, now: int, pressed: bool) -> None:
         """Press or release the stop button. The published firmware knows none."""
@@ -191,7 +198,7 @@ class SimulatedBoard:
         """Let everything happen that is due at `now`."""
         for side in self.sides:
             pending = side.pending
-            while pending and pending[0].time <= now:
+            while pending and pending[0][0] <= now:
                 self._receive(side, pending.popleft())
         if now >= self._deadman_due:
             self._deadman_due = NEVER
@@ -241,9 +248,10 @@ class SimulatedBoard:
 
     def _with_skipped(self, frame: Encoders) -> Encoders:
         """`frame` with the command that no frame has shown, as the host knows it."""
-        left, right = (side.skipped for side in self.sides)
-        for side in self.sides:
-            side.skipped, side.is_shown = None, True
+        left_side, right_side = self.sides
+        left, right = left_side.skipped, right_side.skipped
+        left_side.skipped = right_side.skipped = None
+        left_side.is_shown = right_side.is_shown = True
         if left is None or right is None:
             return frame
         return frame._replace(
@@ -281,7 +289,7 @@ class SimulatedBoard:
     def _run_loops(self, now: int) -> None:
         """Run the speed loops, and not again before a command comes if they have come to rest."""
         at_rest = True
-        for side, flag in zip(self.sides, STALL_FLAGS, strict=True):
+        for side in self.sides:
             loop = side.loop
             if loop is None:
                 continue
@@ -289,7 +297,7 @@ class SimulatedBoard:
                 side.duty = loop.tick_duty() if side.is_duty else loop.tick(now)
             at_rest = at_rest and loop.is_at_rest
             if loop.fault and not self.fault_flags:  # the first one ends the drive, as on the board
-                self.fault_flags = flag
+                self.fault_flags = STALL_FLAGS[self.sides.index(side)]
         if self.fault_flags:
             for side in self.sides:
                 self._apply(side, PendingCommand(now, 0.0, side.is_duty))
@@ -298,8 +306,9 @@ class SimulatedBoard:
 
     def _update_due(self) -> None:
         due = self._loop_due if self._loop_due < self._deadman_due else self._deadman_due
-        for side in self.sides:
-            pending = side.pending
-            if pending and pending[0].time < due:
-                due = pending[0].time
+        left, right = self.sides
+        if left.pending and left.pending[0].time < due:
+            due = left.pending[0].time
+        if right.pending and right.pending[0].time < due:
+            due = right.pending[0].time
         self.due = due

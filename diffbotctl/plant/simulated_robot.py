@@ -162,13 +162,13 @@ class SimulatedRobot:
                 self._next_roll += ROLL_PERIOD
                 self._roll()
                 self._heat_bridge(at)
-            if at == sensors.next_sharp:
-                self._measure(at)
-            if at == sensors.next_scan:
-                self._scan(at)
-            if at == sensors.next_turn:
-                self._measure_in_turn(at)
             if at == rare:
+                if at == sensors.next_sharp:
+                    self._measure(at)
+                if at == sensors.next_scan:
+                    self._scan(at)
+                if at == sensors.next_turn:
+                    self._measure_in_turn(at)
                 rare = min(
                     sensors.next_sharp, sensors.next_scan, sensors.next_turn, disturbances.due
                 )

@@ -188,7 +188,7 @@ class WheelModel(EncoderWheel):
         decay = self._step_decay if span == RIPPLE_STEP else exp(-elapsed / lag)
         self.speed = settled + excess * decay
         angle = self._start_angle + settled * elapsed + excess * lag * (1.0 - decay)
-        if angle >= self._next_edge or angle < self._previous_edge:
+        if not self._previous_edge <= angle < self._next_edge:
             self._cross_edges(angle, lambda place: self._time_at(place, angle, elapsed))
         self.angle = angle
         self.now = until

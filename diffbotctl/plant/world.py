@@ -105,11 +105,14 @@ def _scan_wall(distances: list[float], x: float, y: float, heading: float, wall:
     first, last = atan2(from_y, from_x), atan2(to_y, to_x)
     span = (last - first + pi) % (2 * pi) - pi
     low, high = (first, first + span) if span >= 0.0 else (first + span, first)
-    step = 2 * pi / len(distances)
+    rays = len(distances)
+    step = 2 * pi / rays
     for ray in range(ceil((low - heading) / step), floor((high - heading) / step) + 1):
         across = cos(heading + ray * step - normal)
-        if across > 0.0 and height / across < distances[ray % len(distances)]:
-            distances[ray % len(distances)] = height / across
+        if across > 0.0:
+            distance = height / across
+            if distance < distances[ray % rays]:
+                distances[ray % rays] = distance
 
 
 def _scan_pillar(
@@ -122,15 +125,16 @@ def _scan_pillar(
         distances[:] = [0.0] * len(distances)
         return
     middle, half = atan2(from_y, from_x), asin(pillar.radius / center)
-    step = 2 * pi / len(distances)
+    rays = len(distances)
+    step = 2 * pi / rays
     radius_squared = pillar.radius * pillar.radius
     low, high = middle - half - heading, middle + half - heading
     for ray in range(ceil(low / step), floor(high / step) + 1):
         angle = heading + ray * step - middle
         offset = center * sin(angle)
         distance = center * cos(angle) - sqrt(max(radius_squared - offset * offset, 0.0))
-        if distance < distances[ray % len(distances)]:
-            distances[ray % len(distances)] = distance
+        if distance < distances[ray % rays]:
+            distances[ray % rays] = distance
 
 
 def to_wall(x: float, y: float, c: float, s: float, wall: Wall) -> float:

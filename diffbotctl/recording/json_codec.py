@@ -9,19 +9,17 @@ import json
 from collections.abc import Callable
 from math import isfinite
 from numbers import Integral, Real
+from types import NoneType
 from typing import Any, Literal, get_args, get_origin
 
 from diffbotctl.message_types import INTEGER_LIMIT, is_record, is_tuple, parts, type_name
 from diffbotctl.messages import LOG_LEVELS, LogLevel, fields
 
 Encoder = Callable[[Any], bytes]
+# The text of a value that has exactly the type of its field; None for any other one.
+Writer = Callable[[Any], str | None]
 ENCODER = json.JSONEncoder(allow_nan=False)  # made once: 3 us
-# Five times faster than ENCODER for values of exactly these types; its results are the same.
-WRITERS: dict[type, Callable[[Any], str]] = {
-    int: repr,
-    float: repr,
-    str: json.encoder.encode_basestring_ascii,
-}
+NUMBERS = {int, float}
 
 
 def message_encoder(kind: type) -> Encoder:
@@ -39,21 +37,67 @@ def message_encoder(kind: type) -> Encoder:
         return text.encode() if text.count("n") == n_count else encode(message)
 
     hints = [hint for hint, _ in fields(kind).values()]
-    if all(hint in (int, float) for hint in hints):
+    if all(hint in NUMBERS for hint in hints):
         return encode_numbers
-    if not all(hint in WRITERS for hint in hints):
+    writers = [writer for writer in map(_writer, hints) if writer is not None]
+    if len(writers) < len(hints):
         return encode
-    writers = [WRITERS[hint] for hint in hints]
     text_pattern = pattern.replace("%r", "%s")
 
-    def encode_texts(message: Any) -> bytes:
-        for value, hint in zip(message, hints, strict=True):
-            if type(value) is not hint or (hint is float and not isfinite(value)):
-                return encode(message)
-        values = tuple([write(value) for write, value in zip(writers, message, strict=True)])
-        return (text_pattern % values).encode()
+    def encode_fields(message: Any) -> bytes:
+        # Five times faster than ENCODER; its results are the same.
+        texts = [write(value) for write, value in zip(writers, message, strict=True)]
+        return encode(message) if None in texts else (text_pattern % tuple(texts)).encode()
 
-    return encode_texts
+    return encode_fields
+
+
+def _writer(hint: Any) -> Writer | None:
+    """What writes the values of a field of type `hint`; None where only ENCODER can."""
+    if hint in WRITERS:
+        return WRITERS[hint]
+    items = get_args(hint)
+    if get_origin(hint) is Literal:
+        return _text_of_string if all(type(item) is str for item in items) else None
+    if is_tuple(hint):
+        return _text_of_numbers if NUMBERS.issuperset(set(items) - {...}) else None
+    options = [option for option in parts(hint) if option is not NoneType]
+    write = _writer(options[0]) if len(options) == 1 and len(parts(hint)) == 2 else None
+    return None if write is None else lambda value: "null" if value is None else write(value)
+
+
+def _text_of_int(value: Any) -> str | None:
+    return repr(value) if type(value) is int else None
+
+
+def _text_of_float(value: Any) -> str | None:
+    return repr(value) if type(value) is float and isfinite(value) else None
+
+
+def _text_of_bool(value: Any) -> str | None:
+    return ("true" if value else "false") if type(value) is bool else None
+
+
+def _text_of_string(value: Any) -> str | None:
+    return json.encoder.encode_basestring_ascii(value) if type(value) is str else None
+
+
+def _text_of_numbers(values: Any) -> str | None:
+    """The text of a tuple of numbers, which `repr` writes as JSON but for nan and infinities."""
+    if type(values) is not tuple or not NUMBERS.issuperset(map(type, values)):
+        return None
+    text = repr(list(values))
+    if "n" in text:
+        text = text.replace("inf", '"inf"').replace('-"inf"', '"-inf"').replace("nan", '"nan"')
+    return text
+
+
+WRITERS: dict[Any, Writer] = {
+    int: _text_of_int,
+    float: _text_of_float,
+    bool: _text_of_bool,
+    str: _text_of_string,
+}
 
 
 def message_decoder(kind: type) -> Callable[[bytes], Any]:

@@ -58,7 +58,7 @@ class LiveRecording(RecordingFile):
         self.last = max(self.last, time)
         wall_time = self.epoch + time
         data = json.dumps(message).encode()
-        self.writer.add_message(channel, wall_time, data, wall_time, self.instants)
+        self.writer.add_message(channel, wall_time, data, self.instants)
         self.messages += 1
 
     def end(self, cause: str) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from typing import IO, Any
+from typing import IO
 
 CHUNK_BYTES = 256 << 10  # an unpaced run fills it in a few ms, a paced one flushes each second
 
@@ -18,23 +18,23 @@ class RecordingFile:
 
     def __init__(self, file: IO[bytes], about: Mapping[str, str]) -> None:
         """`about` is the metadata of the run."""
-        from mcap.writer import CompressionType, Writer  # heavy: only the writing process loads it
+        # heavy: only the writing process loads it
+        from diffbotctl.recording.mcap_writer import McapWriter
 
         self.file = file
-        self.writer: Any = Writer(file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
-        self.writer.start(library="diffbotctl")
-        self.writer.add_metadata("run", dict(about))
+        self.writer = McapWriter(file, "diffbotctl", CHUNK_BYTES)
+        self.writer.add_metadata("run", about)
         self.epoch = int(about["epoch"])
         self.instants = 0
 
     def add_schema(self, name: str, text: bytes) -> int:
         """Add a JSON Schema. Returns its number."""
-        return int(self.writer.register_schema(name, "jsonschema", text))
+        return self.writer.add_schema(name, "jsonschema", text)
 
     def add_channel(self, topic: str, schema: int, origin: str, kind: str) -> int:
         """Add the channel of a topic, whose messages are of class `kind`. Returns its number."""
         metadata = {"from": origin, "kind": kind}
-        return int(self.writer.register_channel(topic, "json", schema, metadata))
+        return self.writer.add_channel(topic, "json", schema, metadata)
 
     def flush(self) -> None:
         """Write everything to the disk, as a chunk that a reader can open."""
@@ -44,6 +44,6 @@ class RecordingFile:
 
     def finish(self, summary: Mapping[str, str]) -> None:
         """Complete the file; without this it counts as cut."""
-        self.writer.add_metadata("end", dict(summary))
+        self.writer.add_metadata("end", summary)
         self.writer.finish()
         self.file.flush()

@@ -186,6 +186,8 @@ ADDED: dict[str, dict[str, Any]] = {
     },
     "WheelKalman": {
         "kind": MotorKind.LINEAR,
+        "is_typical": True,
+        "is_free_wheeling": False,
         "is_driven": True,
         "driven_noise": 1.0,
         "coasting_noise": 1.0,

@@ -86,17 +86,16 @@ class RecordingWriter(RecordingFile):
             self._attach(self.epoch, LAYOUT, "application/json", json.dumps(layout).encode())
 
     def _attach(self, time: int, name: str, media_type: str, data: bytes) -> None:
-        self.writer.add_attachment(time, time, name, media_type, data)
+        self.writer.add_attachment(time, name, media_type, data)
 
     def write(self, instant: tuple[Any, ...]) -> None:
         """Write the messages of one instant: (time, message or None for each wire)."""
-        time = self.epoch + instant[0]
+        time, number, add_message = self.epoch + instant[0], self.instants, self.writer.add_message
         for (channel, encode), message in zip(self.channels, instant[1:], strict=True):
             if message is not None:
-                self.writer.add_message(channel, time, encode(message), time, self.instants)
+                add_message(channel, time, encode(message), number)
         for topic, data in self.viewers.messages(instant):
-            channel = self.viewer_channels[topic]
-            self.writer.add_message(channel, time, data, time, self.instants)
+            add_message(self.viewer_channels[topic], time, data, number)
         self.instants += 1
 
     def attach_state(self, time: int, state: bytes) -> None:
