@@ -191,6 +191,11 @@ class WheelKalman:
         return self.covariance[DIAGONAL[1]]
 
     @property
+    def gain_variance(self) -> float:
+        """Variance of `gain`."""
+        return self.covariance[DIAGONAL[2]]
+
+    @property
     def finds_faults(self) -> bool:
         """Whether its predictions are good enough to tell a missing edge from a slower wheel."""
         return self.is_typical and self.priors.change_cost != inf

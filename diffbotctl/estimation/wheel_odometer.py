@@ -11,6 +11,7 @@ from diffbotctl.estimation.fine_wheel import (
     FineWheelOdometer,
     pushed_variance,
 )
+from diffbotctl.estimation.lost_edges import LostEdges, MotorGain
 from diffbotctl.estimation.priors import Priors
 from diffbotctl.estimation.slot_errors import EdgeErrors, SlotEstimate
 from diffbotctl.estimation.wheel_filter import LOG_RATIO_MAX, WheelFilter
@@ -59,6 +60,7 @@ class WheelOdometer:
         self.added_variance = self.variance = self.end_variance = self.disagreement = 0.0
         self.fault_share = 0.0
         """share of the edges that were missed or counted twice, and are no hypotheses"""
+        self.lost_share, self.lost_text = 0.0, ""  # the same of every second edge
         self.start_correction = 0.0  # m, added by a better estimate of the initial phase
         # m, added by another hypothesis in each of the last frames
         self.late_corrections: list[float] = []
@@ -85,7 +87,7 @@ class WheelOdometer:
         # The edges of a push look like edges in excess to the model of a motor without power.
         if pushed and faults.missed <= faults.extra <= self.counting.pushed_in_all:
             return pushed
-        return "; ".join(filter(None, (pushed, self.filter.fault)))
+        return "; ".join(filter(None, (pushed, self.lost_text, self.filter.fault)))
 
     def pose_is_set(self) -> None:
         """What happened before does not matter any more."""
@@ -181,7 +183,8 @@ class WheelOdometer:
         )
         self.end_variance = self.counting.end_variance if is_unusual else 0.0
         # Of a few slots the filter's hypotheses include what the counts do not show.
-        self.fault_share = self.counting.faults.shown_share if is_unusual else 0.0
+        shown = self.counting.faults.shown_share if is_unusual else 0.0
+        self.fault_share = max(shown, self.lost_share)
         self.variance = self._variance(is_unusual) * square
         disagreement, self.disagreement_frames = self.filter.disagreement()
         self.disagreement = disagreement * square
@@ -229,6 +232,18 @@ def share_response(left: WheelOdometer, right: WheelOdometer) -> None:
     )
     left.filter.select_response(best)
     right.filter.select_response(best)
+
+
+def compare_gains(lost_edges: LostEdges, left: WheelOdometer, right: WheelOdometer) -> None:
+    """Decide by the gains of both motors whether an encoder loses every second edge."""
+    lost_edges.compare(_motor_gain(left), _motor_gain(right))
+    left.lost_share, right.lost_share = lost_edges.shares
+    left.lost_text, right.lost_text = lost_edges.texts
+
+
+def _motor_gain(wheel: WheelOdometer) -> MotorGain:
+    motion = wheel.filter.motion
+    return MotorGain(motion.gain, motion.gain_variance)
 
 
 def known_edges(encoder: EncoderConfig, priors: Priors) -> EdgeErrors | None:
