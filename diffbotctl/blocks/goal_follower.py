@@ -231,8 +231,8 @@ class GoalFollower(Block):
         before, self.last_encoders = self.last_encoders, encoders
         left_counted = right_counted = None
         if before is not None and encoders is not None and encoders.boot == before.boot:
-            left_counted = self.left_pitch * abs(encoders.left - before.left)
-            right_counted = self.right_pitch * abs(encoders.right - before.right)
+            left_counted = self.left_pitch * (encoders.left - before.left)
+            right_counted = self.right_pitch * (encoders.right - before.right)
         self.wheels.has_counted = bool(left_counted or right_counted)
         self.wheels.left.update(
             left, odometry.linear - aside, lag, seconds, left_counted, left_limited
