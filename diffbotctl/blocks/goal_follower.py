@@ -231,8 +231,8 @@ class GoalFollower(Block):
         before, self.last_encoders = self.last_encoders, encoders
         left_counted = right_counted = None
         if before is not None and encoders is not None and encoders.boot == before.boot:
-            left_counted = self.left_pitch * abs(encoders.left - before.left)
-            right_counted = self.right_pitch * abs(encoders.right - before.right)
+            left_counted = self.left_pitch * (encoders.left - before.left)
+            right_counted = self.right_pitch * (encoders.right - before.right)
         self.wheels.has_counted = bool(left_counted or right_counted)
         self.wheels.left.update(
             left, odometry.linear - aside, lag, seconds, left_counted, left_limited
@@ -304,9 +304,16 @@ class GoalFollower(Block):
             cause = f"time limit of {pursuit.time_limit:.0f} s exceeded"
             return "given_up", "; ".join((cause, *self.wheels.weaknesses()))
         if pursuit.idle_for > self.stuck_after:
-            return "stuck", f"no wheel has turned for {self.stuck_after:g} s"
+            return "stuck", f"no wheel has turned for {self.stuck_after:g} s{self._idle_reason()}"
         fault = self.wheels.fault(self.least_speed, self.stuck_after, self.lag_estimate)
         return ("stuck", fault) if fault else None
+
+    def _idle_reason(self) -> str:
+        """Why no wheel turns, if the telemetry shows that nothing is commanded."""
+        encoders = self.last_encoders
+        if encoders is None or encoders.left_command or encoders.right_command:
+            return ""
+        return ": the board has no command in force, too many are lost on the link"
 
     def _disobeys(self, pursuit: Pursuit, odometry: Odometry) -> tuple[GoalEnd, str] | None:
         """How and why a goal ends from which the robot drives or turns away."""

@@ -11,12 +11,14 @@ from diffbotctl.estimation.fine_wheel import FineWheelOdometer
 from diffbotctl.estimation.geometry_deviation import CalibratedValue, geometry_deviations
 from diffbotctl.estimation.gyro_heading import SCALE_SD, GyroHeading
 from diffbotctl.estimation.gyro_pose_filter import GyroPoseFilter
+from diffbotctl.estimation.lost_edges import LostEdges
 from diffbotctl.estimation.pose_filter import PoseFilter
 from diffbotctl.estimation.slot_errors import LEARNABLE_SLOTS_MAX
 from diffbotctl.estimation.timestamp_filter import TimestampFilter
 from diffbotctl.estimation.wheel_odometer import (
     CountWheelOdometer,
     WheelOdometer,
+    compare_gains,
     share_response,
 )
 from diffbotctl.estimation.wheel_side import LinkTiming, SideConfig
@@ -86,6 +88,7 @@ class OdometryBlock(Block):
         self.roll_out_edges = False  # whether there were any since then
         self.timestamps = TimestampFilter(self.stamp_jitter, self.telemetry)
         self.wheels: tuple[Wheel, Wheel] | None = None
+        self.lost_edges = LostEdges()
 
     @action(x="m", y="m", heading="rad")
     def set_pose(self, now: int, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> None:
@@ -173,6 +176,7 @@ class OdometryBlock(Block):
         )
         if isinstance(left, WheelOdometer) and isinstance(right, WheelOdometer):
             share_response(left, right)
+            compare_gains(self.lost_edges, left, right)
         left.report()
         right.report()
         self.pose.move(left, right)

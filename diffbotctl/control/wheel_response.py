@@ -7,6 +7,7 @@ down to the one that does not. Speeds of the wheels over the floor, in m/s.
 
 from __future__ import annotations
 
+from math import copysign
 from typing import Literal
 
 RATIO_MIN, RATIO_MAX = 0.3, 1.0  # limits of the ratio
@@ -40,6 +41,9 @@ GAP_MAX = 0.25
 # explains why the goal was not reached.
 LAGGING_RATIO = 0.6
 LAGGING_PITCHES = 10.0  # of commanded travel, before the ratio is significant
+# Counts that took back the last ones, before that is told: a wheel may tremble on an edge.
+TAKEN_BACK_MIN = 3
+NO_CHANNEL = "channel B of its encoder gives no edges, check its wire"
 
 
 Side = Literal["left", "right"]
@@ -52,6 +56,7 @@ class WheelResponse:
     __slots__ = (
         "command",
         "commanded_travel",
+        "count_sign",
         "counted_speed",
         "counted_travel",
         "crawl_command_min",
@@ -65,6 +70,7 @@ class WheelResponse:
         "ratio",
         "short_for",
         "speed",
+        "taken_back",
         "uncounted_for",
         "uncounted_travel",
     )
@@ -82,6 +88,10 @@ class WheelResponse:
         """s for which it was driven, and m that it should have travelled, since its last count"""
         self.has_counted = False
         """since it was driven in the present direction"""
+        self.count_sign = 0.0
+        """of its last counts with the present command; 0: none"""
+        self.taken_back = 0
+        """how often in turn its counts have taken back the last ones"""
         self.is_raised = False
         """whether the host still raises the duty of a wheel that stands"""
         self.short_for = 0.0
@@ -115,14 +125,19 @@ class WheelResponse:
     ) -> None:
         """Apply the `speed` measured `seconds` after the last with `command` in force since then.
 
-        `lag` of the motors in s; `counted`: travel (m) of the counts in that time, None if unknown.
+        `lag` of the motors in s; `counted`: travel (m) of the counts in that time with its sign,
+        None if unknown.
         A wheel that turns against its command, or of which the odometry believes so, still turns.
+        Counts that only take back the last ones do not: with channel B dead, an encoder of two
+        channels counts up and down in turn.
         `is_limited`: the motor may be at its limit; below it, a loop that sets the duty still
         raises it.
         """
-        if counted is None or counted > 0.0:
+        if command * self.command <= 0.0:
+            self.count_sign = 0.0
+        is_unknown, counted = counted is None, self._advance(counted or 0.0)
+        if is_unknown or counted > 0.0:
             self.uncounted_for = self.uncounted_travel = 0.0
-        counted = counted or 0.0
         self._compare_counts(speed, seconds, counted)
         seconds = min(seconds, GAP_MAX)
         self.commanded_travel += abs(command) * seconds
@@ -156,6 +171,18 @@ class WheelResponse:
             self.short_for = self.short_for + seconds if is_short else 0.0
             ratio = min(max(speed / self.expected, RATIO_MIN), RATIO_MAX) if is_limited else 1.0
             self.ratio += (ratio - self.ratio) * seconds / (seconds + AVERAGING_TIME)
+
+    def _advance(self, counted: float) -> float:
+        """Travel (m, without sign) by which the counts advance."""
+        if not counted:
+            return 0.0
+        sign, before = copysign(1.0, counted), self.count_sign
+        self.count_sign = sign
+        if sign * before < 0.0:
+            self.taken_back += 1
+            return 0.0
+        self.taken_back = 0
+        return abs(counted)
 
     def _compare_counts(self, speed: float, seconds: float, counted: float) -> None:
         """Compare the `speed` (m/s) by odometry with the travel `counted` (m)."""
@@ -297,9 +324,12 @@ class DriveResponse:
                     f"{abs(wheel.command):.2f} m/s: blocked, or its motor or encoder is faulty"
                 )
             if self._gives_no_counts(wheel, other, stuck_after):
+                travel = f"{wheel.uncounted_travel:.2f} m of its commands"
+                if wheel.taken_back >= TAKEN_BACK_MIN:
+                    return f"the {side} wheel counts up and down in turn for {travel}: {NO_CHANNEL}"
                 return (
-                    f"the {side} wheel has given no count for {wheel.uncounted_travel:.2f} m of "
-                    "its commands: blocked, or its motor or encoder is faulty"
+                    f"the {side} wheel has given no count for {travel}: blocked, or its motor or "
+                    "encoder is faulty"
                 )
             if wheel.crawl_for > IDLE_AFTER + self._known_after(wheel, creep, lag):
                 return self.weakness(side)

@@ -64,25 +64,29 @@ SHARES = (
     (0.1, 0.05),
     (0.2, 0.03),
 )
-# The remaining variance without faults, relative to that of rounding: a motor turns unevenly. With
-# probabilities.
-UNEVENNESS = ((1.0, 0.99), (2.0, 0.01))
+# Standard deviation of the mean speed in a span, relative to the speed, by which a motor turns
+# unevenly: gears, commutator and the loop of the board. With probabilities.
+UNEVENNESS = ((0.0, 0.6), (0.003, 0.25), (0.006, 0.15))
+# Share of the deviations in which the motion itself was not smooth, such as at a start or a seam of
+# the floor, and the change of the speed then, relative to it.
+ROUGH_SHARE, ROUGH_CHANGE = 0.01, 0.1
 DEVIATIONS_MIN = 8  # before a fault is told
 # By which the remaining variance differs from what rounding causes, for a fault to be told, in
 # standard errors: one strange count is none. Successive deviations have four of five spans in
 # common, so that the true error is some 1.7 times larger.
 CERTAIN_ERRORS_MIN = 5.0
 SHARE_REPORTED = 0.004
-UNEVEN_MAX = max(factor for factor, _ in UNEVENNESS)
 # Unevenness, signed share (of additional edges; of missing ones if negative) and log probability.
 HYPOTHESES = (
-    *((factor, 0.0, log(likely * (1.0 - FAULTY))) for factor, likely in UNEVENNESS),
+    *((uneven, 0.0, log(likely * (1.0 - FAULTY))) for uneven, likely in UNEVENNESS),
     *(
-        (1.0, sign * share, log(0.5 * FAULTY * part))
+        (0.0, sign * share, log(0.5 * FAULTY * part))
         for share, part in SHARES
         for sign in (-1.0, 1.0)
     ),
 )
+# Factor of the variance by rounding that an uneven motor explains, before a fault is told.
+UNEVEN_MAX = 2.0
 SHARE_UNKNOWN = sqrt(FAULTY * sum(share * share * part for share, part in SHARES))
 
 
@@ -100,6 +104,11 @@ def _smoothed(rate: float) -> float:
     weights = {0.25 * step: exp(-0.5 * (0.25 * step) ** 2) for step in range(-12, 13)}
     total = sum(weight * rounding_variance(rate + sds * RATE_SD) for sds, weight in weights.items())
     return total / sum(weights.values())
+
+
+def _density(square: float, variance: float) -> float:
+    """Of a normal distribution at the root of `square`, times the root of 2 pi."""
+    return exp(-0.5 * square / variance) / sqrt(variance)
 
 
 RATES = 50  # in which a whole edge is divided
@@ -198,11 +207,19 @@ class CountFaults:
         return 0.5 * (ROUNDING_NOISE[low % RATES] + ROUNDING_NOISE[high % RATES])
 
     def _weigh(self, edges: float, slope: float, square: float) -> None:
-        """Probability of each hypothesis: the deviations are normal with its variance."""
-        for index, (unevenness, share, _) in enumerate(HYPOTHESES):
-            noise = self._noise(edges * (1.0 - share), slope)
-            variance = unevenness * noise + SQUARES * edges * abs(share)
-            self.logs[index] -= 0.5 / DEVIATIONS_PER_SAMPLE * (log(variance) + square / variance)
+        """Probability of each hypothesis. The deviations are normal with its variance; few faults
+        are in few of them only, in any of five spans, and then each is a whole edge."""
+        rough = self._noise(edges, slope) + (ROUGH_CHANGE * edges) ** 2
+        other = ROUGH_SHARE * _density(square, rough)
+        for index, (uneven, share, _) in enumerate(HYPOTHESES):
+            noise = self._noise(edges * (1.0 - share), slope) + SQUARES * (uneven * edges) ** 2
+            likely = _density(square, noise)
+            if share:
+                faults = edges * abs(share)
+                affected = 1.0 - exp(-len(WEIGHTS) * faults)
+                with_faults = _density(square, noise + SQUARES * faults / affected)
+                likely += affected * (with_faults - likely)
+            self.logs[index] += log(other + (1.0 - ROUGH_SHARE) * likely) / DEVIATIONS_PER_SAMPLE
         best = max(self.logs)
         total = mean_square = 0.0
         for (_, share, _), value in zip(HYPOTHESES, self.logs, strict=True):

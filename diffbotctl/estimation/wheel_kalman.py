@@ -54,7 +54,7 @@ EDGE_TIME_SD = 50e-6  # s
 # is, the largest one taken into account, and limit of the factor of the noise's variance.
 NOISE_GAIN, NOISE_RATIO, NOISE_RATIO_MAX, NOISE_FACTOR_MAX = 0.2, 1.3, 9.0, 400.0
 FRAME_TIME_MAX = 0.002  # s; of a board that tells the time of its frames
-SUSPECT_NOISE = 4.0  # factor of the noise's variance above which faults of the encoder are likely
+SUSPECT_NOISE = 4.0  # times the usual variance, above which faults of the encoder are likely
 LOG_LAG_MIN, LOG_LAG_MAX = log(0.001), log(2.0)  # of lags that a robot file may state
 # Standard deviations of the prior up to which an offset is friction. A larger one was learnt from a
 # sudden change, which may have been one of the gain or of the encoder.
@@ -153,7 +153,7 @@ class WheelKalman:
             priors = priors.widened()
         self.priors = priors = priors.in_pitches(slots)
         # Factors of the variance of the speed's noise, learnt from the innovations.
-        self.driven_noise = self.coasting_noise = 1.0 if is_typical else WIDE_NOISE_RATIO**2
+        self.driven_noise = self.coasting_noise = self._usual_noise
         self.coasting_noise = max(self.coasting_noise, self._coasting_noise_min)
         self.is_driven = True  # in the last prediction
         self.elapsed = 0.0  # s, since the last measurement
@@ -209,6 +209,11 @@ class WheelKalman:
         return self.covariance[DIAGONAL[1]]
 
     @property
+    def gain_variance(self) -> float:
+        """Variance of `gain`."""
+        return self.covariance[DIAGONAL[2]]
+
+    @property
     def finds_faults(self) -> bool:
         """Whether its predictions are good enough to tell a missing edge from a slower wheel."""
         return self.is_typical and self.priors.change_cost != inf
@@ -222,7 +227,12 @@ class WheelKalman:
         """
         priors = self.priors
         is_told_in_time = priors.frame_time < FRAME_TIME_MAX and not priors.has_edge_times
-        return is_told_in_time and self.driven_noise > SUSPECT_NOISE
+        return is_told_in_time and self.driven_noise > SUSPECT_NOISE * self._usual_noise
+
+    @property
+    def _usual_noise(self) -> float:
+        """Factor of the noise's variance that is expected of its kind."""
+        return 1.0 if self.is_typical else WIDE_NOISE_RATIO**2
 
     def largest_speed(self, sds: float) -> float:
         """Speed (pitches/s) that the wheel may have: `sds` standard deviations more than

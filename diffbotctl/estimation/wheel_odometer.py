@@ -11,6 +11,7 @@ from diffbotctl.estimation.fine_wheel import (
     FineWheelOdometer,
     pushed_variance,
 )
+from diffbotctl.estimation.lost_edges import LostEdges, MotorGain
 from diffbotctl.estimation.priors import Priors
 from diffbotctl.estimation.slot_errors import EdgeErrors, SlotEstimate
 from diffbotctl.estimation.wheel_filter import LOG_RATIO_MAX, WheelFilter
@@ -64,6 +65,7 @@ class WheelOdometer:
         self.added_variance = self.variance = self.end_variance = self.disagreement = 0.0
         self.fault_share = 0.0
         """share of the edges that were missed or counted twice, and are no hypotheses"""
+        self.lost_share, self.lost_text = 0.0, ""  # the same of every second edge
         self.start_correction = 0.0  # m, added by a better estimate of the initial phase
         # m, added by another hypothesis in each of the last frames
         self.late_corrections: list[float] = []
@@ -87,12 +89,12 @@ class WheelOdometer:
     def fault(self) -> str:
         """Why its travel is known less well than usual, or an empty text."""
         pushed, faults = self.counting.pushed_text, self.filter.hypotheses[0].faults
-        if not pushed:
+        if not (pushed or self.lost_text):
             return faults.text
         # The edges of a push look like edges in excess to the model of a motor without power.
-        if faults.missed <= faults.extra <= self.counting.pushed_in_all or not faults.text:
+        if pushed and faults.missed <= faults.extra <= self.counting.pushed_in_all:
             return pushed
-        return f"{pushed}; {faults.text}"
+        return "; ".join(filter(None, (pushed, self.lost_text, faults.text)))
 
     def pose_is_set(self) -> None:
         """What happened before does not matter any more."""
@@ -187,10 +189,10 @@ class WheelOdometer:
         square = self.pitch * self.pitch
         if is_unusual:
             self.added_variance, self.end_variance = counting.added_variance, counting.end_variance
-            self.fault_share = counting.faults.shown_share
+            self.fault_share = max(counting.faults.shown_share, self.lost_share)
         else:  # of a few slots the filter's hypotheses include what the counts do not show
             self.added_variance = self._pushed_variance() * square
-            self.end_variance = self.fault_share = 0.0
+            self.end_variance, self.fault_share = 0.0, self.lost_share
         self.variance = self._variance(is_unusual) * square
         disagreement, self.disagreement_frames = self.filter.disagreement()
         self.disagreement = disagreement * square
@@ -240,6 +242,18 @@ def share_response(left: WheelOdometer, right: WheelOdometer) -> None:
     )
     left.filter.select_response(best)
     right.filter.select_response(best)
+
+
+def compare_gains(lost_edges: LostEdges, left: WheelOdometer, right: WheelOdometer) -> None:
+    """Decide by the gains of both motors whether an encoder loses every second edge."""
+    lost_edges.compare(_motor_gain(left), _motor_gain(right))
+    left.lost_share, right.lost_share = lost_edges.shares
+    left.lost_text, right.lost_text = lost_edges.texts
+
+
+def _motor_gain(wheel: WheelOdometer) -> MotorGain:
+    motion = wheel.filter.motion
+    return MotorGain(motion.gain, motion.gain_variance)
 
 
 def known_edges(encoder: EncoderConfig, priors: Priors) -> EdgeErrors | None:

@@ -39,8 +39,11 @@ SETTLE_TIMEOUT = 10 * SECOND  # until a board must have taken its settings
 # Opening a USB port resets the board, and each byte that arrives too early keeps it in its
 # bootloader. The firmware sends a hello when it starts.
 USB_QUIET_TIME = 1_500 * MILLISECOND
+# States in which only state frames keep the link: without them nothing is known of the wheels.
+DRIVING_STATES = (HostState.UP, HostState.STALE)
 SILENT = "the board has gone silent"
 REPEATED = "the board repeats the same frame"
+CLOCK_STANDS = "the time in the board's frames does not advance"
 
 
 class DiffbotHost:
@@ -113,9 +116,11 @@ class DiffbotHost:
             self._search.receive(data)
         output: LinkOutput = []
         for frame in self._decoder.feed(data):
-            if self._has_unknown_mode(frame) or self._is_repeated(frame):
+            if self._has_unknown_mode(frame) or self._is_old(now, frame):
                 continue
-            self._last_frame_at = self._quiet_until = now
+            self._quiet_until = now
+            if isinstance(frame, State) or self.state not in DRIVING_STATES:
+                self._last_frame_at = now
             output += self._on_frame(now, frame)
         return output
 
@@ -127,17 +132,19 @@ class DiffbotHost:
         self._silence = f"the board reports an unknown mode, {frame.mode}" if is_unknown else SILENT
         return is_unknown
 
-    def _is_repeated(self, frame: frames.Frame) -> bool:
-        """True for the same state frame again: its time and number change with each that is new.
+    def _is_old(self, now: int, frame: frames.Frame) -> bool:
+        """True for a state frame that is not newer than the last one; it counts as no frame.
 
-        It counts as no frame: what repeats it is no board that runs.
+        A board that runs advances time and number of each frame. Where they stand still, or a line
+        delivers a frame late or twice, its counts and ages belong to no time that is known.
         """
         if not isinstance(frame, State):
             return False
         is_repeated, self._last_state = frame == self._last_state, frame
-        if is_repeated:
-            self._silence = REPEATED
-        return is_repeated
+        if not is_repeated and (frame.boot != self._boot or self._telemetry.is_newer(now, frame)):
+            return False
+        self._silence = REPEATED if is_repeated else CLOCK_STANDS
+        return True
 
     # --- commands ---
 
@@ -311,7 +318,7 @@ class DiffbotHost:
         return f"the board restarted: {reset.meaning}"
 
     def _link_up(self, now: int, hello: frames.HelloFrame, restart: str = "") -> LinkOutput:
-        if self.state is HostState.UP:
+        if self.state is HostState.UP or (self.state is HostState.STALE and not restart):
             return [("text", Text(now, restart))] if restart else []
         self._was_up = True
         self._gyro_due = now + GYRO_START_TIMEOUT

@@ -25,7 +25,9 @@ COMMAND_NUMBERS = 16  # sequence numbers of commands
 DRIVEN_ON_MAX = SECOND // 2
 CLOCK_WINDOW = 30 * SECOND  # of board time that the line is fitted to
 DRIFT_SPAN_MIN = SECOND  # in a shorter span the jitter of the delays would look like drift
-DRIFT_MAX = 0.01  # a ceramic resonator is within half of this
+# A quartz or ceramic resonator is within 0.005, a chip's own RC oscillator is not. Beyond this
+# limit a serial link reads no byte: its last bit is then half a bit off.
+DRIFT_MAX = 0.05
 
 State = frames.StateFrame | frames.CountsFrame | frames.InertialFrame
 TURN = radians(frames.TURN_NANODEGREES * 1e-9)
@@ -94,6 +96,10 @@ class Telemetry:
     def wrote(self, sequence: int, sent: SentCommand) -> None:
         """Note a command that has been written."""
         self._sent[sequence] = sent
+
+    def is_newer(self, now: int, frame: State) -> bool:
+        """Whether the board made a frame that arrived at `now` after the newest one so far."""
+        return self._board_time is None or self._unwrap_time(now, frame.time) > self._board_time
 
     def read(self, now: int, frame: State) -> Encoders:
         """Message of a state frame that arrived at `now`."""

@@ -150,6 +150,21 @@ def test_a_robot_that_does_not_move_is_stuck():
     assert course.twists[-1][1:] == (0.0, 0.0)
 
 
+@pytest.mark.parametrize("in_force", [0.0, 2.0])
+def test_a_robot_whose_commands_are_lost_on_the_link_is_told_so(in_force):
+    """Telemetry shows the command that the board carries out; 0: none of ours."""
+    block, causes = Course().block, []
+    for frame in range(1, 250):
+        time = frame * STEP
+        pose = Odometry(time, 0.0, 0.0, 0.0, 0.0, 0.0, NONE)
+        telemetry = Encoders(time, 0, 0, None, None, in_force, in_force, "wheels")
+        wanted = goal(1.0, 0.0) if frame == 1 else None
+        _, state = block.react(time, pose, wanted, telemetry, None)
+        causes += [state.cause] if state is not None and state.state == "stuck" else []
+    assert causes
+    assert ("no command in force" in causes[0]) == (in_force == 0.0)
+
+
 def test_a_goal_that_is_missed_in_every_attempt_is_given_up():
     course = Course(tolerance=1e-6, attempts=2)
     assert course.drive(goal(0.3, 0.2)) == "given_up"

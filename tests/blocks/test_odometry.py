@@ -1,6 +1,6 @@
 """Odometry of a simulated robot: travel, variance, slot errors, restarts."""
 
-from math import degrees, pi, sqrt
+from math import degrees, exp, pi, sqrt
 from random import Random
 from statistics import mean
 
@@ -290,3 +290,24 @@ def test_a_robot_that_is_pushed_may_have_moved_either_way(kind, period):
     odometry.set_pose(0)
     pose, _ = odometry.react(0, frame_message._replace(time=frame_message.time + 25 * MS))
     assert "without a command" not in pose.warning
+
+
+def test_an_encoder_that_loses_every_second_edge_is_told_and_in_the_covariance():
+    """From 2 s on the right wheel counts half; both motors turn as stated, at changing duties."""
+    setup, odometry = block("counts")
+    motor, period, change = setup.robot.drive.left.motor, 20 * MS, SECOND
+    static, speed, place, half_from = motor.loop.static, 0.0, 0.0, None
+    for now in range(0, 9 * SECOND, period):
+        duty = 0.45 if now // change % 2 else 0.75
+        settled = (duty - static) / (1.0 - static) * motor.rated * 20 / (2 * pi)  # pitches/s
+        place += speed * period / SECOND
+        speed += (settled - speed) * (1.0 - exp(-period / SECOND / motor.lag))
+        left = int(place)
+        if now >= 2 * SECOND and half_from is None:
+            half_from = left
+        right = left if half_from is None else half_from + (left - half_from) // 2
+        since = now // change * change
+        counts = Encoders(now, left, right, None, None, duty, duty, "duty", since, 1)
+        pose, _ = odometry.react(now, counts)
+    assert "right wheel: counts half" in pose.warning
+    assert abs(pose.heading) < 3.0 * sqrt(pose.covariance[5])

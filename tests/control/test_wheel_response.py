@@ -208,3 +208,24 @@ def test_a_wheel_that_stops_under_way_is_silent_sooner_than_one_that_starts_late
     for _ in range(9):
         late.right.update(0.6, 0.0, LAG, STEP, 0.0)
     assert not late.has_silent_wheel
+
+
+def test_a_wheel_whose_counts_only_go_up_and_down_is_found_in_half_a_second():
+    """An encoder of two channels whose channel B is dead: the motor turns, the count does not."""
+    drive, pitch, speed = DriveResponse(0.15, 0.01), 0.01, 0.3
+    for step in range(round(1.5 / STEP)):
+        counted = speed * STEP if step * STEP < 1.0 else (pitch, 0.0, -pitch, 0.0)[step % 4]
+        drive.left.update(speed, 0.0 if step * STEP > 1.1 else speed, LAG, STEP, counted)
+        drive.right.update(speed, speed, LAG, STEP, speed * STEP)
+    cause = drive.fault(0.035, 2.0, LAG)
+    assert "the left wheel counts up and down in turn" in cause and "channel B" in cause
+
+
+def test_a_wheel_that_reverses_counts_on():
+    wheel = WheelResponse()
+    wheel.update(0.3, 0.3, LAG, STEP, 0.006)
+    wheel.update(-0.3, 0.1, LAG, STEP, 0.002)  # rolls on
+    wheel.update(-0.3, -0.1, LAG, STEP, -0.002)
+    assert wheel.uncounted_for == pytest.approx(2 * STEP)
+    wheel.update(-0.3, -0.3, LAG, STEP, -0.006)
+    assert wheel.uncounted_for == pytest.approx(STEP)

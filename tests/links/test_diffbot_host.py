@@ -16,9 +16,14 @@ def hello(settings, version=frames.VERSION, boot=1):
     return encode(frames.HelloFrame(boot, version, 0, 1, 0, 1, 1, 1, 1, settings, *more))
 
 
-def state(sequence, mode=frames.ModeCode.STOPPED, command=0):
+PERIOD = 25 * MILLISECOND
+
+
+def state(sequence, mode=frames.ModeCode.STOPPED, command=0, board=None):
+    """State frame of a board at `board` ns, by default one period a number."""
+    time = (sequence * PERIOD if board is None else board) // frames.TICK_NANOSECONDS % 65536
     return encode(
-        frames.StateFrame(1, sequence, 0, 0, mode, 0, 0, 0, 0, 4095, command, 65535, 65535)
+        frames.StateFrame(1, sequence, 0, 0, mode, 0, time, 0, 0, 4095, command, 65535, 65535)
     )
 
 
@@ -100,6 +105,35 @@ def test_a_frame_that_is_repeated_is_no_sign_of_life(up):
     assert links(up.receive(300 * MILLISECOND, state(2))) == ["up"]
 
 
+def test_frames_whose_time_stands_still_are_no_sign_of_life(up):
+    assert up.receive(2 * MILLISECOND, state(1, board=0)) != []
+    for number in range(9):
+        now = (27 + 25 * number) * MILLISECOND
+        assert up.receive(now, state(2 + number, board=0)) == []
+    ((port, link),) = up.on_time(253 * MILLISECOND)
+    assert (port, link.state) == ("link", "stale") and "time in the board's" in link.cause
+
+
+def test_a_frame_that_is_older_than_the_last_one_is_no_measurement(up):
+    assert up.receive(2 * MILLISECOND, state(1)) != []
+    assert up.receive(27 * MILLISECOND, state(2)) != []
+    assert up.receive(30 * MILLISECOND, state(1)) == []
+    assert up.receive(52 * MILLISECOND, state(3)) != []
+
+
+def test_a_board_that_answers_but_sends_no_state_is_lost(up):
+    """Its hello and status frames tell nothing of the wheels."""
+    status = encode(frames.StatusFrame(0, 0))
+    up.receive(2 * MILLISECOND, state(1))
+    seen = []
+    for step in range(60):
+        now = (27 + 25 * step) * MILLISECOND
+        output = up.receive(now, status)
+        output += up.receive(now, hello(BOOK.mark())) if step % 10 == 0 else []
+        seen += links(output + up.on_time(now))
+    assert seen[:2] == ["stale", "lost"]
+
+
 def test_a_stop_is_confirmed_by_its_number(up):
     (stop,) = FrameDecoder().feed(up.send(MILLISECOND))
     up.receive(30 * MILLISECOND, state(1, command=(stop.sequence + 1) % 16))
@@ -123,7 +157,7 @@ def unheard(host, first, seconds, left=2.0, gap=None):
         if gap is not None and gap[0] <= step / 40 < gap[1]:
             continue
         mode = frames.ModeCode.EXPIRED
-        output = host.receive(now, state((step + 1) % 64, mode, command=9))
+        output = host.receive(now, state((step + 1) % 64, mode, command=9, board=now))
         stops += [message for port, message in output if port == "stop" and message.code]
     return stops
 

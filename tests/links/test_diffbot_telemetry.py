@@ -1,6 +1,7 @@
 """Latency of our commands, measured with the state frames of a board."""
 
 from math import isnan
+from random import Random
 
 import pytest
 
@@ -110,3 +111,18 @@ def test_counts_go_on_over_a_gap_of_the_telemetry(speed, gap, driven):
         )
         seen = telemetry.read((board + FRAME_DELAY) * MILLISECOND, frame)
     assert (seen.left, seen.right) == (count, -count)
+
+
+@pytest.mark.parametrize("rate", [0.96, 0.97, 0.995, 1.005, 1.03, 1.04])
+def test_the_time_of_frames_follows_the_clock_of_the_board(rate):
+    """Without a resonator it runs by some percent too fast or too slow."""
+    telemetry, rng, errors = Telemetry(115200), Random(5), []
+    for step in range(40 * 20):
+        sampled = 1000 + 25 * step  # ms of the host
+        board = round(sampled * rate * MILLISECOND / TICK)
+        frame = state(0, NUMBER, None)._replace(time=board % 65536, sequence=step % 64)
+        arrival = sampled + FRAME_DELAY + rng.expovariate(1 / 3)
+        seen = telemetry.read(round(arrival * MILLISECOND), frame)
+        if step >= 80:
+            errors.append(seen.time / MILLISECOND - sampled - FRAME_DELAY)
+    assert max(errors) < 3 and min(errors) > -5

@@ -1,0 +1,74 @@
+"""An encoder that loses every second edge, or counts each one twice, from the gains of the motors.
+
+The speed loop of the board turns such a wheel at twice or half the speed that it counts, evenly:
+its counts are as expected, only its motor seems to have half or twice the gain of the other one. A
+wheel that rubs can look alike. So the share of the travel that may be wrong is a standard
+deviation: the root of the probability of such an encoder, times the error that it makes.
+"""
+
+from __future__ import annotations
+
+from math import exp, log, sqrt
+from typing import NamedTuple
+
+HALF = log(2.0)
+# Of the logarithm of the ratio of two calibrated gains: standard deviations where load and wear
+# make it, and where an encoder does.
+LOAD_SD, HALF_SD = 0.2, 0.1
+HALF_PROBABILITY = 0.005  # before anything was counted
+# Below it such an encoder is not considered, as it is with hypotheses of the filter (1:20).
+PROBABILITY_MIN = 0.05
+FRAMES_MIN = 20  # in a row: a gain that changes suddenly needs some time to be found again
+TEXT = (
+    "counts {counts} of the edges that its motor explains: {fault}, or the wheel {motion} "
+    "than the other one"
+)
+LOST = TEXT.format(counts="half", fault="every second one is missing", motion="rubs more")
+TWICE = TEXT.format(counts="twice", fault="each is counted twice", motion="turns more easily")
+
+
+class MotorGain(NamedTuple):
+    """Gain of a motor relative to the robot file, with its variance."""
+
+    value: float
+    variance: float
+
+
+class LostEdges:
+    """Whether one of two encoders counts half or twice of its edges."""
+
+    def __init__(self) -> None:
+        self.frames = 0  # since when it is likely
+        self.shares = (0.0, 0.0)
+        """standard deviation of the travel of the left and of the right wheel, relative to it"""
+        self.texts = ("", "")
+        """what is wrong with each encoder, or an empty text"""
+
+    def compare(self, left: MotorGain, right: MotorGain) -> None:
+        """Take the gains of both motors after a frame."""
+        probability = _half_probability(left, right)
+        self.frames = self.frames + 1 if probability >= PROBABILITY_MIN else 0
+        self.shares, self.texts = (0.0, 0.0), ("", "")
+        if self.frames < FRAMES_MIN:
+            return
+        gain = max((left.value, right.value), key=lambda value: abs(log(value)))
+        share = sqrt(probability) * (1.0 if gain < 1.0 else 0.5)
+        text = LOST if gain < 1.0 else TWICE
+        is_left = gain == left.value
+        self.shares = (share, 0.0) if is_left else (0.0, share)
+        self.texts = (text, "") if is_left else ("", text)
+
+
+def _half_probability(left: MotorGain, right: MotorGain) -> float:
+    if left.value <= 0.0 or right.value <= 0.0:
+        return 0.0
+    ratio = abs(log(left.value / right.value))
+    variance = left.variance / left.value**2 + right.variance / right.value**2
+    load = (1.0 - HALF_PROBABILITY) * _density(ratio, LOAD_SD * LOAD_SD + variance)
+    half = HALF_PROBABILITY * _density(ratio - HALF, HALF_SD * HALF_SD + variance)
+    return half / (half + load) if half > 0.0 else 0.0
+
+
+def _density(error: float, variance: float) -> float:
+    """Of a normal distribution, times the root of 2 pi."""
+    return exp(-0.5 * error * error / variance) / sqrt(variance)

@@ -1,0 +1,46 @@
+"""Encoders that lose every second edge, from the gains of both motors."""
+
+from __future__ import annotations
+
+import pytest
+
+from diffbotctl.estimation.lost_edges import FRAMES_MIN, LostEdges, MotorGain
+
+
+def compared(left, right, sd=0.05, frames=FRAMES_MIN):
+    lost = LostEdges()
+    for _ in range(frames):
+        lost.compare(MotorGain(left, sd * sd), MotorGain(right, sd * sd))
+    return lost
+
+
+@pytest.mark.parametrize("left, right", [(1.0, 1.0), (0.8, 1.0), (0.45, 0.5), (1.1, 0.75)])
+def test_other_motors_and_a_flat_battery_are_no_faults(left, right):
+    lost = compared(left, right)
+    assert lost.shares == (0.0, 0.0) and lost.texts == ("", "")
+
+
+def test_half_of_the_gain_may_be_half_of_the_edges():
+    lost = compared(1.05, 0.53)
+    left, right = lost.shares
+    assert left == 0.0 and 0.5 < right < 1.0
+    assert lost.texts[0] == "" and "every second one is missing" in lost.texts[1]
+
+
+def test_twice_the_gain_may_be_twice_the_edges():
+    lost = compared(2.0, 1.0)
+    left, right = lost.shares
+    assert 0.25 < left < 0.5 and right == 0.0
+    assert "each is counted twice" in lost.texts[0]
+
+
+def test_a_wheel_that_may_rub_is_less_certain():
+    assert 0.2 < compared(0.57, 1.0).shares[0] < compared(0.5, 1.0).shares[0]
+
+
+def test_a_gain_that_is_not_known_is_no_evidence():
+    assert compared(0.5, 1.0, sd=0.5).shares == (0.0, 0.0)
+
+
+def test_a_moment_is_not_enough():
+    assert compared(0.5, 1.0, frames=FRAMES_MIN - 1).shares == (0.0, 0.0)
