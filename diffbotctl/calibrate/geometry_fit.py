@@ -61,7 +61,9 @@ RIVAL_LOG_RATIO_MIN = 4.0  # 55 to 1
 # encoder that misses edges. A tyre is at most some per cent smaller under its load; 6 % is a wrong
 # unit of length, or a wrong number of slots. Tracks are measured at the edges of wide tyres too.
 MEAN_LOG_MAX, RATIO_LOG_MAX, TRACK_LOG_MAX = log(1.06), log(1.05), log(1.35)
-
+# Of the track over the stated one, from drives that show only its ratio to the diameters: twice
+# the error of a ruler across two tyres, 2 mm of 125 mm.
+UNSEEN_TRACK_LOG_MAX = 0.03
 
 USUAL_SDS = (0.02, 0.08)  # of ratio and track, as users state them: decides between hypotheses
 
@@ -132,6 +134,8 @@ def fit_geometry(
         sees_diameter,
     )
     _refuse_unproven(fit, prior)
+    if mean_sd is None:
+        _refuse_other_wheels(fit)
     scales = end_scales(used, cut, solution.geometry, prior, noise)
     refuse_other_scale(scales, float(prior.offset(result.geometry)[0]))
     _refuse_no_gain(segments, weights, stated, result)
@@ -255,6 +259,26 @@ def _refuse_unproven(fit: GeometryFit, prior: GeometryPrior) -> None:
             "are x and y in metres, and is `slots` the number of counts per turn? Measure the "
             "wheels, and correct the robot file first"
         )
+
+
+def _refuse_other_wheels(fit: GeometryFit) -> None:
+    """Raises ValueError if the track is wrong, or wheels whose size nobody has measured are.
+
+    Drives that end where they began show the track in multiples of what a count rolls. Wrong slots
+    look like a wrong track there.
+    """
+    change = log(fit.geometry.track / fit.stated.track)
+    if fit.sees_diameter or abs(change) <= UNSEEN_TRACK_LOG_MAX:
+        return
+    words = ("larger", "smaller", "more") if change > 0.0 else ("smaller", "larger", "fewer")
+    track, wheels, counts = words
+    percent = 100 * abs(change)
+    raise ValueError(
+        f"either the track is {percent:.0f} % {track} than stated, or the wheels are {percent:.0f} "
+        f"% {wheels}, or they give {percent:.0f} % {counts} counts per turn: these drives end "
+        "where they began, and do not show which. Add a straight drive of a metre or more with its "
+        "end, or run `diffbotctl calibrate distance` first"
+    )
 
 
 def _refuse_no_gain(

@@ -60,7 +60,7 @@ def true_values(plant: SimulatedRobot) -> dict[str, float]:
         RIGHT_DIAMETER: 2 * chassis.right_radius,
         TRACK: chassis.track,
         SLIP: plant.simulation.slip,
-        "link.command_delay": plant.board.model.command_delay * 1e-9,
+        "link.command_delay": (plant.board.model.command_delay + plant.drive.dead_time) * 1e-9,
         "battery.divider": plant.parameters.built_divider
         * (1 + plant.simulation.battery.divider_error),
     }

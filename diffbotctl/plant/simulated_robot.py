@@ -128,6 +128,11 @@ class SimulatedRobot:
         self._turn_wheels(self.now)
         return self.wheels[wheel].turn_by_hand(angle, speed)
 
+    def raise_wheels(self, is_raised: bool) -> None:
+        """Put a box under the chassis, so that the wheels turn freely, or take it away."""
+        self._turn_wheels(self.now)
+        self.drive.set_raised(is_raised)
+
     def lift_by_hand(self, front: float, left: float, seconds: float) -> None:
         """A hand lifts front and left side to angles (rad), 0 on the floor, in `seconds` from now.
 
