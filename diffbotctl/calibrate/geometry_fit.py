@@ -54,6 +54,9 @@ SEARCH_SEGMENTS_MAX = 24  # of all drives, to find mistakes
 SEGMENTS_MAX = 600
 BAD_DRIVES_RATIO_MAX = 1 / 3
 DIAMETER_SD_MIN = 0.001  # relative: another floor, another load
+# Relative standard deviation of all lengths that one tape measures: its class (0.05 %), and that it
+# hangs, or does not lie along the axis. No drive shows it.
+TAPE_SCALE_SD = 0.001
 HALF_WIDTH_MAX = 0.05  # relative, of the 95 % confidence interval of each value
 SEEN_SD_RATIO = 0.5  # of the prior's; above, the drives do not determine the mean diameter
 RIVAL_LOG_RATIO_MIN = 4.0  # 55 to 1
@@ -63,7 +66,7 @@ RIVAL_LOG_RATIO_MIN = 4.0  # 55 to 1
 MEAN_LOG_MAX, RATIO_LOG_MAX, TRACK_LOG_MAX = log(1.06), log(1.05), log(1.35)
 # Of the track over the stated one, from drives that show only its ratio to the diameters: twice
 # the error of a ruler across two tyres, 2 mm of 125 mm.
-UNSEEN_TRACK_LOG_MAX = 0.03
+UNSEEN_TRACK_LOG_MAX = 0.032
 
 USUAL_SDS = (0.02, 0.08)  # of ratio and track, as users state them: decides between hypotheses
 
@@ -124,6 +127,8 @@ def fit_geometry(
     sees_diameter = bool(result.covariance[0, 0] ** 0.5 < SEEN_SD_RATIO * sd)
     if not sees_diameter:
         result = result.with_mean(stated.mean)
+    if noise is TAPE_NOISE:
+        result = result.with_scale_sd(TAPE_SCALE_SD)
     fit = GeometryFit(
         stated,
         result.geometry,
@@ -275,9 +280,9 @@ def _refuse_other_wheels(fit: GeometryFit) -> None:
     percent = 100 * abs(change)
     raise ValueError(
         f"either the track is {percent:.0f} % {track} than stated, or the wheels are {percent:.0f} "
-        f"% {wheels}, or they give {percent:.0f} % {counts} counts per turn: these drives end "
-        "where they began, and do not show which. Add a straight drive of a metre or more with its "
-        "end, or run `diffbotctl calibrate distance` first"
+        f"% {wheels}, or they give {percent:.0f} % {counts} counts per turn: drives that end near "
+        "their start do not show which. Add a straight drive of a metre or more with its end, or "
+        "run `diffbotctl calibrate distance` first"
     )
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import cos, hypot, isnan, nan, pi, radians, sin
+from math import ceil, cos, hypot, isnan, nan, pi, radians, sin
 from pathlib import Path
 from random import Random
 from typing import NamedTuple
@@ -21,6 +21,7 @@ from diffbotctl.calibrate.dead_reckoning import Floats, Geometry
 
 STEP_S = 0.01
 REST_S = 0.5  # before and after a drive
+PITCH_RATIO_MAX = 0.19  # of the track; coarser discs are refused
 TURN_MIN_RAD = 1.0  # to one side, of a drive that turns to it
 
 Command = tuple[float, float, float]
@@ -332,7 +333,7 @@ def _draw_measuring(rng: Random) -> Measuring:
     degrees = rng.choice((1.0, 1.0, 2.0, 5.0))
     return Measuring(
         tape_sd=rng.choice((0.001, 0.003, 0.005)),
-        tape_scale=1 + rng.uniform(-0.002, 0.002),
+        tape_scale=1 + rng.uniform(-0.001, 0.001),
         tape_mark=mark,
         angle_sd=radians(rng.choice((0.3, 1.0, 2.0))) if rng.random() < 0.7 else nan,
         angle_mark=radians(degrees),
@@ -376,7 +377,9 @@ def draw_foreign_set(seed: object) -> ForeignSet:
     diameter = rng.uniform(0.03, 0.20)
     stated = Geometry(diameter, diameter, rng.uniform(max(0.08, diameter / 1.2), 0.45))
     robot, measuring = _draw_robot(rng, stated), _draw_measuring(rng)
-    slots, rate = rng.choice((12, 20, 20, 40, 360, 1440, 4096)), rng.choice((10.0, 20.0, 50.0))
+    coarsest = ceil(pi * diameter / (PITCH_RATIO_MAX * stated.track))
+    slots = max(rng.choice((12, 20, 20, 40, 360, 1440, 4096)), coarsest)
+    rate = rng.choice((10.0, 20.0, 50.0))
     style, table = rng.choice(STYLES), _draw_format(rng)
     camera_sd = rng.choice((0.0005, 0.002)), radians(rng.choice((0.1, 0.4)))
     drives, sums = [], np.zeros(6)
