@@ -12,7 +12,7 @@ drive is found first, from the change of the heading within seconds, where geome
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import exp, hypot, log
+from math import exp, hypot, inf, log
 from typing import NamedTuple
 
 import numpy as np
@@ -67,6 +67,7 @@ MEAN_LOG_MAX, RATIO_LOG_MAX, TRACK_LOG_MAX = log(1.06), log(1.05), log(1.35)
 # Of the track over the stated one, from drives that show only its ratio to the diameters: twice
 # the error of a ruler across two tyres, 2 mm of 125 mm.
 UNSEEN_TRACK_LOG_MAX = 0.032
+EXCLUDED_SDS = 2.5  # of the mean diameter from that which would explain the track
 
 USUAL_SDS = (0.02, 0.08)  # of ratio and track, as users state them: decides between hypotheses
 
@@ -125,6 +126,7 @@ def fit_geometry(
     solution = solve(segments, weights, rough.geometry, prior, noise)
     result = posterior(segments, weights, solution.geometry, prior, noise)
     sees_diameter = bool(result.covariance[0, 0] ** 0.5 < SEEN_SD_RATIO * sd)
+    mean_log, mean_log_sd = _mean_by_drives(result, prior)
     if not sees_diameter:
         result = result.with_mean(stated.mean)
     if noise is TAPE_NOISE:
@@ -139,8 +141,8 @@ def fit_geometry(
         sees_diameter,
     )
     _refuse_unproven(fit, prior)
-    if mean_sd is None:
-        _refuse_other_wheels(fit)
+    if mean_sd is None and not sees_diameter:
+        _refuse_other_wheels(fit, mean_log, mean_log_sd)
     scales = end_scales(used, cut, solution.geometry, prior, noise)
     refuse_other_scale(scales, float(prior.offset(result.geometry)[0]))
     _refuse_no_gain(segments, weights, stated, result)
@@ -266,14 +268,27 @@ def _refuse_unproven(fit: GeometryFit, prior: GeometryPrior) -> None:
         )
 
 
-def _refuse_other_wheels(fit: GeometryFit) -> None:
+def _mean_by_drives(result: Posterior, prior: GeometryPrior) -> tuple[float, float]:
+    """Logarithm of the mean diameter over the stated one without its prior, and its standard
+    deviation; infinite if the drives show nothing of it."""
+    posterior_precision = 1 / float(result.covariance[0, 0])
+    precision = posterior_precision - 1 / prior.sds[0] ** 2
+    if precision <= 0.0:
+        return 0.0, inf
+    change = float(prior.offset(result.geometry)[0])
+    return change * posterior_precision / precision, precision**-0.5
+
+
+def _refuse_other_wheels(fit: GeometryFit, mean_log: float, mean_log_sd: float) -> None:
     """Raises ValueError if the track is wrong, or wheels whose size nobody has measured are.
 
     Drives that end where they began show the track in multiples of what a count rolls. Wrong slots
-    look like a wrong track there.
+    look like a wrong track there. `mean_log`: of the mean diameter over the stated one by the
+    drives alone, with its standard deviation.
     """
     change = log(fit.geometry.track / fit.stated.track)
-    if fit.sees_diameter or abs(change) <= UNSEEN_TRACK_LOG_MAX:
+    is_excluded = abs(mean_log + change) > EXCLUDED_SDS * mean_log_sd
+    if is_excluded or abs(change) <= UNSEEN_TRACK_LOG_MAX:
         return
     words = ("larger", "smaller", "more") if change > 0.0 else ("smaller", "larger", "fewer")
     track, wheels, counts = words

@@ -17,6 +17,7 @@ from diffbotctl.calibrate.known_lengths import known_scale_sd
 from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, SLIP, TRACK, Finding
 from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.slip_fit import SLIP_USABLE, SlipFit, fit_slip
+from diffbotctl.calibrate.square_outliers import without_outliers
 from diffbotctl.calibrate.step import Event, Message, Outcome, ScatterPlot, StepProgress, StepRun
 from diffbotctl.calibrate.umbmark import SquareErrors, UmbmarkResult
 from diffbotctl.config.robot import Robot
@@ -71,7 +72,8 @@ class SquaresStep:
         pictures = {}
         before = session.file.robot
         for number in range(1, self.rounds + 1):
-            squares = yield from self._drive_squares(session, side)
+            driven = yield from self._drive_squares(session, side)
+            squares, left_out = without_outliers(driven)
             used = stated_geometry(session.file.robot)
             try:
                 result = umbmark.fit_umbmark(squares, used, weight=1 / number)
@@ -81,8 +83,8 @@ class SquaresStep:
                 raise RunError(problem) from error
             slip = _usable_slip(squares, result.geometry)
             findings = [*_findings(before, result, side), *_slip_findings(slip)]
-            report += [*_report(side, used, result), *_slip_report(slip)]
-            plot = _end_plot(squares)
+            report += [*left_out, *_report(side, used, result), *_slip_report(slip)]
+            plot = _end_plot(driven)
             pictures[f"ends-{number}.svg"] = end_error_svg(plot.title, plot.points)
             yield plot
             session.try_findings(findings)
