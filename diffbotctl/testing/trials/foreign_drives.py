@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import ceil, cos, hypot, isnan, nan, pi, radians, sin
+from math import ceil, cos, isnan, nan, pi, radians, sin
 from pathlib import Path
 from random import Random
 from typing import NamedTuple
@@ -51,7 +51,7 @@ class ForeignRobot:
 
 
 @dataclass(frozen=True, slots=True)
-class Drive:
+class ForeignDrive:
     """One recorded drive."""
 
     name: str
@@ -85,7 +85,7 @@ class ForeignSet:
     stated: Geometry
     true: Geometry
     slots: int
-    drives: list[Drive]
+    drives: list[ForeignDrive]
     format: TableFormat
     edits: Mapping[str, Callable[[str], str]] = field(default_factory=dict)
     """changes of the texts of tables by their role: `counts` or `ends`"""
@@ -394,7 +394,7 @@ def draw_foreign_set(seed: object) -> ForeignSet:
         seen = motion.poses[rows] + draw.normal(size=(len(rows), 3)) * [camera_sd[0], *camera_sd]
         seen[~(draw.uniform(size=len(rows)) < min(10.0 / rate, 1.0))] = nan
         drives.append(
-            Drive(
+            ForeignDrive(
                 f"{kind}-{number}",
                 np.array(rows) * STEP_S,
                 counts - counts[0],
@@ -406,8 +406,3 @@ def draw_foreign_set(seed: object) -> ForeignSet:
     right, left = sums[:2] / sums[2:4] / pi
     true = Geometry(float(right), float(left), float(sums[4] / sums[5]) if sums[5] else robot.track)
     return ForeignSet(stated, true, slots, drives, table)
-
-
-def way_of(end: tuple[float, float, float]) -> float:
-    """m, from the start."""
-    return hypot(end[0], end[1])

@@ -10,19 +10,21 @@ from random import Random
 import numpy as np
 
 from diffbotctl.calibrate.dead_reckoning import Floats
-from diffbotctl.testing.trials.foreign_drives import Drive, ForeignSet, draw_foreign_set
+from diffbotctl.testing.trials.foreign_drives import ForeignDrive, ForeignSet, draw_foreign_set
 
 ForeignMistake = Callable[[ForeignSet, Random], ForeignSet]
 PoseChange = Callable[[Floats], Floats]
 """Of poses (n, 3): x, y in m, heading in rad"""
 
 
-def _changed_drives(drawn: ForeignSet, change: Callable[[int, Drive], Drive | None]) -> ForeignSet:
+def _changed_drives(
+    drawn: ForeignSet, change: Callable[[int, ForeignDrive], ForeignDrive | None]
+) -> ForeignSet:
     drives = [change(number, drive) for number, drive in enumerate(drawn.drives)]
     return replace(drawn, drives=[drive for drive in drives if drive is not None])
 
 
-def _with_poses(drive: Drive, change: PoseChange) -> Drive:
+def _with_poses(drive: ForeignDrive, change: PoseChange) -> ForeignDrive:
     x, y, heading = (float(value) for value in change(np.array([drive.end]))[0])
     return replace(drive, poses=change(drive.poses), end=(x, y, heading))
 
@@ -114,7 +116,7 @@ def _lost_line(drawn: ForeignSet, rng: Random) -> ForeignSet:
     """From one drive on, each end is that of the next one."""
     first, last = rng.randrange(len(drawn.drives) // 2), len(drawn.drives) - 1
 
-    def shifted(number: int, drive: Drive) -> Drive:
+    def shifted(number: int, drive: ForeignDrive) -> ForeignDrive:
         other = drawn.drives[min(number + 1, last)] if number >= first else drive
         poses = drive.poses
         if number >= first:
@@ -153,7 +155,7 @@ def _counts(change: Callable[[Floats, Random], Floats], wheels: int = 1) -> Fore
     def corrupt(drawn: ForeignSet, rng: Random) -> ForeignSet:
         chosen = [rng.randrange(2)] if wheels == 1 else [0, 1]
 
-        def changed(number: int, drive: Drive) -> Drive:
+        def changed(number: int, drive: ForeignDrive) -> ForeignDrive:
             counts = drive.counts.copy()
             for wheel in chosen:
                 counts[:, wheel] = change(counts[:, wheel], rng)
@@ -211,7 +213,7 @@ def _copied(drawn: ForeignSet, rng: Random) -> ForeignSet:
 def _clock_gap(drawn: ForeignSet, rng: Random) -> ForeignSet:
     """The clock was set while the robot drove."""
 
-    def changed(number: int, drive: Drive) -> Drive:
+    def changed(number: int, drive: ForeignDrive) -> ForeignDrive:
         times = drive.times.copy()
         times[len(times) // 2 :] += rng.choice((5.0, 3600.0))
         return replace(drive, times=times)
@@ -222,7 +224,7 @@ def _clock_gap(drawn: ForeignSet, rng: Random) -> ForeignSet:
 def _missing_rows(drawn: ForeignSet, rng: Random) -> ForeignSet:
     """A quarter of the rows of each drive was lost with the radio."""
 
-    def changed(number: int, drive: Drive) -> Drive:
+    def changed(number: int, drive: ForeignDrive) -> ForeignDrive:
         rows = len(drive.times)
         first = rng.randint(rows // 8, rows // 2)
         kept = np.r_[0:first, first + rows // 4 : rows]
@@ -236,7 +238,7 @@ def _missing_rows(drawn: ForeignSet, rng: Random) -> ForeignSet:
 def _duplicated(drawn: ForeignSet, rng: Random) -> ForeignSet:
     """Some rows twice."""
 
-    def changed(number: int, drive: Drive) -> Drive:
+    def changed(number: int, drive: ForeignDrive) -> ForeignDrive:
         rows = np.sort(np.r_[0 : len(drive.times), 10 : len(drive.times) : 40])
         return replace(
             drive, times=drive.times[rows], counts=drive.counts[rows], poses=drive.poses[rows]
