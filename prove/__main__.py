@@ -12,6 +12,7 @@ from diffbotctl.emulator.program import cache
 from diffbotctl.testing.trials import (
     calibrated_values,
     calibration,
+    foreign_logs,
     from_log,
     ports,
     radio,
@@ -89,6 +90,11 @@ def sections_of(options: argparse.Namespace) -> list[ProofSection]:
         ProofSection(
             "calibration from logs",
             from_log.rows(options.seed, options.drives, options.optiodom),
+            options.drives,
+        ),
+        ProofSection(
+            "calibration from logs of unmodelled robots",
+            foreign_logs.rows(options.seed, options.drives),
             options.drives,
         ),
         ProofSection(

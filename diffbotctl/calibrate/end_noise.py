@@ -38,7 +38,8 @@ class NoisePrior:
         return [-0.5 * (log(value / self.typical) / log(self.factor)) ** 2 for value in self.values]
 
 
-SLIP = NoisePrior(0.0005, 2.0, (0.00012, 0.0003, 0.0006, 0.0012, 0.0025))  # m per square root of m
+# m per square root of m: from rubber on linoleum to plastic tyres on tiles.
+SLIP = NoisePrior(0.0005, 2.5, (0.00012, 0.0003, 0.0007, 0.0016, 0.0035))
 # Of a person with a tape and a set square.
 POSITION = NoisePrior(0.003, 3.0, (0.0003, 0.001, 0.002, 0.0035, 0.006, 0.010, 0.017, 0.028))
 HEADING = NoisePrior(
@@ -84,7 +85,7 @@ TAPE_NOISE = NoiseGrid.of(SLIP, POSITION, HEADING, START)
 CAMERA_NOISE = NoiseGrid.of(SLIP, CAMERA_POSITION, CAMERA_HEADING, CAMERA_HEADING)
 # Coarse, for the search among hypotheses.
 SEARCH_NOISE = NoiseGrid.of(
-    NoisePrior(0.0005, 2.0, (0.0005, 0.002)),
+    NoisePrior(0.0005, 2.5, (0.0006, 0.0028)),
     NoisePrior(0.003, 3.0, (0.001, 0.004, 0.012, 0.03)),
     NoisePrior(radians(1.5), 2.5, tuple(radians(angle) for angle in (0.3, 1.5, 4.0, 9.0))),
     NoisePrior(radians(0.3), 2.5, tuple(radians(angle) for angle in (0.3, 1.5))),

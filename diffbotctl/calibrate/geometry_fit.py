@@ -12,7 +12,7 @@ drive is found first, from the change of the heading within seconds, where geome
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import exp, hypot, log
+from math import exp, hypot, inf, log
 from typing import NamedTuple
 
 import numpy as np
@@ -54,6 +54,9 @@ SEARCH_SEGMENTS_MAX = 24  # of all drives, to find mistakes
 SEGMENTS_MAX = 600
 BAD_DRIVES_RATIO_MAX = 1 / 3
 DIAMETER_SD_MIN = 0.001  # relative: another floor, another load
+# Relative standard deviation of all lengths that one tape measures: its class (0.05 %), and that it
+# hangs, or does not lie along the axis. No drive shows it.
+TAPE_SCALE_SD = 0.001
 HALF_WIDTH_MAX = 0.05  # relative, of the 95 % confidence interval of each value
 SEEN_SD_RATIO = 0.5  # of the prior's; above, the drives do not determine the mean diameter
 RIVAL_LOG_RATIO_MIN = 4.0  # 55 to 1
@@ -61,7 +64,10 @@ RIVAL_LOG_RATIO_MIN = 4.0  # 55 to 1
 # encoder that misses edges. A tyre is at most some per cent smaller under its load; 6 % is a wrong
 # unit of length, or a wrong number of slots. Tracks are measured at the edges of wide tyres too.
 MEAN_LOG_MAX, RATIO_LOG_MAX, TRACK_LOG_MAX = log(1.06), log(1.05), log(1.35)
-
+# Of the track over the stated one, from drives that show only its ratio to the diameters: twice
+# the error of a ruler across two tyres, 2 mm of 125 mm.
+UNSEEN_TRACK_LOG_MAX = 0.032
+EXCLUDED_SDS = 2.5  # of the mean diameter from that which would explain the track
 
 USUAL_SDS = (0.02, 0.08)  # of ratio and track, as users state them: decides between hypotheses
 
@@ -120,8 +126,11 @@ def fit_geometry(
     solution = solve(segments, weights, rough.geometry, prior, noise)
     result = posterior(segments, weights, solution.geometry, prior, noise)
     sees_diameter = bool(result.covariance[0, 0] ** 0.5 < SEEN_SD_RATIO * sd)
+    mean_log, mean_log_sd = _mean_by_drives(result, prior)
     if not sees_diameter:
         result = result.with_mean(stated.mean)
+    if noise is TAPE_NOISE:
+        result = result.with_scale_sd(TAPE_SCALE_SD)
     fit = GeometryFit(
         stated,
         result.geometry,
@@ -132,6 +141,8 @@ def fit_geometry(
         sees_diameter,
     )
     _refuse_unproven(fit, prior)
+    if mean_sd is None and not sees_diameter:
+        _refuse_other_wheels(fit, mean_log, mean_log_sd)
     scales = end_scales(used, cut, solution.geometry, prior, noise)
     refuse_other_scale(scales, float(prior.offset(result.geometry)[0]))
     _refuse_no_gain(segments, weights, stated, result)
@@ -255,6 +266,39 @@ def _refuse_unproven(fit: GeometryFit, prior: GeometryPrior) -> None:
             "are x and y in metres, and is `slots` the number of counts per turn? Measure the "
             "wheels, and correct the robot file first"
         )
+
+
+def _mean_by_drives(result: Posterior, prior: GeometryPrior) -> tuple[float, float]:
+    """Logarithm of the mean diameter over the stated one without its prior, and its standard
+    deviation; infinite if the drives show nothing of it."""
+    posterior_precision = 1 / float(result.covariance[0, 0])
+    precision = posterior_precision - 1 / prior.sds[0] ** 2
+    if precision <= 0.0:
+        return 0.0, inf
+    change = float(prior.offset(result.geometry)[0])
+    return change * posterior_precision / precision, precision**-0.5
+
+
+def _refuse_other_wheels(fit: GeometryFit, mean_log: float, mean_log_sd: float) -> None:
+    """Raises ValueError if the track is wrong, or wheels whose size nobody has measured are.
+
+    Drives that end where they began show the track in multiples of what a count rolls. Wrong slots
+    look like a wrong track there. `mean_log`: of the mean diameter over the stated one by the
+    drives alone, with its standard deviation.
+    """
+    change = log(fit.geometry.track / fit.stated.track)
+    is_excluded = abs(mean_log + change) > EXCLUDED_SDS * mean_log_sd
+    if is_excluded or abs(change) <= UNSEEN_TRACK_LOG_MAX:
+        return
+    words = ("larger", "smaller", "more") if change > 0.0 else ("smaller", "larger", "fewer")
+    track, wheels, counts = words
+    percent = 100 * abs(change)
+    raise ValueError(
+        f"either the track is {percent:.0f} % {track} than stated, or the wheels are {percent:.0f} "
+        f"% {wheels}, or they give {percent:.0f} % {counts} counts per turn: drives that end near "
+        "their start do not show which. Add a straight drive of a metre or more with its end, or "
+        "run `diffbotctl calibrate distance` first"
+    )
 
 
 def _refuse_no_gain(

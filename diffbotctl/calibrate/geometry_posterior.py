@@ -79,6 +79,11 @@ class Posterior:
         step = self.covariance[:, 0] / self.covariance[0, 0] * change
         return replace(self, geometry=apply_log_step(self.geometry, step))
 
+    def with_scale_sd(self, sd: float) -> Posterior:
+        """The posterior if all lengths were measured with a common relative error of `sd`."""
+        scale = np.array([sd, 0.0, sd])
+        return replace(self, covariance=self.covariance + np.outer(scale, scale))
+
 
 def apply_log_step(geometry: Geometry, step: Floats) -> Geometry:
     """`geometry` with the logarithms of mean, ratio and track increased by `step`."""

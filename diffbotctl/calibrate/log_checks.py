@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from diffbotctl.calibrate.dead_reckoning import Floats
@@ -17,7 +19,30 @@ GAP_STEP_RATIO_MIN = 3.0
 TICKS_GAP_TIME_RATIO_MIN = 1.8  # one row of ticks is missing
 DEAD_RATIO_MAX = 0.02  # of the counts of the other wheel
 DEAD_COUNTS_MIN = 20.0  # of the other wheel
+COPIED_COUNTS_MIN = 100.0  # in all drives; two wheels do not count so many at the same times
 WHEELS = ("right", "left")
+
+
+def table_fault(table: Floats) -> str | None:
+    """Why `table` (rows, 3: time in s, counts of the right and left wheel) is no drive; None if it
+    is one."""
+    if len(table) < 2:
+        return "needs at least two rows, increasing times, and a count in every row"
+    bad = np.flatnonzero(~np.isfinite(table).all(axis=1))
+    if len(bad):
+        return f"row {bad[0] + 1} has no time or no count, or one that is no finite number"
+    steps = np.diff(table[:, 0])
+    if (steps > 0).all():
+        return None
+    if (steps < 0).all():
+        return "the times decrease: write the rows in the order in which they were measured"
+    row = int(np.argmin(steps > 0))
+    is_twice = not steps[row] and (table[row] == table[row + 1]).all()
+    return (
+        f"needs increasing times, but row {row + 2} has {table[row + 1, 0]:g} after "
+        f"{table[row, 0]:g}: "
+        + ("is the row written twice?" if is_twice else "do the rows come from two drives?")
+    )
 
 
 def count_fault(times: Floats, counts: Floats) -> str | None:
@@ -53,6 +78,17 @@ def dead_encoder(turned: Floats) -> str | None:
                 f"{other:.0f}: run `diffbotctl calibrate encoders`"
             )
     return None
+
+
+def copied_column(counts: Sequence[Floats]) -> str | None:
+    """Whether both columns of all drives hold the same counts; each (rows, 2)."""
+    size = sum(float(np.abs(np.diff(each[:, 0])).sum()) for each in counts)
+    if size < COPIED_COUNTS_MIN or any((each[:, 0] != each[:, 1]).any() for each in counts):
+        return None
+    return (
+        "the counts of the right and the left wheel are the same in every row of every drive: was "
+        "one column written twice?"
+    )
 
 
 def _jump(wheel: str, times: Floats, column: Floats) -> str | None:

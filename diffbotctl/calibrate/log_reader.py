@@ -27,7 +27,13 @@ from diffbotctl.calibrate.dead_reckoning import (
     GroundTruth,
     RecordedDrive,
 )
-from diffbotctl.calibrate.log_checks import count_fault, dead_encoder, ticks_gap
+from diffbotctl.calibrate.log_checks import (
+    copied_column,
+    count_fault,
+    dead_encoder,
+    table_fault,
+    ticks_gap,
+)
 from diffbotctl.calibrate.log_table import (
     CSV_ENCODING,
     error_text,
@@ -91,9 +97,9 @@ def read_counts(path: Path, ticks: tuple[float, float], robot: Robot | None = No
         table = read_columns(path, COUNT_COLUMNS)
         if has_columns(path, POSE_COLUMNS):
             poses = read_columns(path, POSE_COLUMNS)
-    if len(table) < 2 or not np.isfinite(table).all() or (np.diff(table[:, 0]) <= 0).any():
-        cause = "needs at least two rows, increasing times, and a count in every row"
-        raise unusable_log(path, cause)
+    fault = table_fault(table)
+    if fault is not None:
+        raise unusable_log(path, fault)
     times, counts = table[:, 0] - table[0, 0], table[:, 1:] - table[0, 1:]
     fault = count_fault(times, counts)
     if fault is not None:
@@ -172,9 +178,10 @@ def refuse_repeated(drives: Sequence[CountLog | RecordedDrive]) -> None:
 
 
 def refuse_dead_encoder(drives: Sequence[CountLog]) -> None:
-    """Raises UsageError if one encoder did not count in any of the drives."""
+    """Raises UsageError if one encoder did not count in any of the drives, or as the other one."""
     turned = [np.abs(np.diff(drive.turns, axis=0)).sum(axis=0) / drive.tick for drive in drives]
-    fault = dead_encoder(np.array(turned))
+    counts = [drive.turns / drive.tick for drive in drives]
+    fault = dead_encoder(np.array(turned)) or copied_column(counts)
     if fault is not None:
         raise unusable_log(Path(drives[0].name), fault)
 

@@ -33,7 +33,7 @@ def error_text(error: Exception) -> str:
 def read_columns(path: Path, names: Sequence[str]) -> Floats:
     """(rows, names): nan for an empty cell. Raises UsageError."""
     columns = _find_columns(path, names)
-    _refuse_long_lines(path)
+    _refuse_odd_lines(path)
     with suppress(ValueError):  # an empty cell, or text: read below
         table = np.loadtxt(
             path, delimiter=",", skiprows=1, usecols=columns, ndmin=2, encoding=CSV_ENCODING
@@ -43,11 +43,26 @@ def read_columns(path: Path, names: Sequence[str]) -> Floats:
     return np.asarray(table.reshape(-1, len(names)))
 
 
-def _refuse_long_lines(path: Path) -> None:
+def _refuse_odd_lines(path: Path) -> None:
+    """Raises UsageError for a line that is too long, or has more cells than the first one."""
+    cells = None
     with open_regular(path) as file:
-        for line in iter(partial(file.readline, LINE_MAX_BYTES), b""):
+        for number, line in enumerate(iter(partial(file.readline, LINE_MAX_BYTES), b""), 1):
             if len(line) == LINE_MAX_BYTES:
                 raise unusable_log(path, f"a line has more than {LINE_MAX_BYTES} characters")
+            count = line.count(b",")
+            if cells is None:
+                cells = count
+            if count > cells and b'"' not in line:
+                raise _more_cells(path, number)
+
+
+def _more_cells(path: Path, number: int) -> UsageError:
+    cause = (
+        f"line {number} has more cells than the first line names: a decimal comma, or commas "
+        "between thousands?"
+    )
+    return unusable_log(path, cause)
 
 
 def _cells(path: Path, columns: Sequence[int]) -> Iterator[float]:
@@ -81,15 +96,14 @@ def read_rows(path: Path, names: Sequence[str]) -> list[dict[str, str]]:
     rows = list(reader)
     for number, row in enumerate(rows, 2):
         if any(row.pop(None, ())):  # cells beyond the header
-            cause = f"line {number} has more cells than the first line names: a decimal comma?"
-            raise unusable_log(path, cause)
+            raise _more_cells(path, number)
     return rows
 
 
 def read_table(path: Path) -> Floats:
     """(rows, columns): the numbers of a file without a first line of names. Raises UsageError."""
     try:
-        _refuse_long_lines(path)
+        _refuse_odd_lines(path)
         table = np.loadtxt(path, delimiter=",", encoding=CSV_ENCODING, ndmin=2)
     except (OSError, ValueError) as error:
         raise unusable_log(path, f"cannot be read: {error_text(error)}") from error

@@ -16,9 +16,10 @@ of the stall torque at the no-load speed, it settles at
 
     speed = gain * (duty - static) / (duty + viscous)
 
-The drop of the battery bends this curve as `viscous` does, and cannot be told from it: a usual one
-is assumed. What it changes, and what a `viscous` of each motor's own would, are parts of the
-standard deviations.
+There the current does not grow with the duty: it balances friction, which hardly depends on the
+speed. So the battery drops by about the same at all duties, which divides `static` and multiplies
+`gain` by the share that is left, and no speed shows it: a usual drop is assumed. What it changes,
+and what a `viscous` of each motor's own would, are parts of the standard deviations.
 """
 
 from __future__ import annotations
@@ -39,7 +40,9 @@ SHARED_MIN, SHARED_MAX = -0.02, 0.30
 SHARED_STEP = 0.001
 SPEED_SD_RATIO_MIN = 0.0007  # of a mean speed: ripple of the gears over the last, unfinished turn
 DERIVATIVE_STEP = 1e-5
-USUAL_SAG = 0.05  # relative, at full duty; assumed for small robots where no speed shows it
+# Of the battery's voltage at rest that both stalled motors would take, assumed for small robots
+# where no speed shows it: motors of 1 A and batteries of 0.2 to 0.5 ohm at 6 V.
+USUAL_STALL_DROP = 0.10
 # The law of fast decay is simpler than a motor: of six simulated ones its friction was wrong by up
 # to 0.012, 0.006 in the mean square.
 FAST_STATIC_SD_MIN = 0.006
@@ -64,16 +67,15 @@ class MotorCurve(NamedTuple):
     """of the current between two pulses; None: the speeds do not show it"""
     viscous: float = 0.0
     """with fast decay: friction that grows with the speed, in stall torques at the no-load speed"""
+    loaded: float | None = None
+    """rad/s at full duty under the load of both motors, where that is not a line's"""
 
-    def stated_lag(self, lag: float, duties: Sequence[float]) -> float:
-        """The lag (s) that a robot file states, from the mean `lag` after steps to `duties`.
+    def lag_share(self, duty: float) -> float:
+        """The lag after a step to `duty` over that which a robot file states.
 
         With fast decay it is longer the lower the duty, and stated for LAG_DUTY.
         """
-        if self.decay != "fast":
-            return lag
-        shares = [LAG_DUTY / (duty + self.viscous) for duty in duties]
-        return lag * len(shares) / sum(shares)
+        return LAG_DUTY / (duty + self.viscous) if self.decay == "fast" else 1.0
 
     def gain_for(self, lag: float) -> float:
         """Proportional gain (duty per rad/s) that a motor with the stated `lag` (s) needs; 0 where
@@ -129,13 +131,25 @@ def fit_curves(points: Mapping[str, Sequence[tuple[float, float]]]) -> dict[str,
 def _fast_curves(tables: Sequence[Floats]) -> list[MotorCurve]:
     """Those for a usual drop of the battery; with none of it, and of each motor alone, they show
     what is not known."""
-    sagging = [_with_sag(table, USUAL_SAG) for table in tables]
-    fits = [sagging, tables, *([table] for table in sagging)]
-    usual, steady, *alone = (_curves(each, _best_fit(each, "fast"), "fast") for each in fits)
+    loaded = _curves(tables, _best_fit(tables, "fast"), "fast")
+    alone = [_curves([table], _best_fit([table], "fast"), "fast")[0] for table in tables]
+    supply = 1 - USUAL_STALL_DROP * sum(map(_current, loaded)) / len(loaded)
     return [
-        _widened(curve, others)
-        for curve, *others in zip(usual, steady, [curve for (curve,) in alone], strict=True)
+        _widened(_at_rest(curve, supply), (curve, _at_rest(own, supply)))
+        for curve, own in zip(loaded, alone, strict=True)
     ]
+
+
+def _current(curve: MotorCurve) -> float:
+    """Current over stall current that balances friction at full duty."""
+    return curve.static + curve.viscous * (1 - curve.static) / (1 + curve.viscous)
+
+
+def _at_rest(curve: MotorCurve, supply: float) -> MotorCurve:
+    """`curve` at the battery's voltage at rest, of which it was measured at the share `supply`."""
+    static = curve.static * supply
+    rated = curve.rated / supply * (1 - static) / (1 - curve.static)
+    return curve._replace(static=static, rated=rated, loaded=curve.rated)
 
 
 def _widened(curve: MotorCurve, others: Sequence[MotorCurve]) -> MotorCurve:
@@ -146,12 +160,6 @@ def _widened(curve: MotorCurve, others: Sequence[MotorCurve]) -> MotorCurve:
         static_sd=hypot(curve.static_sd, FAST_STATIC_SD_MIN, *statics),
         rated_sd=hypot(curve.rated_sd, *rateds),
     )
-
-
-def _with_sag(table: Floats, sag: float) -> Floats:
-    """The points at the duties that would have the same effect on a battery that does not sag."""
-    duty, speed = table.T
-    return np.asarray(np.stack([duty * (1 - sag * duty), speed], axis=1))
 
 
 def _best_fit(tables: Sequence[Floats], decay: Decay) -> _CurveFit:

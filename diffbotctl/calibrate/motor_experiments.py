@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from typing import Any, NamedTuple
 
 from diffbotctl.calibrate.motor_fit import NS, StepResponse, mean_speed
@@ -10,11 +10,14 @@ from diffbotctl.calibrate.session import Received, RobotSession, drive_sides
 from diffbotctl.calibrate.step import Event, Message, StepProgress
 from diffbotctl.config.robot import SIDES, Robot
 from diffbotctl.drivers.robot_ports import is_duty_board, wheel_command
-from diffbotctl.messages import Duty
+from diffbotctl.messages import Duty, Encoders
 
 DUTY_LEVELS = (0.3, 0.45, 0.6, 0.75, 0.9)  # above every usual dead band, below full duty
 SETTLING_TIME_S = 0.9  # before a speed is measured: six lags of a slow motor
-MEASURING_TIME_S = 2.5  # more than a turn at the lowest level
+MEASURING_TIME_S = 2.5  # more than a turn of usual motors
+# Slower wheels get as much more as a whole turn takes, up to this: the errors of the slots and the
+# ripple of the gears cancel over whole turns only, and at the lowest level they decide friction.
+MEASURING_TIME_MAX_S = 8.0
 BREAKAWAY_DUTY_MIN, BREAKAWAY_DUTY_MAX = 0.02, 0.30  # the board detects a stall above the maximum
 BISECTIONS = 6  # to 0.005 of duty
 BREAKAWAY_TIME_S = 2.0  # a wheel that starts reaches a slot in this time
@@ -42,10 +45,9 @@ class DutyStaircase(NamedTuple):
     """s by which each plateau is longer than the last, so that the phase of the frames varies"""
 
     @property
-    def duty_seconds(self) -> float:
-        """Mean duty times the duration."""
-        seconds = (self.steps + 1) * self.plateau + sum(range(self.steps)) * self.increment
-        return seconds * (self.low + self.high) / 2
+    def seconds(self) -> float:
+        """Duration."""
+        return (self.steps + 1) * self.plateau + sum(range(self.steps)) * self.increment
 
 
 STAIRCASE = DutyStaircase(0.35, 0.75, 1.6, 8)
@@ -85,12 +87,28 @@ def measure_speeds(session: RobotSession) -> Generator[Event, Any, SpeedsByMotio
             yield StepProgress(text, number, len(DUTY_LEVELS))
             duty = Duty(0, sign * level, sign * level)
             session.run_for(duty, SETTLING_TIME_S)
-            frames = session.run_for(duty, MEASURING_TIME_S).encoders
+            counts = {side: section.encoder.counts for side, section in sides.items()}
+            frames = _whole_turns(session, duty, counts)
             for side in SIDES:
                 speed = mean_speed(frames, side == "left", sides[side].encoder.counts)
                 speeds[side, direction].append((level, abs(speed)))
         session.stop_and_wait()
     return speeds
+
+
+def _whole_turns(session: RobotSession, duty: Duty, counts: Mapping[str, int]) -> list[Encoders]:
+    """The frames of a whole turn or more of both wheels, if they are fast enough.
+
+    `counts`: per turn, by side.
+    """
+    frames = session.run_for(duty, MEASURING_TIME_S).encoders
+    for _ in range(round(MEASURING_TIME_MAX_S / MEASURING_TIME_S) - 1):
+        if frames and all(
+            abs(getattr(frames[-1], s) - getattr(frames[0], s)) > counts[s] for s in counts
+        ):
+            break
+        frames += session.run_for(duty, MEASURING_TIME_S).encoders
+    return frames
 
 
 def record_steps(session: RobotSession) -> Generator[Event, Any, list[StepResponse]]:

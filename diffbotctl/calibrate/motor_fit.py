@@ -127,7 +127,7 @@ class LagFit(NamedTuple):
     sd: float
     """of their sum"""
     split_sd: float = 0.0
-    """standard deviation of the division of the sum between them"""
+    """standard deviation of the dead time, and of the lag given the sum of both"""
 
 
 class StepEdges(NamedTuple):
@@ -177,8 +177,7 @@ def fit_lag(steps: Sequence[StepResponse], left: bool, slots: int) -> LagFit:
     """
     edges = gather_edges(steps, left, slots)
     times = edges.times
-    settled = (times <= 0.0) | (times >= SETTLED_LAGS * LAG_MAX_S)
-    solution, sd, matrix = _solve_lines(edges, settled, len(steps), slots)
+    solution, sd, matrix = solve_lines(edges, len(steps), slots)
     count = len(steps)
     slow, fast, offset = solution[count], solution[count + 1], solution[count + 2]
     if fast <= slow:
@@ -190,7 +189,8 @@ def fit_lag(steps: Sequence[StepResponse], left: bool, slots: int) -> LagFit:
     residuals = (edges.angles - matrix @ solution)[moving]
     change = np.where(edges.is_up, fast - slow, slow - fast)[moving]
     error = sqrt(2.0) * SLOT_ERROR_SD_PITCHES * 2 * pi / slots
-    return LagFit(*_split_delay(times[moving], change, residuals, delay, error), delay_sd)
+    dead_time, split_sd = _dead_time(times[moving], change, residuals, delay, error)
+    return LagFit(delay - dead_time, dead_time, delay_sd, split_sd)
 
 
 def gather_edges(steps: Sequence[StepResponse], left: bool, slots: int) -> StepEdges:
@@ -216,52 +216,69 @@ def gather_edges(steps: Sequence[StepResponse], left: bool, slots: int) -> StepE
     return StepEdges(table[:, 0], table[:, 1], numbers, table[:, 3].astype(int), is_up)
 
 
-def _solve_lines(
-    edges: StepEdges, settled: NDArray[np.bool_], count: int, slots: int
+def solve_lines(
+    edges: StepEdges,
+    count: int,
+    slots: int,
+    shares: tuple[float, float] = (1.0, 1.0),
+    dead_time: float | None = 0.0,
 ) -> tuple[Floats, Floats, Floats]:
     """Solution, standard deviations and the whole matrix of the joint least squares.
 
     The unknowns are the angle of each of `count` steps, the two speeds, the offset of the late
-    lines, and the error of each slot. Only the `settled` edges are used.
+    lines by the lag, that by the dead time where `dead_time` (s) is None, and the error of each
+    slot. Only edges before a step and long after it are used. `shares`: of the lag, those after a
+    step up and after a step down.
     """
+    settled = (edges.times <= 0.0) | (edges.times >= SETTLED_LAGS * LAG_MAX_S)
     times, is_up = edges.times, edges.is_up
     rows = np.arange(len(times))
-    matrix = np.zeros((len(times), count + 3 + slots))
+    lines = count + (4 if dead_time is None else 3)
+    matrix = np.zeros((len(times), lines + slots))
     matrix[rows, edges.steps] = 1.0
     is_late = times > 0.0
     is_fast = is_late == is_up  # after a step up, before a step down
-    matrix[:, count] = np.where(is_fast, 0.0, times)
-    matrix[:, count + 1] = np.where(is_fast, times, 0.0)
-    matrix[:, count + 2] = np.where(is_late, np.where(is_up, -1.0, 1.0), 0.0)
-    matrix[rows, count + 3 + edges.slots] = 1.0
+    late = np.where(is_late, dead_time or 0.0, 0.0)
+    matrix[:, count] = np.where(is_fast, late, times - late)
+    matrix[:, count + 1] = np.where(is_fast, times - late, late)
+    matrix[:, count + 2] = np.where(is_late, np.where(is_up, -shares[0], shares[1]), 0.0)
+    if dead_time is None:
+        matrix[:, count + 3] = np.where(is_late, np.where(is_up, -1.0, 1.0), 0.0)
+    matrix[rows, lines + edges.slots] = 1.0
     error = SLOT_ERROR_SD_PITCHES * 2 * pi / slots
-    prior = np.zeros((slots, count + 3 + slots))
-    prior[:, count + 3 :] = np.eye(slots)
+    prior = np.zeros((slots, lines + slots))
+    prior[:, lines:] = np.eye(slots)
     system = np.concatenate([matrix[settled], prior])
     angles = np.concatenate([edges.angles[settled], np.zeros(slots)])
     solution, *_ = np.linalg.lstsq(system, angles, rcond=None)
     residuals = angles - system @ solution
-    freedom = max(settled.sum() - count - 3, 1)
+    freedom = max(settled.sum() - lines, 1)
     variance = max(float(residuals @ residuals) / freedom, (error / 10) ** 2)
     sd = np.sqrt(np.diag(np.linalg.pinv(system.T @ system)) * variance)
     return solution, sd, matrix
 
 
-def _split_delay(
+def _dead_time(
     times: Floats, change: Floats, residuals: Floats, delay: float, error: float
 ) -> tuple[float, float]:
-    """Lag and dead time, whose sum is `delay`, from the shape of the transition."""
+    """The part of `delay` that is a dead time, from the shape of the transition, and its standard
+    deviation. A dead time that the shape does not prove is 0, and may be what it was found to be.
+    """
     candidates = np.arange(
         0.0, min(DEAD_TIME_MAX_S, 0.6 * delay) + DEAD_TIME_STEP_S / 2, DEAD_TIME_STEP_S
     )
-    chi2 = []
+    sums = []
     for dead_time in candidates:
         lag = delay - dead_time
         since = np.maximum(times - dead_time, 0.0)
         # The late line lies (v2 - v1) * delay below the early one.
         transition = np.where(times < dead_time, delay - times, lag * np.exp(-since / lag))
-        chi2.append(float((((residuals - change * transition) / error) ** 2).sum()))
+        sums.append(float((((residuals - change * transition) / error) ** 2).sum()))
+    chi2 = np.array(sums)
+    probability = np.exp(0.5 * (chi2.min() - chi2))
+    probability /= probability.sum()
     best = int(np.argmin(chi2))
     is_justified = chi2[0] - chi2[best] > DEAD_TIME_CHI2_GAIN_MIN
     dead_time = float(candidates[best]) if is_justified else 0.0
-    return delay - dead_time, dead_time
+    variance = float(probability @ (candidates - dead_time) ** 2)
+    return dead_time, sqrt(variance + DEAD_TIME_STEP_S**2 / 12)

@@ -98,6 +98,10 @@ class SimulatedTools:
                 return question.format_answer(self.read(tool, question, noise))
         return ""
 
+    def raise_wheels(self, is_raised: bool) -> None:
+        """Put a box under the chassis, or take it away."""
+        self._plant.raise_wheels(is_raised)
+
     def roll(self, wheel: str, turns: float) -> None:
         """Turn one wheel by hand, with a small error at the end."""
         angle = 2 * pi * turns + self._rng.gauss(0.0, HAND_TURN_SD_RAD)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from math import pi
+from collections.abc import Iterable, Iterator, Mapping
+from math import isnan, nan, pi
 from typing import NamedTuple
 
+from diffbotctl.blocks.range_sensor import distance_at
 from diffbotctl.calibrate.result import (
     GYRO_SCALE,
     LEFT_DIAMETER,
@@ -13,10 +14,13 @@ from diffbotctl.calibrate.result import (
     SLIP,
     TRACK,
     Finding,
+    FindingValue,
 )
 from diffbotctl.config.robot import SIDES
 from diffbotctl.config.robot_tree import field
 from diffbotctl.plant.simulated_robot import SimulatedRobot
+
+CURVE_DISTANCES_M = (0.05, 0.10, 0.20, 0.30)
 
 
 class ComparedValue(NamedTuple):
@@ -38,13 +42,31 @@ class ComparedValue(NamedTuple):
 def compare_findings(findings: Iterable[Finding], plant: SimulatedRobot) -> Iterator[ComparedValue]:
     """The numbers among the findings whose true value is defined, in their order."""
     truths = true_values(plant)
+    values: dict[str, FindingValue] = {}
     for finding in findings:
+        values[finding.field] = finding.value
         if finding.field not in truths or not isinstance(finding.value, int | float):
             continue
         declaration = field(finding.field)
         unit = "" if declaration is None else declaration.unit
         true = truths[finding.field]
         yield ComparedValue(finding.field, unit, float(finding.value), finding.sd, true)
+    yield from _compare_curves(values, plant)
+
+
+def _compare_curves(
+    values: Mapping[str, FindingValue], plant: SimulatedRobot
+) -> Iterator[ComparedValue]:
+    """Of each curve of a Sharp sensor, the distances that it makes of the true voltages."""
+    for name, true_volts in plant.sharp_curves().items():
+        parameters = [values.get(f"sensors.{name}.curve.{parameter}") for parameter in "abc"]
+        a, b, c = (value if isinstance(value, float) else nan for value in parameters)
+        if isnan(a + b + c):
+            continue
+        for distance in CURVE_DISTANCES_M:
+            found = distance_at(true_volts(distance), a, b, c)
+            field = f"sensors.{name} at {100 * distance:.0f} cm"
+            yield ComparedValue(field, "m", found, None, distance)
 
 
 def true_values(plant: SimulatedRobot) -> dict[str, float]:
@@ -60,7 +82,7 @@ def true_values(plant: SimulatedRobot) -> dict[str, float]:
         RIGHT_DIAMETER: 2 * chassis.right_radius,
         TRACK: chassis.track,
         SLIP: plant.simulation.slip,
-        "link.command_delay": plant.board.model.command_delay * 1e-9,
+        "link.command_delay": (plant.board.model.command_delay + plant.drive.dead_time) * 1e-9,
         "battery.divider": plant.parameters.built_divider
         * (1 + plant.simulation.battery.divider_error),
     }

@@ -77,6 +77,15 @@ class DriveTrain(Protocol):
         """From now on each wheel drags: a friction torque, in duty that it takes to overcome."""
         ...
 
+    def set_raised(self, is_raised: bool) -> None:
+        """Raise the wheels off the ground, where no caster drags, or put them down."""
+        ...
+
+    @property
+    def dead_time(self) -> int:
+        """From a change of a duty to that of the torque, ns."""
+        ...
+
 
 class ExponentialDrive:
     """Two independent wheels, exact between two changes of their duties.
@@ -100,3 +109,11 @@ class ExponentialDrive:
         """Add friction; see `DriveTrain`."""
         for wheel, drag in zip(self.wheels, (left, right), strict=True):
             wheel.set_drag(drag)
+
+    def set_raised(self, is_raised: bool) -> None:
+        """No effect: there is no caster."""
+
+    @property
+    def dead_time(self) -> int:
+        """None; see `DriveTrain`."""
+        return 0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import cos, inf, sin
 from random import Random
 
@@ -97,6 +97,10 @@ class RangeSensors:
     def volts(self, now: int) -> dict[str, float]:
         """The Sharp sensors' output voltages, by sensor name."""
         return {mounting.name: sensor.output(now) for mounting, sensor in self.sharps}
+
+    def sharp_curves(self) -> dict[str, Callable[[float], float]]:
+        """The voltage of each Sharp sensor at a distance (m), without noise."""
+        return {mounting.name: sensor.volts_at for mounting, sensor in self.sharps}
 
     def measure(self, now: int, pose: Pose) -> None:
         """Let every Sharp sensor measure that is due."""

@@ -59,6 +59,10 @@ class Sharp:
         if self.due < now:
             self.due += -(-(now - self.due) // self._period) * self._period
 
+    def volts_at(self, distance: float) -> float:
+        """Voltage at `distance` (m), without noise."""
+        return paper_volts(self._facts, distance) + self._offset
+
     def output(self, now: int) -> float:
         """Voltage at the pin at `now`, with noise; never below 0."""
         volts = self._after if now >= self._valid else self._before

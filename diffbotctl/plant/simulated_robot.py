@@ -1,7 +1,7 @@
 """A whole simulated robot: wheels, chassis, sensors, a board and its link, in virtual time."""
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import copysign
 from random import Random
 from typing import NamedTuple
@@ -127,6 +127,15 @@ class SimulatedRobot:
         """
         self._turn_wheels(self.now)
         return self.wheels[wheel].turn_by_hand(angle, speed)
+
+    def sharp_curves(self) -> dict[str, Callable[[float], float]]:
+        """The voltage of each Sharp sensor at a distance (m), without noise."""
+        return self._sensors.sharp_curves()
+
+    def raise_wheels(self, is_raised: bool) -> None:
+        """Put a box under the chassis, so that the wheels turn freely, or take it away."""
+        self._turn_wheels(self.now)
+        self.drive.set_raised(is_raised)
 
     def lift_by_hand(self, front: float, left: float, seconds: float) -> None:
         """A hand lifts front and left side to angles (rad), 0 on the floor, in `seconds` from now.

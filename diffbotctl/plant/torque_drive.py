@@ -178,6 +178,7 @@ class TorqueDrive:
         self._duties = (0.0, 0.0)
         self._caster_angle = pi  # direction of the trail in base_link, rad
         self._loads = (0.0, 0.0)
+        self._is_raised = False
         self._steps = 0
         self._rest_steps = 0  # since when nothing drives and nothing moves
 
@@ -197,6 +198,15 @@ class TorqueDrive:
     def set_drag(self, left: float, right: float) -> None:
         """Add friction; see `DriveTrain`."""
         self.wheels[0].drag, self.wheels[1].drag = left, right
+
+    def set_raised(self, is_raised: bool) -> None:
+        """Raise the wheels off the ground, or put them down; see `DriveTrain`."""
+        self._is_raised = is_raised
+
+    @property
+    def dead_time(self) -> int:
+        """See `DriveTrain`."""
+        return self.setup.dead_time * STEP
 
     def set_shorted(self, left: bool, right: bool) -> None:
         """Short the motors at duty 0, or leave them open; see `DriveTrain`."""
@@ -283,7 +293,7 @@ class TorqueDrive:
         forward, turn = 0.5 * (left + right), (right - left) / track
         sideways = turn * caster.x
         speed = hypot(forward, sideways)
-        if speed == 0.0:
+        if speed == 0.0 or self._is_raised:
             self._loads = (0.0, 0.0)
             return
         direction = atan2(sideways, forward)

@@ -45,6 +45,7 @@ class MeasuringTools(Hands, Protocol):
     """
 
     def mark(self) -> None: ...
+    def raise_wheels(self, is_raised: bool) -> None: ...
     def read(self, instrument: str, question: Question, noise: float) -> Answer: ...
     def offer(self, question: Question) -> str: ...
 
@@ -68,7 +69,9 @@ class AnswersFile:
         self._used: dict[str, int] = {}
 
     def confirm_motion(self, notice: MotionNotice) -> None:
-        """The author of the file agreed in advance."""
+        """The author of the file agreed in advance. A simulated robot is raised or put down."""
+        if self.tools is not None:
+            self.tools.raise_wheels(notice.is_raised)
 
     def mark_floor(self, mark: MarkFloor) -> None:
         """The simulated tools measure from here."""

@@ -32,6 +32,11 @@ class MotionNotice(NamedTuple):
     watched: bool = True
     """whether the encoder counts are reliable enough to enforce the limit"""
 
+    @property
+    def is_raised(self) -> bool:
+        """Whether the wheels are off the ground."""
+        return self.turns is not None
+
 
 class MarkFloor(NamedTuple):
     """A request to mark the floor at both wheels and the front: readings are taken from the mark.

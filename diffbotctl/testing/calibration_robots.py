@@ -136,6 +136,7 @@ class Watched(AnswersFile):
 
     def confirm_motion(self, notice: MotionNotice) -> None:
         """The bound holds from here."""
+        super().confirm_motion(notice)
         self._announced, self._from = notice, self.truths.truth
 
     def act(self, action: ManualAction) -> None:

@@ -82,7 +82,10 @@ MM = 1000.0  # mm in a m
 
 
 def truth_report(values: Sequence[ComparedValue]) -> Iterator[str]:
-    """The calibrated values of a simulated robot beside the true ones."""
+    """The calibrated values of a simulated robot beside the true ones; nothing if none has a true
+    value, as a wiring has not."""
+    if not values:
+        return
     yield "SIMULATED: what was found, and the truth"
     yield f"{'':<32} {'found':>10} {'truth':>10} {'error':>10}  in sd"
     for value in values:

@@ -54,6 +54,8 @@ class TerminalPrompter:
         """Wait for Enter or y. Raises RunError if the person refuses."""
         if not self.agreed:
             self._consent(f"{ANY_KEY}, or type no")
+        if self.tools is not None:
+            self.tools.raise_wheels(notice.is_raised)
 
     def mark_floor(self, mark: MarkFloor) -> None:
         """Wait for Enter or y: the robot moves next. Raises RunError if the person refuses."""

@@ -50,6 +50,18 @@ def test_a_spin_tells_the_track_that_goes_with_the_wheels_as_stated(prepared):
     assert abs(true / 0.125 - 1) > 0.01  # there was something to find
 
 
+@pytest.mark.parametrize("how", ["spin", "straight"])
+def test_what_is_measured_in_diameters_is_no_surer_than_these(prepared, how):
+    converted, prompter, _ = prepared()
+    distance = run_step(make_step("distance", repeats=3), converted, prompter, Quiet())
+    (right, *_) = (each for each in distance.findings if "diameter" in each.field)
+    # A tyre may differ from the mean of both by 0.3 %, the rest is the error of the mean.
+    scale_sd = ((right.sd / right.value) ** 2 - 0.003**2) ** 0.5
+    outcome = run_step(make_step("geometry", how=how, repeats=2), converted, prompter, Quiet())
+    for each in outcome.findings:
+        assert each.sd / each.value >= 0.99 * scale_sd > 0.0
+
+
 def test_straight_runs_tell_the_ratio_and_keep_the_mean(prepared):
     converted, prompter, body = prepared()
     run_step(make_step("geometry", how="straight"), converted, prompter, Quiet())

@@ -7,6 +7,8 @@ from random import Random
 import pytest
 
 from diffbotctl.testing.trials.drawn_drives import CORRUPTIONS, NEEDS_HEADINGS, draw_set
+from diffbotctl.testing.trials.foreign_drives import draw_foreign_set
+from diffbotctl.testing.trials.foreign_mistakes import FOREIGN_MISTAKES, has_all_headings
 from diffbotctl.testing.trials.from_log import WRONG_DEVIATION, calibrated, session_rows
 
 
@@ -82,6 +84,39 @@ def test_wheels_that_depend_on_the_scale_of_one_axis_are_not_saved(tmp_path):
     saved = calibrated(wrong, tmp_path / "wrong")
     assert saved.exit_code != 0 and saved.deviations == []
     assert "Check the tape, measure the wheels" in " ".join(saved.text.split())
+
+
+@pytest.mark.parametrize("number", [84, 150])
+def test_squares_do_not_tell_other_slots_from_another_track(tmp_path, number):
+    drawn, rng = draw_set(f"41 wrong {number}"), Random(f"41 {number}")
+    saved = calibrated(CORRUPTIONS["other slots"](drawn, rng), tmp_path / "set")
+    assert saved.exit_code != 0 and saved.deviations == []
+    said = " ".join(saved.text.split())
+    assert "either the track is" in said and "calibrate distance" in said
+
+
+@pytest.mark.parametrize(
+    ("mistake", "words"),
+    [
+        ("one column in both", "one column written twice"),
+        ("heading of the wrong sign", "headings of the true poses have the wrong sign"),
+        ("rows twice", "is the row written twice?"),
+        ("descending", "the times decrease"),
+        ("decimal commas in the ends", "a decimal comma"),
+        ("counter of 32 bits", "wrap around at 4294967296"),
+    ],
+)
+def test_mistakes_on_robots_that_the_model_does_not_describe(tmp_path, mistake, words):
+    numbers = (f"test {number}" for number in range(40))
+    drawn = next(
+        each
+        for each in map(draw_foreign_set, numbers)
+        if has_all_headings(each) and not each.format.is_camera and each.is_two_way
+    )
+    assert calibrated(drawn, tmp_path / "good").exit_code == 0
+    saved = calibrated(FOREIGN_MISTAKES[mistake](drawn, Random(1)), tmp_path / "wrong")
+    assert saved.exit_code != 0 and saved.deviations == []
+    assert words in " ".join(saved.text.split())
 
 
 def test_corruptions_of_headings_need_headings():

@@ -5,7 +5,7 @@ from random import Random
 import numpy as np
 import pytest
 
-from diffbotctl.calibrate.log_checks import count_fault, dead_encoder, ticks_gap
+from diffbotctl.calibrate.log_checks import copied_column, count_fault, dead_encoder, ticks_gap
 
 
 def driven(seed, rows=600):
@@ -25,6 +25,15 @@ def driven(seed, rows=600):
 @pytest.mark.parametrize("seed", range(12))
 def test_counts_without_a_fault(seed):
     assert count_fault(*driven(seed)) is None
+
+
+def test_one_column_in_both_is_named():
+    drives = [driven(seed)[1] for seed in range(3)]
+    assert copied_column(drives) is None
+    copies = [counts[:, [0, 0]] for counts in drives]
+    assert "one column written twice" in (copied_column(copies) or "")
+    assert copied_column([*copies, drives[0]]) is None  # one drive shows that there are two
+    assert copied_column([np.array([[0.0, 0.0], [5.0, 5.0]])]) is None  # too little to tell
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -68,7 +68,10 @@ def test_ends_by_hand(tmp_path):
         ("time,right\n0,0\n1,1\n", "does not name left"),
         ("time,right,left\n0,0,0\n", "at least two rows"),
         ("time,right,left\n0,0,0\n0,1,1\n", "increasing times"),
-        ("time,right,left\n0,0,0\n1,,1\n", "a count in every row"),
+        ("time,right,left\n0,0,0\n1,,1\n", "row 2 has no time or no count"),
+        ("time,right,left\n0,0,0\n1,1,1\n1,1,1\n", "is the row written twice"),
+        ("time,right,left\n2,0,0\n1,1,1\n", "the times decrease"),
+        ("time,right,left\n0,0,0\n1,1,000,1,000\n", "line 3 has more cells"),
         ("time,right,left\n0,0,0\n1,x,1\n", "'x' is not a number"),
         ("", "does not name time, right and left"),
     ],
@@ -193,7 +196,7 @@ def test_a_decimal_comma_among_the_ends(tmp_path):
     ends = written(tmp_path, "ends.csv", "recording,x,y,heading_deg\none,0,5,0,1,4\n")
     with pytest.raises(UsageError, match="line 2 has more cells") as raised:
         read_ends(ends)
-    assert "a decimal comma?" in str(raised.value)
+    assert "a decimal comma" in str(raised.value)
 
 
 ROBOT = "book_2wd"  # 65 mm wheels, 20 slots

@@ -4,7 +4,7 @@ from random import Random
 
 import pytest
 
-from diffbotctl.calibrate.motor_curve import USUAL_SAG, MotorCurve, fit_curves
+from diffbotctl.calibrate.motor_curve import USUAL_STALL_DROP, MotorCurve, fit_curves
 from diffbotctl.calibrate.motor_fit import fit_line
 
 DUTIES = (0.3, 0.45, 0.6, 0.75, 0.9)
@@ -50,13 +50,17 @@ def test_two_standard_deviations_contain_the_truth(sag):
     assert sum(inside) >= 0.9 * len(inside)
 
 
-def fast_points(gain, static, viscous, sag=USUAL_SAG, noise=0.0, seed=0):
+def fast_points(gain, static, viscous, drop=USUAL_STALL_DROP, noise=0.0, seed=0):
+    """Two such motors on a battery that loses `drop` of its voltage when both are stalled."""
     rng = Random(seed)
-    return [
-        (duty, gain * (effect - static) / (effect + viscous) * (1 + rng.gauss(0.0, noise)))
-        for duty in DUTIES * 2
-        for effect in [duty * (1 - sag * duty)]
-    ]
+    rows = []
+    for duty in DUTIES * 2:
+        share = 0.5  # speed over the no-load speed
+        for _ in range(20):
+            supply = 1 - drop * (static + viscous * share)  # the current balances friction
+            share = (duty * supply - static) / (duty + viscous)
+        rows.append((duty, gain * share * (1 + rng.gauss(0.0, noise))))
+    return rows
 
 
 @pytest.mark.parametrize("viscous", [0.0, 0.05, 0.1])
@@ -65,9 +69,11 @@ def test_exact_points_of_a_fast_decay_give_friction_and_speed(viscous):
     rows = fast_points(12.0, 0.1, viscous)
     for curve in fit_curves({"left": rows, "right": rows}).values():
         assert curve.decay == "fast"
-        assert curve.static == pytest.approx(0.1, abs=1e-6)
-        assert curve.rated == pytest.approx(10.8 / (1.0 + viscous), abs=1e-5)
-        assert curve.fast_duty(0.0) == pytest.approx(0.1, abs=1e-6)
+        # The battery drops by a little less at low speeds, which the law does not contain.
+        assert curve.static == pytest.approx(0.1, abs=1e-3)
+        assert curve.rated == pytest.approx(10.8 / (1.0 + viscous), rel=2e-3)
+        assert curve.loaded < curve.rated
+        assert curve.fast_duty(0.0) == pytest.approx(curve.static, abs=1e-6)
         assert curve.fast_duty(curve.rated) == pytest.approx(1.0, abs=1e-5)
 
 
@@ -76,12 +82,12 @@ def test_two_standard_deviations_contain_the_truth_of_a_fast_decay():
     inside = []
     for seed in range(40):
         rng = Random(seed)
-        sag = rng.uniform(0.0, 0.1)
+        drop = rng.uniform(0.0, 0.2)
         statics = [rng.uniform(0.04, 0.14) for _ in range(2)]
         viscous = [rng.uniform(0.02, 0.1) for _ in range(2)]
         curves = fit_curves(
             {
-                side: fast_points(12.0, statics[side], viscous[side], sag, 0.001, seed + 99 * side)
+                side: fast_points(12.0, statics[side], viscous[side], drop, 0.001, seed + 99 * side)
                 for side in range(2)
             }
         )
@@ -93,10 +99,10 @@ def test_two_standard_deviations_contain_the_truth_of_a_fast_decay():
 
 
 def test_the_lag_of_a_fast_decay_is_stated_for_one_duty():
-    # 0.6 / (0.3 + 0.1) and 0.6 / (0.9 + 0.1) of the stated lag: 1.05 in the mean.
     curve = MotorCurve(0.1, 10.0, 0.0, 0.0, "fast", 0.1)
-    assert curve.stated_lag(0.105, (0.3, 0.9)) == pytest.approx(0.1)
-    assert curve._replace(decay="slow").stated_lag(0.105, (0.3, 0.9)) == 0.105
+    assert curve.lag_share(0.5) == pytest.approx(1.0)
+    assert curve.lag_share(0.3) == pytest.approx(1.5)
+    assert curve._replace(decay="slow").lag_share(0.3) == 1.0
 
 
 def test_a_slow_decay_is_recognised():

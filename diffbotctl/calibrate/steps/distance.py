@@ -9,7 +9,7 @@ from math import hypot
 from diffbotctl.calibrate.autonomous_drive import drive_to, reach_of
 from diffbotctl.calibrate.confidence import RobustMean, robust_mean
 from diffbotctl.calibrate.contradiction import ask_checked, scale_contradiction
-from diffbotctl.calibrate.known_lengths import known_difference_sd, known_sd
+from diffbotctl.calibrate.known_lengths import known_difference_sd, known_sd, rest_sd
 from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, TRACK, Finding
 from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.step import Message, Outcome, StepProgress, StepRun
@@ -52,6 +52,10 @@ class DistanceStep:
             scales.append(tape / odometry)
             yield Message(f"odometry: {odometry * MM:.0f} mm, tape: {tape * MM:.0f} mm")
         scale = robust_mean(scales, TAPE_SD_RATIO)
+        common = rest_sd(session.file.robot) / self.metres
+        scale = scale._replace(
+            sd=hypot(scale.sd, common), half_width=hypot(scale.half_width, 2 * common)
+        )
         return Outcome(
             "distance", _findings(session.file.robot, scale), self._report(scale, scales)
         )

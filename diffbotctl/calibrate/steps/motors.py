@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import floor, hypot, pi
 from typing import NamedTuple
 
+from diffbotctl.calibrate.fast_decay_lag import fit_fast_lags
 from diffbotctl.calibrate.motor_curve import MotorCurve, fit_curves
 from diffbotctl.calibrate.motor_experiments import (
     CM,
@@ -44,6 +46,7 @@ STATIC_DUTY_MAX = 0.75
 DIRECTION_DIFFERENCE_MAX = 0.15  # of the rated speed; more is a fault of gear or driver
 COMMAND_JITTER_MIN_S = 0.005  # standard deviation, for a board that does not report the time
 BATTERY_LISTEN_TIME_S = 1.0
+SAME_LAG = (1.0, 1.0)  # after steps up and down
 
 
 class MotorFit(NamedTuple):
@@ -62,7 +65,7 @@ class MotorFit(NamedTuple):
     @property
     def full_speed(self) -> float:
         """Speed at full duty under the load of both motors, rad/s."""
-        return self.curve.rated if self.curve.decay == "fast" else self.line.rated
+        return self.line.rated if self.curve.loaded is None else self.curve.loaded
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,10 +84,10 @@ class MotorStep:
         breakaway = yield from measure_breakaway(session)
         speeds = yield from measure_speeds(session)
         steps = yield from record_steps(session)
-        lags = _fit_lags(robot, steps)
         curves = fit_curves(
             {side: [*speeds[side, "forward"], *speeds[side, "backward"]] for side in SIDES}
         )
+        lags = _fit_lags(robot, steps, curves)
         motors = {
             side: _fit_motor(side, breakaway, speeds, lags[side], curves.get(side))
             for side in SIDES
@@ -98,10 +101,10 @@ class MotorStep:
 
 def _motion_notice(robot: Robot) -> MotionNotice:
     rated = max(robot.drive.left.motor.rated, robot.drive.right.motor.rated)
-    # The longest motion in one direction: all levels, or all steps.
-    levels = sum(DUTY_LEVELS) * (SETTLING_TIME_S + MEASURING_TIME_S)
-    duty_seconds = max(levels, duty_staircase(robot).duty_seconds)
-    turns = RATED_SPEED_RATIO_MAX * rated * duty_seconds / (2 * pi)
+    # The longest motion in one direction: all levels, or all steps. With fast decay the speed is
+    # nearly that at full duty from a duty of a third on.
+    levels = len(DUTY_LEVELS) * (SETTLING_TIME_S + MEASURING_TIME_S)
+    turns = RATED_SPEED_RATIO_MAX * rated * max(levels, duty_staircase(robot).seconds) / (2 * pi)
     duration = "two and a half minutes" if is_duty_board(robot) else "a minute and a half"
     return MotionNotice(
         "The wheels must be off the ground. Both motors run together, forward and backward, "
@@ -111,20 +114,38 @@ def _motion_notice(robot: Robot) -> MotionNotice:
     )
 
 
-def _fit_lags(robot: Robot, steps: list[StepResponse]) -> dict[str, LagFit]:
-    """The lag of each wheel. Raises RunError if the wheels did not follow the steps."""
-    side = "left or the right"
+def _fit_lags(
+    robot: Robot, steps: list[StepResponse], curves: Mapping[str, MotorCurve]
+) -> dict[str, LagFit]:
+    """The lag of each wheel, as a robot file states it. Raises RunError if the wheels did not
+    follow the steps."""
+    side, staircase = "left or the right", duty_staircase(robot)
+    duties = (staircase.high, staircase.low)
+    shares = {
+        name: (curve.lag_share(duties[0]), curve.lag_share(duties[1]))
+        for name, curve in curves.items()
+    }
     try:
         if is_duty_board(robot):
             jitter = max(robot.link.command_jitter, COMMAND_JITTER_MIN_S)
-            lag = fit_common_lag(steps, robot.drive.left.encoder.counts, jitter)
-            return dict.fromkeys(SIDES, lag)
+            mean = fit_common_lag(steps, robot.drive.left.encoder.counts, jitter)
+            return {side: _stated_lag(mean, shares.get(side, SAME_LAG)) for side in SIDES}
+        counts = {side: section.encoder.counts for side, section in drive_sides(robot).items()}
+        if any(up != down for up, down in shares.values()):
+            return fit_fast_lags(steps, counts, shares)
         lags = {}
-        for side, section in drive_sides(robot).items():
-            lags[side] = fit_lag(steps, side == "left", section.encoder.counts)
+        for side, count in counts.items():
+            lags[side] = fit_lag(steps, side == "left", count)
         return lags
     except ValueError as error:
         raise _unusable_wheel(side, error) from error
+
+
+def _stated_lag(mean: LagFit, shares: tuple[float, float]) -> LagFit:
+    """The stated lag from the `mean` one of steps up and down. Where it depends on the duty, it is
+    known to half of the difference."""
+    stated = mean.lag * len(shares) / sum(shares)
+    return mean._replace(lag=stated, sd=hypot(mean.sd, 0.5 * (stated - mean.lag)))
 
 
 def _unusable_wheel(side: str, error: ValueError) -> RunError:
@@ -189,14 +210,14 @@ def motor_findings(robot: Robot, motors: dict[str, MotorFit]) -> list[Finding]:
     lines = _feed_forwards(robot, motors)
     # Gains that belong to the feed-forward: with a curved line its own slope is far too steep.
     slope = sum(line.slope for line in lines.values()) / len(lines)
-    gains = (motor.curve.gain_for(_stated_lag(robot, motor)[0]) for motor in motors.values())
+    gains = (motor.curve.gain_for(motor.lag.lag) for motor in motors.values())
     proportional, integral = default_gains(max(slope, *gains))
     findings = []
     for side, motor in motors.items():
         line, curve, path = lines[side], motor.curve, f"drive.{side}.motor"
         findings += [
             Finding(f"{path}.rated", curve.rated, curve.rated_sd),
-            Finding(f"{path}.lag", *_stated_lag(robot, motor)),
+            Finding(f"{path}.lag", motor.lag.lag, hypot(motor.lag.sd, motor.lag.split_sd)),
             Finding(f"{path}.loop.static", line.static, line.static_sd),
             Finding(f"{path}.loop.speed", line.slope, line.slope_sd),
             Finding(f"{path}.loop.proportional", proportional),
@@ -217,14 +238,6 @@ def motor_findings(robot: Robot, motors: dict[str, MotorFit]) -> list[Finding]:
     return findings
 
 
-def _stated_lag(robot: Robot, motor: MotorFit) -> tuple[float, float]:
-    """The lag (s) with its standard deviation. That of a motor with fast decay depends on the duty:
-    what the mean over two duties says of it at another one is known to half of the difference."""
-    lag, staircase = motor.lag, duty_staircase(robot)
-    stated = motor.curve.stated_lag(lag.lag, (staircase.low, staircase.high))
-    return stated, hypot(lag.sd, lag.split_sd, 0.5 * (stated - lag.lag))
-
-
 def _delay_findings(nominal: Robot, motors: dict[str, MotorFit]) -> list[Finding]:
     """The delay from a command to the motors, if it differs from the stated one.
 
@@ -239,7 +252,8 @@ def _delay_findings(nominal: Robot, motors: dict[str, MotorFit]) -> list[Finding
     if not dead_time:
         return []
     delay = nominal.link.command_delay + dead_time
-    return [Finding("link.command_delay", delay, DEAD_TIME_STEP_S)]
+    sd = hypot(*(lag.split_sd for lag in lags)) / len(lags)
+    return [Finding("link.command_delay", delay, hypot(sd, DEAD_TIME_STEP_S))]
 
 
 def _direction_faults(motors: dict[str, MotorFit]) -> list[str]:

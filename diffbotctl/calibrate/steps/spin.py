@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
-from math import pi
+from math import hypot, pi
 from typing import Any
 
 from diffbotctl.blocks.odometry import OdometryBlock
 from diffbotctl.calibrate.confidence import robust_mean
+from diffbotctl.calibrate.known_lengths import known_scale_sd, rest_sd
 from diffbotctl.calibrate.result import TRACK, Finding
 from diffbotctl.calibrate.session import RobotSession, WheelCommand
 from diffbotctl.calibrate.step import Event, Outcome, StepProgress, StepRun
@@ -55,7 +56,11 @@ class SpinStep:
             f"track: {track * MM:.3f} mm before, {track * ratio.value * MM:.3f} mm now, "
             f"+- {track * ratio.half_width * MM:.3f} mm (95 %)"
         )
-        return Outcome("spin", [Finding(TRACK, track * ratio.value, track * ratio.sd)], [line])
+        # Turns determine the track in multiples of the mean diameter.
+        rolled = pi * track * self.turns
+        rest = rest_sd(session.file.robot) / rolled
+        sd = track * hypot(ratio.sd, rest, known_scale_sd(session.file.robot))
+        return Outcome("spin", [Finding(TRACK, track * ratio.value, sd)], [line])
 
     def _spin(self, session: RobotSession, direction: int) -> Generator[Event, Any, float]:
         """The ratio of the actual track to the present one, by one spin; 1 is counter-clockwise."""

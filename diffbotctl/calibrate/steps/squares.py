@@ -13,10 +13,11 @@ from typing import Any, Literal
 from diffbotctl.calibrate import umbmark
 from diffbotctl.calibrate.autonomous_drive import Waypoint, drive_to
 from diffbotctl.calibrate.dead_reckoning import EndError, Geometry, wrap_angle
-from diffbotctl.calibrate.known_lengths import known_mean_sd
+from diffbotctl.calibrate.known_lengths import known_scale_sd
 from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, SLIP, TRACK, Finding
 from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.slip_fit import SLIP_USABLE, SlipFit, fit_slip
+from diffbotctl.calibrate.square_outliers import without_outliers
 from diffbotctl.calibrate.step import Event, Message, Outcome, ScatterPlot, StepProgress, StepRun
 from diffbotctl.calibrate.umbmark import SquareErrors, UmbmarkResult
 from diffbotctl.config.robot import Robot
@@ -71,7 +72,8 @@ class SquaresStep:
         pictures = {}
         before = session.file.robot
         for number in range(1, self.rounds + 1):
-            squares = yield from self._drive_squares(session, side)
+            driven = yield from self._drive_squares(session, side)
+            squares, left_out = without_outliers(driven)
             used = stated_geometry(session.file.robot)
             try:
                 result = umbmark.fit_umbmark(squares, used, weight=1 / number)
@@ -81,8 +83,8 @@ class SquaresStep:
                 raise RunError(problem) from error
             slip = _usable_slip(squares, result.geometry)
             findings = [*_findings(before, result, side), *_slip_findings(slip)]
-            report += [*_report(side, used, result), *_slip_report(slip)]
-            plot = _end_plot(squares)
+            report += [*left_out, *_report(side, used, result), *_slip_report(slip)]
+            plot = _end_plot(driven)
             pictures[f"ends-{number}.svg"] = end_error_svg(plot.title, plot.points)
             yield plot
             session.try_findings(findings)
@@ -176,14 +178,12 @@ def _findings(robot: Robot, result: UmbmarkResult, side: float) -> list[Finding]
     # ratio.
     track_sd = geometry.track * result.sd.alpha / (pi / 2)
     ratio_sd = geometry.track / side * result.sd.beta
-    diameters = {RIGHT_DIAMETER: geometry.right, LEFT_DIAMETER: geometry.left}
-    mean_sds = {field: known_mean_sd(robot, field, value) for field, value in diameters.items()}
-    findings = [
-        Finding(field, diameter, hypot(diameter * ratio_sd / 2, mean_sds[field]))
-        for field, diameter in diameters.items()
+    scale_sd = known_scale_sd(robot)
+    return [
+        Finding(RIGHT_DIAMETER, geometry.right, geometry.right * hypot(ratio_sd / 2, scale_sd)),
+        Finding(LEFT_DIAMETER, geometry.left, geometry.left * hypot(ratio_sd / 2, scale_sd)),
+        Finding(TRACK, geometry.track, hypot(track_sd, geometry.track * scale_sd)),
     ]
-    scale_sd = max(mean_sds.values()) / geometry.mean
-    return [*findings, Finding(TRACK, geometry.track, hypot(track_sd, geometry.track * scale_sd))]
 
 
 def _slip_findings(slip: SlipFit | None) -> list[Finding]:

@@ -9,10 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from dataclasses import dataclass
+from math import hypot
 from typing import Any
 
 from diffbotctl.calibrate.autonomous_drive import drive_to, reach_of
 from diffbotctl.calibrate.confidence import robust_mean
+from diffbotctl.calibrate.known_lengths import known_scale_sd
 from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, Finding
 from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.step import Event, Outcome, StepProgress, StepRun
@@ -79,9 +81,11 @@ class StraightStep:
         beta, beta_sd = 2 * offset / self.metres, 2 * sd / self.metres
         fitted = correct_geometry(used, self.metres, Angles(0.0, beta))
         ratio_sd = used.track / self.metres * beta_sd
+        # The runs do not change the mean diameter.
+        diameter_sd = hypot(ratio_sd / 2, known_scale_sd(robot))
         findings = [
-            Finding(RIGHT_DIAMETER, fitted.right, fitted.right * ratio_sd / 2),
-            Finding(LEFT_DIAMETER, fitted.left, fitted.left * ratio_sd / 2),
+            Finding(RIGHT_DIAMETER, fitted.right, fitted.right * diameter_sd),
+            Finding(LEFT_DIAMETER, fitted.left, fitted.left * diameter_sd),
         ]
         lines = [
             f"it stops {offset * MM:+.1f} mm to the left of the string after {self.metres:g} m, "

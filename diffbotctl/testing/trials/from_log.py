@@ -9,12 +9,12 @@ from math import pi
 from pathlib import Path
 from random import Random
 from tempfile import TemporaryDirectory
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from click.testing import CliRunner
 
-from diffbotctl.calibrate.dead_reckoning import Floats
+from diffbotctl.calibrate.dead_reckoning import Floats, Geometry
 from diffbotctl.calibrate.log_reader import is_session
 from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, TRACK
 from diffbotctl.cli.calibrate import from_log
@@ -22,7 +22,6 @@ from diffbotctl.config.load import load_robot
 from diffbotctl.testing.trials.drawn_drives import (
     CORRUPTIONS,
     NEEDS_HEADINGS,
-    DriveSet,
     draw_set,
 )
 from diffbotctl.testing.trials.row import NoData, Row, printed
@@ -41,7 +40,18 @@ class Saved(NamedTuple):
     """of the values that were saved, in standard deviations; empty if none were"""
 
 
-def calibrated(drawn: DriveSet, folder: Path) -> Saved:
+class WritableSet(Protocol):
+    """Drives of one robot whose geometry is known."""
+
+    @property
+    def true(self) -> Geometry: ...
+
+    def write(self, folder: Path) -> list[str]:
+        """Write robot, drives and ends into `folder`. Returns arguments of `from-log`."""
+        ...
+
+
+def calibrated(drawn: WritableSet, folder: Path) -> Saved:
     """Run `from-log --save --yes` on the files of a set."""
     shutil.rmtree(folder, ignore_errors=True)
     arguments = [*drawn.write(folder), "--save", "--yes"]
