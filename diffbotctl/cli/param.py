@@ -12,6 +12,7 @@ import click
 from diffbotctl.cli.engine_client import attached
 from diffbotctl.cli.options import (
     FILE,
+    NEGATIVE_NUMBERS,
     CommandGroup,
     Quantity,
     engine_option,
@@ -59,7 +60,7 @@ def get(parameter: str, as_json: bool, engine: str | None) -> int:
     return 0
 
 
-@param.command("set")
+@param.command("set", context_settings=NEGATIVE_NUMBERS)
 @click.argument("parameter")
 @click.argument("value")
 @engine_option
@@ -190,7 +191,12 @@ def call(action: str | None, arguments: tuple[str, ...], as_json: bool, engine: 
             _print_actions(rows.values(), as_json)
             return 0
         for name in _meant(action, rows):
-            values = dict(_argument(text, rows.get(name, {})) for text in arguments)
+            values: dict[str, float | str] = {}
+            for text in arguments:
+                key, given = _argument(text, rows.get(name, {}))
+                if key in values:
+                    raise click.UsageError(f"'{text}': {key} is given twice")
+                values[key] = given
             value = client.request("call_action", action=name, arguments=values).get("value")
             if as_json:
                 print_json({"action": name, "value": value})

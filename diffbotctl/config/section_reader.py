@@ -15,7 +15,7 @@ from diffbotctl.config.unsupported_parts import unsupported_part
 from diffbotctl.config.yaml_tree import Value
 from diffbotctl.errors import Problem, closest_match, join_words
 from diffbotctl.params import Declaration, Pin, Section, declared
-from diffbotctl.units import KINDS, UNITS, UnitError, example, plain_number, quantity
+from diffbotctl.units import KINDS, UnitError, example, plain_number, quantity
 
 S = TypeVar("S", bound=Section)
 Path = tuple[str, ...]
@@ -219,21 +219,11 @@ def read_scalar(value: Value, kind: Any, declaration: Declaration) -> tuple[Any,
     if declaration.choices:
         return None, _not_a_choice(value, declaration)
     cause = f"{declaration.key} is {value.text or data}; it {complaint}"
-    smaller = _thousandth(value, declaration)
+    smaller = declaration.thousandth(value.text, data)
     if smaller:
         cause = f"{declaration.key} is {value.text} {declaration.unit}; it {complaint}"
         help = f"did you mean {smaller}? {help}"
     return None, Problem("E-BOUNDS", value.place, cause, help)
-
-
-def _thousandth(value: Value, declaration: Declaration) -> str:
-    """A number without a unit in mm, ms or the like, if that would be within the bounds."""
-    data = value.data
-    has_unit = bool(declaration.unit) and f"m{declaration.unit}" in UNITS
-    if not isinstance(data, int | float) or not has_unit:
-        return ""
-    is_possible = declaration.complaint(data * 1e-3) is None
-    return f"{value.text} m{declaration.unit}" if is_possible else ""
 
 
 class _ScalarTypeError(Exception):
@@ -247,7 +237,7 @@ class _ScalarTypeError(Exception):
 def _float(value: Value, declaration: Declaration) -> float:
     data, unit = value.data, declaration.unit
     if isinstance(data, int | float) and not isinstance(data, bool):
-        return plain_number(float(data), unit)
+        return plain_number(float(data), unit, value.text)
     if unit and not isinstance(data, bool):
         return quantity(str(data), unit)
     if isinstance(data, bool):

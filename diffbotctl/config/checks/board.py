@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from math import floor
+from typing import get_args
 
 from diffbotctl.config.board_pins import BOARDS, SIMULATED
 from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.motor_drivers import MODE_TEXT, MOTOR_DRIVERS, MotorDriverFacts, driver_facts
-from diffbotctl.config.robot import SIDES, Robot, line_baud
+from diffbotctl.config.robot import SIDES, BaudRate, Robot, line_baud
 from diffbotctl.errors import join_words
 from diffbotctl.geometry.distance_sensors import ECHOES, TURN, further_sensors
 from diffbotctl.links import link_protocol
@@ -39,8 +40,14 @@ def check_budget(context: CheckContext) -> None:
         f"at {baud} baud the link carries {capacity:.0f} bytes/s"
     )
     rate_max = floor((link_protocol.TELEMETRY_LOAD_MAX * capacity - ranges) / frame)
-    options = [f"set telemetry to at most {rate_max} Hz", "raise link.baud"]
-    if has_edge_times and protocol == "diffbot" and not has_gyro:
+    options = [f"set telemetry to at most {rate_max} Hz"] if rate_max >= 1 else []
+    if line_baud(context.robot) == context.robot.link.baud:  # a USB cable has the rate of its own
+        needed = (rate * frame + ranges) / link_protocol.TELEMETRY_LOAD_MAX
+        enough = [each for each in get_args(BaudRate) if link_protocol.capacity(each) >= needed]
+        options += [f"raise link.baud to {enough[0]}"] if enough else []
+    without = rate * link_protocol.frame_bytes(protocol, False, has_gyro) + ranges
+    is_enough = without <= link_protocol.TELEMETRY_LOAD_MAX * capacity
+    if has_edge_times and protocol == "diffbot" and not has_gyro and is_enough:
         options.append("set edge_times: false")
     place = context.error_place("board.telemetry", "link.baud", "board.edge_times")
     fix = join_words(options)
