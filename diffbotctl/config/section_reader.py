@@ -212,7 +212,8 @@ def read_scalar(value: Value, kind: Any, declaration: Declaration) -> tuple[Any,
     except UnitError as error:
         return None, Problem("E-UNIT", value.place, str(error), help)
     except _ScalarTypeError as error:
-        return None, Problem("E-TYPE", value.place, str(error), error.fix or help)
+        fix = f"write {value.text} without quotes" if _is_quoted(value, kind) else error.fix
+        return None, Problem("E-TYPE", value.place, str(error), fix or help)
     complaint = declaration.complaint(data)
     if complaint is None:
         return data, None
@@ -224,6 +225,12 @@ def read_scalar(value: Value, kind: Any, declaration: Declaration) -> tuple[Any,
         cause = f"{declaration.key} is {value.text} {declaration.unit}; it {complaint}"
         help = f"did you mean {smaller}? {help}"
     return None, Problem("E-BOUNDS", value.place, cause, help)
+
+
+def _is_quoted(value: Value, kind: Any) -> bool:
+    """True for a number, true or false in quotes, which make it text."""
+    words = {int: r"[-+]?[0-9]+\Z", bool: r"(?:true|false)\Z"}
+    return value.quoted and kind in words and re.match(words[kind], value.text) is not None
 
 
 class _ScalarTypeError(Exception):

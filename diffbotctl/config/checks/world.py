@@ -9,7 +9,7 @@ from typing import NamedTuple
 from diffbotctl.config.checks.block_needs import GUARDS
 from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.configuration import Configuration
-from diffbotctl.errors import Place, Problem
+from diffbotctl.errors import Place, Problem, join_words
 from diffbotctl.geometry.footprint import distance_to_segment
 
 # The odometry of a calibrated two-wheel robot is off by about 1 to 3 % of the way.
@@ -151,7 +151,10 @@ def check_body(context: CheckContext) -> None:
     """Require the outline where a guard relies on it; without one, the book's would be assumed."""
     if context.robot is None or context.robot_tree is None or context.pipeline is None:
         return
-    if context.robot_value("body") is not None:
+    missing = [
+        key for key in ("front", "back", "width") if context.robot_value("body", key) is None
+    ]
+    if not missing:
         return
     guards = [
         name
@@ -161,12 +164,17 @@ def check_body(context: CheckContext) -> None:
     if not guards:
         return
     body = context.robot.body
+    if body is None or None in (body.front, body.back, body.width):
+        return  # reported where it was read
+    has_body = context.robot_value("body") is not None
+    lack = f"`body:` has no {join_words(missing, 'or')}" if has_body else "it has no `body:`"
     cause = (
-        f"'{guards[0]}' keeps the outline of the robot free, but the robot file has no `body:`; "
-        f"assumed are {body.front * 1000:g} mm to the front, {body.back * 1000:g} mm to the back "
-        f"and a width of {body.width * 1000:g} mm"
+        f"'{guards[0]}' keeps the outline of the robot free, but in the robot file {lack}; assumed "
+        f"are {body.front * 1000:g} mm to the front, {body.back * 1000:g} mm to the back and a "
+        f"width of {body.width * 1000:g} mm"
     )
     fix = "measure it from the middle of the axle: `body: {front: ..., back: ..., width: ...}`"
     report = context.error if context.real else context.warn
     code = "E-BODY-MISSING" if context.real else "W-BODY-MISSING"
-    report(code, context.robot_place("kind"), cause, fix)
+    place = context.robot_place("body" if has_body else "kind")
+    report(code, place, cause, fix)
