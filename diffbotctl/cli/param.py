@@ -149,12 +149,16 @@ def _write_parameters(pipeline: Path, new: Path | None, rows: list[dict[str, Any
         raise UsageError(Problem("E-SAVE", str(pipeline), cause, "add --output mine.yaml"))
     path = new or pipeline
     try:
-        text = NEW_PIPELINE.format(json.dumps(str(pipeline))) if new else path.read_text()
+        text = (
+            NEW_PIPELINE.format(json.dumps(str(pipeline)))
+            if new
+            else path.read_text(encoding="utf-8")
+        )
         for row in rows:
             block, _, key = row["parameter"].partition(".")
             text = with_entry(text, ["blocks", block, "with", key], _yaml_value(row))
         temporary = path.with_name(f".{path.name}.new")
-        temporary.write_text(text)
+        temporary.write_text(text, encoding="utf-8")
         temporary.replace(path)
     except (OSError, ValueError) as error:
         cause = f"cannot save there: {error}"

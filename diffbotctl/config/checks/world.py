@@ -20,7 +20,7 @@ RANGES = (("simulation", "motor", "lag"), ("simulation", "motor", "start_duty"))
 
 
 def check_ranges(context: CheckContext) -> None:
-    """Refuse a range of the simulated robot whose first value is above its second."""
+    """Refuse a range, or a time, of the simulated robot that ends before it begins."""
     for path in RANGES:
         values, value = context.values(".".join(path)), context.robot_value(*path)
         if values is None or value is None or len(values[0]) != 2 or None in values[0]:
@@ -30,6 +30,15 @@ def check_ranges(context: CheckContext) -> None:
             first, second = (item.text for item in value.items)
             cause = f"the range {path[-1]} begins at {first} and ends at {second}"
             context.error("E-RANGE", value.place, cause, f"write [{second}, {first}]")
+    disturbances = context.values("simulation.disturbances")
+    places = context.robot_value("simulation", "disturbances")
+    for entry, value in zip(
+        disturbances[0] if disturbances else (), places.items if places else (), strict=False
+    ):
+        if entry is None or None in (entry.start, entry.end) or entry.start < entry.end:
+            continue
+        cause = f"this begins at {entry.start:g} s and ends at {entry.end:g} s: it has no effect"
+        context.error("E-RANGE", value.place, cause, "end must be after start")
 
 
 def check_slip(context: CheckContext) -> None:
