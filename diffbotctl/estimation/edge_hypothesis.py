@@ -69,7 +69,7 @@ class WheelFrame(NamedTuple):
     drive_since: int | None
     """ns, when that command took effect, if known"""
     duty: float
-    """of that command, without its sign"""
+    """of that command"""
     skipped: DriveChange | None = None
     """the command before, where no frame showed it"""
 
@@ -274,7 +274,7 @@ class EdgeHypothesis:
 
     def _drive_changes(self, frame: WheelFrame) -> list[DriveChange]:
         """The commands that took effect since the last frame, in their order."""
-        if frame.skipped is None and frame.drive == self.drive:
+        if frame.skipped is None and frame.duty == self.duty:
             return []
         last = DriveChange(self._clamp(frame.drive_since, frame.time), frame.drive, frame.duty)
         return [last] if frame.skipped is None else [frame.skipped, last]

@@ -24,6 +24,7 @@ class Priors(NamedTuple):
     gain: float = 0.065
     offset: float = 0.22  # rad/s
     friction: float = 1.16  # rad/s; value: speed lost to the dead band of a typical motor
+    dead_band: float = 0.1  # duty; value: which that friction takes
     creep: float = 0.094  # rad/s; value: without drive, friction stops a slower wheel
     model_noise: float = 0.28  # rad/s per square root of a second; noise of the speed
     offset_drift: float = 0.016  # rad/s per square root of a second; random walk of the offset
@@ -39,6 +40,8 @@ class Priors(NamedTuple):
     command_time: float = 0.0  # s; of the time at which a command takes effect
     has_edge_times: bool = False  # whether the board reports edge times
     brakes: bool = False  # whether the driver shorts the motor at duty 0
+    # rad/s; value: speed above which a shorted motor brakes, with its voltage beyond the driver's
+    shorted_speed: float = 0.0
     decay: str | None = None  # of the current between two pulses: slow, fast, or None: not known
 
     def widened(self) -> Priors:
@@ -56,6 +59,7 @@ class Priors(NamedTuple):
             offset=self.offset * scale,
             friction=self.friction * scale,
             creep=self.creep * scale,
+            shorted_speed=self.shorted_speed * scale,
             model_noise=self.model_noise * scale,
             offset_drift=self.offset_drift * scale,
         )

@@ -217,15 +217,20 @@ class WheelKalman:
 
         Of a motor whose friction is not yet known, the mean of both.
         """
-        speed = abs(self.speed)
-        lag, factor = self._response(0.0)
+        speed, travel = abs(self.speed), 0.0
+        low = self.gain * self.priors.shorted_speed
+        if low and self.is_free_wheeling and speed > low:
+            lag, settled, time = self._shorted_motion(speed)
+            travel = lag * (speed - low) - settled * time
+            speed = low
+        lag, factor = self._response(self._idle_duty)
         if self.is_dry is False:
             return lag * speed
         settled = factor * max(self.gain * self.priors.friction - self.offset, 0.0)
         dry = lag * speed
         if settled > 0.0:
             dry -= lag * settled * log(1.0 + speed / settled)
-        return dry if self.is_dry else 0.5 * (dry + lag * speed)
+        return travel + (dry if self.is_dry else 0.5 * (dry + lag * speed))
 
     def is_rolling(self, creeps: float) -> bool:
         """True when the speed exceeds `creeps` times the creep speed."""
@@ -257,7 +262,7 @@ class WheelKalman:
         return self.phase - self.z_shift
 
     def predict(self, span: float, drive: float, duty: float) -> None:
-        """Predict `span` seconds ahead with `drive` (pitches/s) at a `duty` of 0 to 1."""
+        """Predict `span` seconds ahead with `drive` (pitches/s) at a `duty` of -1 to 1."""
         sign = (drive > 0.0) - (drive < 0.0)
         if self.gain * drive * sign + self.offset <= 0.0:  # friction never drives the wheel
             drive, sign = 0.0, 0
@@ -265,7 +270,11 @@ class WheelKalman:
         if speed == 0.0 and not drive:
             self.elapsed += span
             return
-        response = self._response(duty if drive else 0.0)
+        if not duty and self.priors.shorted_speed and self.is_free_wheeling:
+            span -= self._brake_shorted(span)
+            if span <= 0.0:
+                return
+        response = self._response(abs(duty) or self._idle_duty)
         if self.is_dry and speed * sign <= 0.0 and speed != 0.0:
             self._brake(span, drive, duty, response)
             return
@@ -278,14 +287,49 @@ class WheelKalman:
         lag = exp(self.log_lag)
         if not self.is_free_wheeling:
             return lag, 1.0
-        damping = VISCOUS + (duty or float(self.priors.brakes))
+        damping = VISCOUS + duty
         return lag * LAG_DUTY / damping, (1.0 + VISCOUS) / damping
+
+    @property
+    def _idle_duty(self) -> float:
+        """The duty whose damping a released motor has: 1 when its driver shorts it."""
+        return 1.0 if self.priors.brakes and not self.priors.shorted_speed else 0.0
+
+    def _brake_shorted(self, span: float) -> float:
+        """Predict a motor that its driver shorts, while its voltage exceeds that of the driver's
+        transistors; below, it coasts. Returns the part of `span` (s) in which it does."""
+        direction = 1 if self.speed > 0.0 else -1
+        speed = direction * self.speed
+        if speed <= self.gain * self.priors.shorted_speed:
+            return 0.0
+        lag, settled, time = self._shorted_motion(speed)
+        time = min(time, span)
+        drive = -direction * (self.priors.friction - self._bridge_drive)
+        self._move(time, drive, -direction, self._response(1.0), is_driven=False)
+        return time
+
+    def _shorted_motion(self, speed: float) -> tuple[float, float, float]:
+        """Lag (s), minus the speed at which it would settle, and the time (s) in which a shorted
+        motor falls from `speed` (pitches/s) to that below which it coasts."""
+        lag, factor = self._response(1.0)
+        settled = factor * (self.gain * (self.priors.friction - self._bridge_drive) - self.offset)
+        low = self.gain * self.priors.shorted_speed
+        if low + settled <= 0.0:  # no friction at all
+            return lag, settled, inf
+        return lag, settled, lag * log((speed + settled) / (low + settled))
+
+    @property
+    def _bridge_drive(self) -> float:
+        """Drive (pitches/s) to which the voltage of the driver's transistors is equal."""
+        return self.priors.shorted_speed / (1.0 + VISCOUS)
 
     def _brake(self, span: float, drive: float, duty: float, response: tuple[float, float]) -> None:
         """Predict a wheel that dry friction brakes, and what follows after it has stopped."""
         direction = 1 if self.speed > 0.0 else -1
-        # A drive against the motion adds to the friction, whose sign is then included twice.
-        braking = abs(drive) + self.priors.friction * (2.0 if drive else 1.0)
+        # A drive against the motion adds to the friction, whose sign is then included twice. A duty
+        # within the dead band does not overcome the friction, but takes its part off it.
+        share = 1.0 if drive else self._dead_band_share(-direction * duty)
+        braking = abs(drive) + self.priors.friction * (1.0 + share)
         lag, factor = response
         settled = factor * (self.gain * braking - self.offset)
         if settled > 0.0:
@@ -298,6 +342,11 @@ class WheelKalman:
             self._stop(lag if factor == 1.0 else self._stopping_time(lag, settled))
             if drive:
                 self.predict(span - stop_time, drive, duty)
+
+    def _dead_band_share(self, duty: float) -> float:
+        """`duty` over that which overcomes the friction; 1 at most, without its sign."""
+        dead_band = self.priors.dead_band
+        return min(max(duty / dead_band, -1.0), 1.0) if dead_band else 0.0
 
     def _stopping_time(self, lag: float, settled: float) -> float:
         """Half of the time (s) in which friction alone takes the uncertain part of the speed."""

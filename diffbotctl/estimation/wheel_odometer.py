@@ -38,7 +38,9 @@ class WheelOdometer:
         priors = Priors(
             lag=motor.lag,
             friction=friction,
+            dead_band=self.static,
             brakes=motor.idle == "brake",
+            shorted_speed=1.4/7.6*1.05*(motor.rated+friction) if motor.idle == "brake" else 0.0,
             decay=motor.decay,
             **timing._asdict(),
         )
@@ -120,9 +122,9 @@ class WheelOdometer:
         self.count = count
         skipped = None
         if self.skipped is not None:
-            skipped = DriveChange(self.skipped[0], self._drive(duties[0]), abs(duties[0]))
+            skipped = DriveChange(self.skipped[0], self._drive(duties[0]), duties[0])
             self.skipped = None
-        drive, duty = self._drive(duties[-1]), abs(duties[-1])
+        drive, duty = self._drive(duties[-1]), duties[-1]
         self.filter.update(WheelFrame(time, count, edge_time, drive, command_since, duty, skipped))
 
     def _drive(self, duty: float) -> float:
