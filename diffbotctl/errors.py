@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from textwrap import wrap
 from typing import Literal
+from unicodedata import east_asian_width
 
 WIDTH = 80  # columns of the narrowest terminal in common use
 CONTEXT_COLUMNS_MIN = 24  # of the user's line, kept before the caret when it is shortened
 CAUSE_COLUMNS_MIN = 34  # columns; a cause beside the caret is not wrapped into fewer
 WRAP_ALLOWANCE_COLUMNS = 12  # columns that wrapping between words may waste
+PROBLEMS_SHOWN_MAX = 30  # nobody corrects more at once; most follow from the first ones
 TEXT_LENGTH_MAX = (
     500  # characters of a cause or a fix; texts of this package have at most half of it
 )
@@ -95,7 +97,7 @@ class UserError(Exception):
 
     def __init__(self, problems: Iterable[Problem] | Problem) -> None:
         self.problems = (problems,) if isinstance(problems, Problem) else tuple(problems)
-        super().__init__("\n\n".join(problem.render() for problem in self.problems))
+        super().__init__("\n\n".join(rendered(self.problems)))
 
 
 class ConfigurationError(UserError):
@@ -110,6 +112,15 @@ class RunError(UserError):
     """The command started and then failed."""
 
     exit_code = 1
+
+
+def rendered(problems: Sequence[Problem]) -> Iterator[str]:
+    """The text of each of the first problems, and how many others there are."""
+    for problem in problems[:PROBLEMS_SHOWN_MAX]:
+        yield problem.render()
+    more = len(problems) - PROBLEMS_SHOWN_MAX
+    if more > 0:
+        yield f"and {more} more; `diffbotctl check --json` lists all of them"
 
 
 def closest_match(word: str, words: Iterable[str], cutoff: float = 0.6) -> str | None:
@@ -177,8 +188,6 @@ def _shortened(place: Place, cause_length: int, available: int) -> tuple[str, st
 
 
 def _display_width(text: str) -> int:
-    from unicodedata import east_asian_width  # a table of 300 kB, needed only when errors are shown
-
     return sum(2 if east_asian_width(character) in "WF" else 1 for character in text)
 
 

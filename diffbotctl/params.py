@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeVar, cast, get_args
 
-from diffbotctl.units import magnitude_max
+from diffbotctl.units import UNITS, magnitude_max
 
 T = TypeVar("T")
 
@@ -25,6 +25,7 @@ class Required:
 
 
 REQUIRED = Required()
+THOUSANDTHS = {"kg": "g"}  # SI unit -> unit of a thousandth, where that is no milli-unit
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -75,6 +76,16 @@ class Declaration:
         if isinstance(value, int | float) and not abs(value) <= limit:
             return f"must not be beyond {with_unit(limit, self.unit)}"
         return None
+
+    def thousandth(self, text: str, value: Any) -> str:
+        """`text`, a number without a unit, in mm, ms or the like, if that is within the bounds.
+
+        `value` is the number. Empty when it is not.
+        """
+        unit = THOUSANDTHS.get(self.unit, f"m{self.unit}") if self.unit else ""
+        if not text[-1:].isdecimal() or unit not in UNITS or not isinstance(value, int | float):
+            return ""
+        return f"{text} {unit}" if self.complaint(value * 1e-3) is None else ""
 
     def _phrase(self, bound: str, limit: float) -> str:
         return f"{BOUNDS[bound].phrase} {with_unit(limit, self.unit)}"

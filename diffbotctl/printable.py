@@ -116,7 +116,8 @@ def printable_stream(stream: TextIO) -> TextIO:
     if not isinstance(stream, TextIOWrapper) or isinstance(stream, PrintableStream):
         return stream
     stream.flush()
-    errors = "replace" if stream.errors == "strict" else stream.errors
+    # In the C locale Python escapes surrogates, which are no printable text anyway.
+    errors = "replace" if stream.errors in ("strict", "surrogateescape") else stream.errors
     new = PrintableStream(
         stream.buffer,
         stream.encoding,

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
-from math import isfinite, pi
+from collections.abc import Callable
+from math import ceil, floor, log10, pi
+from unicodedata import category, east_asian_width, name, normalize
 
 from diffbotctl.errors import closest_match
 
@@ -94,10 +96,12 @@ def magnitude_max(unit: str) -> float:
 
 NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _QUANTITY = re.compile(rf"\s*({NUMBER})\s*([A-Za-z%][A-Za-z0-9/%²]*)?\s*\Z")
-_COMMA = re.compile(r"\s*[-+]?\d+,\d+\s*[A-Za-z%]?")  # decimal comma
+_COMMA = re.compile(r"([-+]?\d+),(\d+)(\s*[A-Za-z%].*)?\Z")  # decimal comma
 _DECIMAL_COMMA = re.compile(r"(?<![\d.,])[-+]?\d+,\d+(?![\d.,])")
-_UNIT_APART = re.compile(r"(?<=[\d.])\s+([A-Za-z°µ%])")  # a unit after a space
-_FRACTION = re.compile(r"\s*([-+]?\d+)\s*/\s*(\d+)\s*(\S*)\s*\Z")
+_UNIT_APART = re.compile(r"(?<=[\d.])\s+([A-Za-z°µμ%])")  # a unit after a space
+_FRACTION = re.compile(r"([-+]?\d+)\s*/\s*(\d+)(?![\d/])\s*(\S*)\Z")
+_GROUPED = re.compile(r"(?<!\d)(\d{1,3})((?:[ _'’]\d{3})+)(?!\d)")  # thousands apart
+_SIGN_APART = re.compile(r"([-+])\s+(?=[\d.])")
 # Characters that look right and are not accepted -> their name, and what to write.
 _LOOKALIKES = {
     "\N{MINUS SIGN}": ("the minus sign U+2212", "-"),
@@ -108,10 +112,35 @@ _LOOKALIKES = {
     "\N{GREEK SMALL LETTER MU}": ("the Greek letter mu", "u"),
     "^": ("a caret", ""),
 }
+# Words that people write for a unit -> the unit; plurals are found by their singular.
+_UNIT_WORDS = {
+    **dict.fromkeys(("meter", "metre"), "m"),
+    **dict.fromkeys(("millimeter", "millimetre"), "mm"),
+    **dict.fromkeys(("centimeter", "centimetre"), "cm"),
+    **dict.fromkeys(("inch", "inche"), "in"),
+    **dict.fromkeys(("degree", "degs"), "deg"),
+    **dict.fromkeys(("radian", "rads"), "rad"),
+    **dict.fromkeys(("revolution", "rev"), "turn"),
+    **dict.fromkeys(("second", "sec"), "s"),
+    **dict.fromkeys(("millisecond", "msec"), "ms"),
+    **dict.fromkeys(("microsecond", "usec"), "us"),
+    "minute": "min",
+    "hour": "h",
+    "hertz": "Hz",
+    "volt": "V",
+    **dict.fromkeys(("ampere", "amp"), "A"),
+    "gram": "g",
+    "kilogram": "kg",
+    **dict.fromkeys(("percent", "pct"), "%"),
+}
 
 
 class UnitError(ValueError):
     """A text is not a quantity of the expected kind. The message has the cause and the fix."""
+
+
+class _WordError(UnitError):
+    """The unit of a quantity is unknown."""
 
 
 def quantity(text: str, unit: str) -> float:
@@ -120,15 +149,32 @@ def quantity(text: str, unit: str) -> float:
     A number without a unit is in SI; an angle other than 0 needs its unit. Raises UnitError if
     `text` is not a number, or if its unit is unknown or of another kind.
     """
+    try:
+        return _read(text, unit)
+    except UnitError:
+        corrected, causes = _corrected(text)
+        first = corrected.partition(",")[0]  # of two readings
+        if not causes or not _QUANTITY.match(first):
+            raise
+    try:
+        _read(first, unit)
+    except UnitError as error:  # what would be proposed is not accepted either
+        raise UnitError(f"'{text}' {' and '.join(causes)}: {error}") from None
+    raise UnitError(f"'{text}' {' and '.join(causes)}: write {corrected}")
+
+
+def _read(text: str, unit: str) -> float:
+    """As `quantity`; the message does not explain characters that look like others."""
     match = _QUANTITY.match(text)
     if match is None:
-        raise UnitError(_not_a_quantity(text, unit))
+        such_as = f", such as {example(unit)}"
+        raise UnitError(f"'{text}' is not a number with a unit{such_as}{_strange(text)}")
     number, written = float(match[1]), match[2]
     if written is None:
-        return plain_number(number, unit)
+        return plain_number(number, unit, match[1])
     written = written.replace("²", "2")
     if written not in UNITS:
-        raise UnitError(f"'{written}' is not a known unit{_nearest(written, unit)}")
+        raise _WordError(f"'{written}' is not a known unit{_nearest(written, unit)}")
     kind, factor = UNITS[written]
     if kind != unit:
         expected = KINDS.get(unit, "a plain number")
@@ -136,14 +182,20 @@ def quantity(text: str, unit: str) -> float:
     return number * factor
 
 
-def plain_number(number: float, unit: str) -> float:
-    """A number without a unit, in SI `unit`. Raises UnitError for an angle other than 0.
+def plain_number(number: float, unit: str, text: str = "") -> float:
+    """A number without a unit, in SI `unit`; `text` is the number as it was written.
 
-    Most people mean degrees when they write 90, and radians when they write 1.57.
+    Raises UnitError for an angle other than 0: most people mean degrees when they write 90, and
+    radians when they write 1.57.
     """
     if unit == "rad" and number != 0.0:
-        other = f", or {number:g} rad for {number * 180 / pi:g} degrees" if isfinite(number) else ""
-        raise UnitError(f"the angle {number:g} has no unit: write {number:g} deg{other}")
+        text = text or f"{number:g}"
+        limit = magnitude_max(unit)
+        options = [f"{text} deg"] if abs(number) * pi / 180 <= limit else []
+        if abs(number) <= limit:
+            options.append(f"{text} rad for {number * 180 / pi:g} degrees")
+        write = ", or ".join(options) or f"an angle such as {example(unit)}"
+        raise UnitError(f"the angle {text} has no unit: write {write}")
     return number
 
 
@@ -156,25 +208,79 @@ def typed_quantity(text: str, unit: str) -> float:
     number = quantity(text, unit)
     if unit == "m" and abs(number) > BARE_LENGTH_MAX_M and text.strip()[-1:].isdecimal():
         word = text.strip()
-        raise UnitError(f"{word} without a unit is in metres: write {word}mm, or {word}m")
+        factors = {"mm": 1e-3, "m": 1.0}
+        fits = [name for name in factors if abs(number) * factors[name] <= POSE_MAX[unit]]
+        write = ", or ".join(f"{word}{name}" for name in fits) or "a smaller number"
+        raise UnitError(f"{word} without a unit is in metres: write {write}")
     return number
 
 
-def _not_a_quantity(text: str, unit: str) -> str:
-    """Why `text` is not a number with a unit, and how to write it."""
-    if _COMMA.match(text):
-        return f"'{text}' has a decimal comma: write a point, {text.strip().replace(',', '.')}"
-    if (fraction := _FRACTION.match(text)) and int(fraction[2]):
-        number = f"{int(fraction[1]) / int(fraction[2]):g}"
-        return f"'{text}' is a fraction: write {f'{number} {fraction[3]}'.rstrip()}"
-    names = [name for character, (name, _) in _LOOKALIKES.items() if character in text]
-    corrected = text
+def _corrected(text: str) -> tuple[str, list[str]]:
+    """`text` as it should be written, and what is wrong with it."""
+    causes: list[str] = []
+    visible = "".join(character for character in text if not _is_invisible(character))
+    if visible != text:
+        causes.append("contains an invisible character")
+    corrected = visible.strip()
+    names = [look for character, (look, _) in _LOOKALIKES.items() if character in corrected]
     for character, (_, replacement) in _LOOKALIKES.items():
         corrected = corrected.replace(character, replacement)
+    wide = "".join(map(_narrow, corrected))
+    if wide != corrected:
+        corrected = wide
+        names.append("characters of another width")
+    if names:
+        causes.append(f"contains {' and '.join(names)}")
     corrected = " ".join(corrected.split())
-    if names and _QUANTITY.match(corrected):
-        return f"'{text}' contains {' and '.join(names)}: write {corrected}"
-    return f"'{text}' is not a number with a unit, such as {example(unit)}"
+    for pattern, cause, write in _CORRECTIONS:
+        match = pattern.search(corrected)
+        written = write(match) if match else ""
+        if match and written:
+            corrected = corrected[: match.start()] + written + corrected[match.end() :]
+            causes.append(cause)
+    return corrected, causes
+
+
+def _is_invisible(character: str) -> bool:
+    return not character.isascii() and category(character) == "Cf"
+
+
+def _narrow(character: str) -> str:
+    """The ASCII form of a full-width character; any other one as it is."""
+    return normalize("NFKC", character) if east_asian_width(character) == "F" else character
+
+
+def _point(match: re.Match[str]) -> str:
+    """`1,5 m` with a point, and `1,000 m`, which may also be a thousand, with both readings."""
+    whole, decimals, unit = match[1], match[2], match[3] or ""
+    thousand = f", or {whole}{decimals}{unit}" if len(decimals) == 3 and int(whole) else ""
+    return f"{whole}.{decimals}{unit}{thousand}"
+
+
+def _decimal(match: re.Match[str]) -> str:
+    if not int(match[2]):
+        return ""
+    return f"{int(match[1]) / int(match[2]):g} {match[3]}".rstrip()
+
+
+_CORRECTIONS: tuple[tuple[re.Pattern[str], str, Callable[[re.Match[str]], str]], ...] = (
+    (_SIGN_APART, "has a space after its sign", lambda match: match[1]),
+    (
+        _GROUPED,
+        "has its thousands apart",
+        lambda match: match[1] + re.sub(r"\D", "", match[2]),
+    ),
+    (_COMMA, "has a decimal comma", _point),
+    (_FRACTION, "is a fraction", _decimal),
+)
+
+
+def _strange(text: str) -> str:
+    """The name of the first character that no number and no unit has."""
+    strange = next((each for each in text if not each.isascii() and each not in "²"), None)
+    if strange is None or not strange.isprintable():
+        return ""
+    return f"; '{strange}' is {name(strange, 'no character of a unit').lower()}"
 
 
 def parse_pose(text: str) -> tuple[float, float, float | None]:
@@ -187,7 +293,16 @@ def parse_pose(text: str) -> tuple[float, float, float | None]:
         comma = number[0]
         point, space = comma.replace(",", "."), comma.replace(",", " ")
         raise UnitError(f"the comma of {comma} may be a decimal one: write {point}, or {space}")
-    words = _UNIT_APART.sub(r"\1", text.replace(",", " ")).split()
+    apart = text.replace(",", " ")
+    try:
+        return _pose(_UNIT_APART.sub(r"\1", apart).split())
+    except _WordError:
+        if 2 <= len(apart.split()) <= 3:  # `1 1 north`: the word is no unit of the number before it
+            return _pose(apart.split())
+        raise
+
+
+def _pose(words: list[str]) -> tuple[float, float, float | None]:
     if not 2 <= len(words) <= 3:
         raise UnitError("give X Y [HEADING], such as '1.0 0.5 90deg'")
     values = [
@@ -198,6 +313,18 @@ def parse_pose(text: str) -> tuple[float, float, float | None]:
             limit = "1000 m" if unit == "m" else "10 turns"
             raise UnitError(f"{word} is too far: at most {limit} is possible")
     return values[0], values[1], values[2] if len(values) == 3 else None
+
+
+def rounded_down(value: float) -> float:
+    """The positive `value` rounded down to two significant digits, for a limit to propose."""
+    step = 10.0 ** (floor(log10(value)) - 1)
+    return float(f"{floor(value / step * (1.0 + 1e-9)) * step:.3g}")
+
+
+def rounded_up(value: float) -> float:
+    """As `rounded_down`, upwards."""
+    step = 10.0 ** (floor(log10(value)) - 1)
+    return float(f"{ceil(value / step * (1.0 - 1e-9)) * step:.3g}")
 
 
 def example(unit: str) -> str:
@@ -212,13 +339,14 @@ def example(unit: str) -> str:
         "m/s2": "1 m/s2",
         "rad/s2": "5 rad/s2",
         "V": "10 mV",
+        "A": "1.5 A",
         "kg": "2.4 kg",
     }.get(unit, "0.5")
 
 
 def of_kind(unit: str) -> list[str]:
     """All units that can be converted to SI `unit`."""
-    return [name for name, (kind, _) in UNITS.items() if kind == unit]
+    return [each for each, (kind, _) in UNITS.items() if kind == unit]
 
 
 def _such_as(unit: str) -> str:
@@ -227,6 +355,12 @@ def _such_as(unit: str) -> str:
 
 def _nearest(written: str, unit: str) -> str:
     names = of_kind(unit)
+    if written[:1] == "u" and written[1:] in UNITS:
+        return f"; use one of {', '.join(names)}"  # one that is alike is a million times larger
     same = next((name for name in names if name.lower() == written.lower()), None)
-    near = same or closest_match(written, names, cutoff=0.5)
+    word = written.lower()
+    # A word is like another word, or, if it is short, like a unit.
+    like = closest_match(word.removesuffix("s"), _UNIT_WORDS, cutoff=0.8)
+    named = _UNIT_WORDS.get(word) or _UNIT_WORDS.get(like or "")
+    near = same or (named if named in names else closest_match(written, names, cutoff=0.5))
     return f"; did you mean {near}?" if near else f"; use one of {', '.join(names)}"

@@ -106,6 +106,12 @@ def test_an_error_holds_all_problems_and_an_exit_code():
     assert UsageError(problems[0]).problems == (problems[0],)
 
 
+def test_of_many_problems_the_first_ones_are_shown():
+    error = ConfigurationError([Problem("E-A", "a", f"number {n}") for n in range(1100)])
+    assert "number 29" in str(error) and "number 30" not in str(error)
+    assert str(error).endswith("and 1070 more; `diffbotctl check --json` lists all of them")
+
+
 @pytest.mark.parametrize(
     "word, words, near",
     [

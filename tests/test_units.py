@@ -1,10 +1,11 @@
 """Quantities as people write them, and what the message says of those that are not accepted."""
 
+from contextlib import suppress
 from math import pi
 
 import pytest
 
-from diffbotctl.units import UnitError, parse_pose, quantity
+from diffbotctl.units import UnitError, of_kind, parse_pose, quantity
 
 
 @pytest.mark.parametrize(
@@ -26,7 +27,7 @@ def test_values(text, unit, value):
 @pytest.mark.parametrize(
     ("text", "unit", "message"),
     [
-        ("90", "rad", "the angle 90 has no unit: write 90 deg, or 90 rad for 5156.62 degrees"),
+        ("90", "rad", "the angle 90 has no unit: write 90 deg"),
         ("-1.5", "rad", "the angle -1.5 has no unit: write -1.5 deg, or -1.5 rad for -85.9437"),
         ("90°", "rad", "'90°' contains the degree sign: write 90 deg"),
         ("\N{MINUS SIGN}1 m", "m", "contains the minus sign U+2212: write -1 m"),
@@ -38,13 +39,61 @@ def test_values(text, unit, value):
         ("−5 °", "rad", "the minus sign U+2212 and the degree sign: write -5 deg"),
         ("5^", "1", "contains a caret: write 5"),
         ("^°", "rad", "'^°' is not a number with a unit, such as 90 deg"),
-        ("1,5 m", "m", "has a decimal comma: write a point, 1.5 m"),
+        ("1,5 m", "m", "'1,5 m' has a decimal comma: write 1.5 m"),
+        ("1,500 m", "m", "has a decimal comma: write 1.500 m, or 1500 m"),
+        ("0,125 m", "m", "has a decimal comma: write 0.125 m"),
+        ("1,5 parsec", "m", "has a decimal comma: 'parsec' is not a known unit"),
+        ("1 250 mm", "m", "'1 250 mm' has its thousands apart: write 1250 mm"),
+        ("1_000", "m", "'1_000' has its thousands apart: write 1000"),
+        ("- 5 mm", "m", "'- 5 mm' has a space after its sign: write -5 mm"),
+        ("1/2", "rad", "'1/2' is a fraction: the angle 0.5 has no unit: write 0.5 deg"),
+        ("90°", "Hz", "contains the degree sign: deg is an angle, but a rate is required"),
+        ("65 µA", "A", "contains the micro sign: 'uA' is not a known unit; use one of A, mA"),
+        ("6\N{ZERO WIDTH SPACE}5 mm", "m", "contains an invisible character: write 65 mm"),
+        ("６５ｍｍ", "m", "contains characters of another width: write 65mm"),
+        ("5 c\N{CYRILLIC SMALL LETTER EM}", "m", "is cyrillic small letter em"),
+        ("½ m", "m", "'½' is vulgar fraction one half"),
+        ("−5,5 °", "rad", "the degree sign and has a decimal comma: write -5.5 deg"),
+        ("1e308", "rad", "the angle 1e308 has no unit: write an angle such as 90 deg"),
+        ("1e-320", "rad", "the angle 1e-320 has no unit: write 1e-320 deg"),
+        ("5 secs", "s", "'secs' is not a known unit; did you mean s?"),
+        ("5 milimetres", "m", "'milimetres' is not a known unit; did you mean mm?"),
+        ("5 percent", "1", "'percent' is not a known unit; did you mean %?"),
     ],
 )
 def test_messages(text, unit, message):
     with pytest.raises(UnitError) as caught:
         quantity(text, unit)
     assert message in str(caught.value)
+
+
+WRONG = (
+    "5",
+    "5,5",
+    "-5,25",
+    "1 250",
+    "1_250",
+    "1/8",
+    "- 5",
+    "\N{MINUS SIGN}5",
+    "6\N{SOFT HYPHEN}5",
+)
+MARKS = ("^", "°", "µ", "\N{GREEK SMALL LETTER MU}", "\N{ZERO WIDTH SPACE}", "")
+
+
+@pytest.mark.parametrize("number", WRONG)
+@pytest.mark.parametrize("mark", MARKS)
+@pytest.mark.parametrize("unit", ["m", "rad", "s", "Hz", "m/s", "m/s2", "V", "A", "kg", "1"])
+def test_what_is_proposed_is_accepted(number, mark, unit):
+    for symbol in ("", *of_kind(unit)):
+        with suppress(UnitError):
+            assert quantity(f"{number} {mark}{symbol}", unit) is not None
+            continue
+        with pytest.raises(UnitError) as caught:
+            quantity(f"{number} {mark}{symbol}", unit)
+        _, has_proposal, proposed = str(caught.value).partition(": write ")
+        if has_proposal and not proposed.startswith("an angle"):
+            quantity(proposed.partition(",")[0], unit)
 
 
 def test_a_pose():
@@ -63,6 +112,11 @@ def test_a_pose():
         ("1e9m 0", "1e9m is too far: at most 1000 m is possible"),
         ("1e999m 0", "1e999m is too far"),
         ("1", "give X Y [HEADING]"),
+        ("1 1 nan", "'nan' is not a number with a unit, such as 90 deg"),
+        ("1 1 north", "'north' is not a number with a unit, such as 90 deg"),
+        ("1 1 90 degrees", "'degrees' is not a known unit; did you mean deg?"),
+        ("2000 0", "2000 without a unit is in metres: write 2000mm"),
+        ("1e308 0", "1e308 without a unit is in metres: write a smaller number"),
         ("1,5 0", "the comma of 1,5 may be a decimal one: write 1.5, or 1 5"),
         ("0 -1,5 90deg", "the comma of -1,5 may be a decimal one: write -1.5, or -1 5"),
         ("0 -300", "-300 without a unit is in metres: write -300mm, or -300m"),

@@ -112,7 +112,12 @@ class GoalFollower(Block):
     attempts = Param(int, default=6, minimum=1, maximum=50, help="Maximum number of attempts.")
     patience = Param(float, default=4.5, unit="s", above=0.0, help="Maximum wait at an obstacle.")
     stuck_after = Param(
-        float, default=2.0, unit="s", above=0.0, help="Time without motion after which it is stuck."
+        float,
+        default=2.0,
+        unit="s",
+        minimum=0.3,
+        help="Time without motion after which it is stuck.",
+        reason="a healthy wheel needs that long to start",
     )
     speed: float = FromRobot("limits.speed")
     turn_rate: float = FromRobot("limits.turn_rate")

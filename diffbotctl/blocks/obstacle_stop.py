@@ -38,7 +38,7 @@ class ObstacleStop(Block):
         minimum=0.01,
         maximum=1.0,
         live=True,
-        reason="the sensor's noise alone is 3 mm",
+        reason="the sensor's noise alone is 3 mm, and it hardly sees farther than a metre",
         help="Distance between the front of the robot and the obstacle at standstill.",
     )
     reaction = Param(

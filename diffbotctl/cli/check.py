@@ -26,17 +26,19 @@ def check(
 
     Exit code: 0 when they can be run (warnings may be printed), 2 when they cannot.
     """
+    from diffbotctl.errors import rendered
+
     problems: list[Problem] = []
     for file in files:
         file_problems = _problems(file, robot, sets, real)
         new_problems = [problem for problem in file_problems if problem not in problems]
         problems += new_problems
-        for problem in new_problems:
-            if as_json:
+        if as_json:
+            for problem in new_problems:
                 print_json(problem_record(problem))
-            else:
-                click.echo(f"{problem.render()}\n")
-        if not as_json:
+        else:
+            for text in rendered(new_problems):
+                click.echo(f"{text}\n")
             click.echo(f"{file}: {_verdict(file_problems)}")
     if problems and not as_json:
         click.echo(f"`diffbotctl explain {problems[0].code}` explains more.")

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 import time
+from collections.abc import Iterator
 from math import degrees, hypot, sqrt
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from diffbotctl.cli.engine_client import attached, held_by
-from diffbotctl.cli.options import Quantity, engine_option, for_option
+from diffbotctl.cli.options import NEGATIVE_NUMBERS, Quantity, engine_option, for_option
 
 if TYPE_CHECKING:
     from diffbotctl.control_socket.client import ControlClient
@@ -61,9 +62,6 @@ def braking_ratio(remaining: float, speed: float, braking: float) -> float:
     if remaining <= 0.0:
         return 0.0
     return min(1.0, max(SPEED_RATIO_MIN, sqrt(2.0 * braking * remaining) / speed))
-
-
-NEGATIVE_NUMBERS = {"ignore_unknown_options": True}  # -0.2 is a number here, not an option
 
 
 @click.command(context_settings=NEGATIVE_NUMBERS)
@@ -196,7 +194,7 @@ class GotoCommand(click.Command):
 @click.argument("heading", type=Quantity("rad"), required=False)
 @engine_option
 def goto(x: float, y: float, heading: float | None, engine: str | None) -> int:
-    """Drive to X Y and turn to HEADING: metres and radians, or with units, such as 50cm 0 90deg.
+    """Drive to X Y and turn to HEADING, such as 0.5 0 90deg or 50cm 0 1.57rad.
 
     ENGINE is the name of a robot, as after --engine; only needed when several are running.
     Replaces the goals of the run. The run no longer ends when a goal is reached.
@@ -204,8 +202,22 @@ def goto(x: float, y: float, heading: float | None, engine: str | None) -> int:
     with attached(engine, "goto") as client:
         client.request("goto", x=x, y=y, heading=heading)
         held = held_by(client.request("status"))
+        for warning in _warnings(client.request("scene"), x, y):
+            click.echo(f"warning: {warning}", err=True)
     facing = "" if heading is None else f", heading {degrees(heading):.0f} deg"
     click.echo(f"goal: x {x:g} m, y {y:g} m{facing}")
     if held:
         click.echo(f"the robot is stopped by {held}; `diffbotctl resume` allows motion", err=True)
     return 0
+
+
+def _warnings(scene: dict[str, Any], x: float, y: float) -> Iterator[str]:
+    """What is probably wrong with the goal at (x, y) in the simulated or real world of a run."""
+    from diffbotctl.config.checks.world import StandingRoom, goal_problems
+
+    outline = scene["robot"]
+    room = None
+    if outline is not None:
+        room = StandingRoom(scene["walls"], scene["rounds"], outline["width"])
+    for problem in goal_problems("the goal", x, y, room):
+        yield problem.cause

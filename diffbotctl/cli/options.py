@@ -56,6 +56,9 @@ class CommandGroup(click.Group):
             formatter.write_dl(rows)
 
 
+NEGATIVE_NUMBERS = {"ignore_unknown_options": True}  # -0.2 is a number here, not an option
+
+
 class Quantity(FloatType):
     """A number with or without a unit, such as 20cm/s, as a float in SI.
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
+import shutil
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from io import TextIOWrapper
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -89,17 +91,29 @@ def has_mark(start: bytes) -> bool:
 def open_output(output: Path, suffixes: Iterable[str], force: bool) -> Iterator[TextIOWrapper]:
     """The file `output`, open for text; prints its name at the end.
 
-    Raises UsageError as `check_output`, RunError when the file cannot be written.
+    It is written whole or not at all: until the end, an existing one stays as it was. Raises
+    UsageError as `check_output`, RunError when the file cannot be written.
     """
     from diffbotctl.errors import Problem, RunError
 
     check_output(output, suffixes, force)
+    target = Path(os.path.realpath(output))
+    is_special = target.exists() and not target.is_file()  # a pipe, or a terminal
+    draft = target if is_special else target.with_name(f".{target.name}.part")
     try:
-        with output.open("w", encoding="utf-8", newline="") as file:
+        with draft.open("w", encoding="utf-8", newline="") as file:
             yield file
+        if not is_special:
+            if target.exists():
+                shutil.copymode(target, draft)
+            draft.replace(target)
     except OSError as error:
         cause = f"cannot write the file: {error.strerror}"
         raise RunError(Problem("E-OUTPUT", str(output), cause, "choose another file")) from error
+    finally:
+        if not is_special:
+            with suppress(OSError):
+                draft.unlink(missing_ok=True)
     click.echo(f"written: {output}")
 
 

@@ -12,6 +12,7 @@ import click
 from diffbotctl.cli.engine_client import attached
 from diffbotctl.cli.options import (
     FILE,
+    NEGATIVE_NUMBERS,
     CommandGroup,
     Quantity,
     engine_option,
@@ -59,7 +60,7 @@ def get(parameter: str, as_json: bool, engine: str | None) -> int:
     return 0
 
 
-@param.command("set")
+@param.command("set", context_settings=NEGATIVE_NUMBERS)
 @click.argument("parameter")
 @click.argument("value")
 @engine_option
@@ -148,12 +149,16 @@ def _write_parameters(pipeline: Path, new: Path | None, rows: list[dict[str, Any
         raise UsageError(Problem("E-SAVE", str(pipeline), cause, "add --output mine.yaml"))
     path = new or pipeline
     try:
-        text = NEW_PIPELINE.format(json.dumps(str(pipeline))) if new else path.read_text()
+        text = (
+            NEW_PIPELINE.format(json.dumps(str(pipeline)))
+            if new
+            else path.read_text(encoding="utf-8")
+        )
         for row in rows:
             block, _, key = row["parameter"].partition(".")
             text = with_entry(text, ["blocks", block, "with", key], _yaml_value(row))
         temporary = path.with_name(f".{path.name}.new")
-        temporary.write_text(text)
+        temporary.write_text(text, encoding="utf-8")
         temporary.replace(path)
     except (OSError, ValueError) as error:
         cause = f"cannot save there: {error}"
@@ -190,7 +195,12 @@ def call(action: str | None, arguments: tuple[str, ...], as_json: bool, engine: 
             _print_actions(rows.values(), as_json)
             return 0
         for name in _meant(action, rows):
-            values = dict(_argument(text, rows.get(name, {})) for text in arguments)
+            values: dict[str, float | str] = {}
+            for text in arguments:
+                key, given = _argument(text, rows.get(name, {}))
+                if key in values:
+                    raise click.UsageError(f"'{text}': {key} is given twice")
+                values[key] = given
             value = client.request("call_action", action=name, arguments=values).get("value")
             if as_json:
                 print_json({"action": name, "value": value})

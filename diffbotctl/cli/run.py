@@ -125,15 +125,25 @@ def command(
     view = None if view_file is None else _read_view(view_file)
     dash = dash or (view is not None and not web)
     signals = Signals()  # from here on a signal is remembered, and ends the run when it has started
+    from diffbotctl.config.checks.world import typed_goal_problems
     from diffbotctl.config.load import load
     from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS
+    from diffbotctl.errors import UsageError
     from diffbotctl.recording.black_box_store import black_box_folder
     from diffbotctl.runs.options import RunOptions
     from diffbotctl.runs.run import Run
 
     run_goals = tuple(_goal(text) for text in goals)
     configuration = load(pipeline, robot, sets, real=port not in VIRTUAL_PORTS)
-    for warning in configuration.warnings:
+    problems = list(configuration.warnings)
+    for text, goal in zip(goals, run_goals, strict=True):
+        is_simulated = port in VIRTUAL_PORTS
+        problems += typed_goal_problems(
+            configuration, f"--goal '{text}'", goal.x, goal.y, is_simulated
+        )
+    if any(problem.severity == "error" for problem in problems):
+        raise UsageError(problems)
+    for warning in problems:
         click.echo(warning.render(), err=True)
     log_levels = tuple(_log_level(text, configuration) for text in levels)
     fast = fast and port in VIRTUAL_PORTS

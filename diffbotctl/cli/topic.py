@@ -66,6 +66,11 @@ def echo(topic: str, once: bool, duration: float | None, as_json: bool, engine: 
     return 0
 
 
+def _refuse_constant(word: str) -> None:
+    """Python's reader accepts NaN and Infinity, which JSON does not have."""
+    raise ValueError(f"{word} is no number")
+
+
 def _split_field(client: ControlClient, topic: str) -> tuple[str, list[str]]:
     """The topic, and the path of a field in its messages."""
     wires = {row["topic"] for row in client.request("list_topics")["topics"]}
@@ -169,9 +174,11 @@ def pub(topic: str, message: str, rate: float | None, engine: str | None) -> int
     published once holds for 0.2 s, then the robot stops; it also stops after Ctrl-C.
     """
     try:
-        fields = json.loads(message)
+        fields = json.loads(message, parse_constant=_refuse_constant)
     except ValueError as error:
         raise click.UsageError(f"MESSAGE is not JSON: {error}") from error
+    except RecursionError:
+        raise click.UsageError("MESSAGE is nested too deeply") from None
     with attached(engine, "topic pub") as client:
         try:
             while True:

@@ -46,8 +46,10 @@ from diffbotctl.errors import (
     UserError,
     closest_match,
 )
+from diffbotctl.params import Section, declared
 
-KINDS = ("robot", "pipeline")
+FILE_KINDS: dict[str, type[Section]] = {"robot": Robot, "pipeline": Pipeline}
+KINDS = tuple(FILE_KINDS)
 Name = TypeVar("Name", str, "str | None")
 TreeReader: TypeAlias = Callable[
     [Path, Iterable[source_tree.Override], list[Problem]], tuple[Value, list[Path]]
@@ -130,7 +132,7 @@ def _is_robot_file(file: Path) -> bool:
 
 def _kind_of(tree: Value) -> str:
     """`robot` or `pipeline`: what a file is, by its `kind`, or without one by its sections."""
-    kind = tree.entries.get("kind")
+    kind = tree.entries.get("kind") or _misspelt_kind(tree)
     if kind is not None:
         if kind.text in KINDS:  # `closest_match` would import difflib at every start
             return kind.text
@@ -342,10 +344,33 @@ class _Loader:
         return BlockUse(name, entry.block, block, values, dict(entry.wires), value.place)
 
 
+def _misspelt_kind(tree: Value) -> Value | None:
+    """The entry of a file without a `kind` that probably is it."""
+    known = set[str]().union(*(declared(owner) for owner in FILE_KINDS.values()))
+    name = closest_match("kind", [name for name in tree.entries if name not in known])
+    return None if name is None else tree.entries[name]
+
+
+def _kind_by_sections(tree: Value) -> str | None:
+    """The kind of file of which it has sections; None when it has them of both or of none."""
+    kinds = {
+        kind
+        for kind, owner in FILE_KINDS.items()
+        for other in FILE_KINDS.values()
+        if other is not owner
+        and tree.entries.keys() & (declared(owner).keys() - declared(other).keys())
+    }
+    return kinds.pop() if len(kinds) == 1 else None
+
+
 def _wrong_kind(tree: Value, expected: str) -> Problem | None:
     """The problem of a file without a `kind`, or of the other one; None for a right one."""
     kind, actual = tree.entries.get("kind"), _kind_of(tree)
     article = f"a {expected} file is required here"
+    other = _kind_by_sections(tree)
+    if kind is not None and actual == expected and other not in (None, expected):
+        cause = f"kind is {kind.text}, but the sections are those of a {other} file"
+        return Problem("E-KIND", kind.place, cause, f"write kind: {other}")
     if actual != expected:
         cause = f"this is a {actual} file, but {article}"
         fix = (
@@ -355,6 +380,10 @@ def _wrong_kind(tree: Value, expected: str) -> Problem | None:
         )
         return Problem("E-KIND", kind.place if kind is not None else tree.place, cause, fix)
     if kind is None:
+        fix, misspelt = f"write `kind: {expected}`", _misspelt_kind(tree)
+        if misspelt is not None:
+            cause = "the file does not state its kind: this key is misspelt"
+            return Problem("E-KIND", misspelt.name_place, cause, fix)
         cause = "the file does not state its kind"
         return Problem("E-KIND", tree.place, cause, f"add the line `kind: {expected}`")
     return None

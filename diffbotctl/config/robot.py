@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from diffbotctl.config.board_pins import BOARDS
 from diffbotctl.config.motor_drivers import MOTOR_DRIVERS
-from diffbotctl.config.simulation import ImuAxis, Simulation
+from diffbotctl.config.simulation import LAG_MIN_S, ImuAxis, Simulation
 from diffbotctl.geometry.distance_sensors import SHARPS
 from diffbotctl.links.link_protocol import USB_BAUD
 from diffbotctl.params import Choice, Param, Pin, Section
@@ -164,7 +164,7 @@ class WheelSection(Section):
 
     diameter = Param(float, unit="m", above=0.01, below=0.5, help="Rolling diameter.")
     width = Param(float, unit="m", default=0.026, above=0.001, below=0.3, help="Tyre width.")
-    mass = Param(float, unit="kg", default=0.035, above=0.0, help="Mass.")
+    mass = Param(float, unit="kg", default=0.035, above=0.0, maximum=10.0, help="Mass.")
 
 
 class SpeedLoopSection(Section):
@@ -253,7 +253,12 @@ class MotorSection(Section):
         bool, default=False, help="True when in1 high and in2 low turns the wheel backwards."
     )
     lag = Param(
-        float, unit="s", default=0.1, above=0.0, below=2.0, help="Time constant from duty to speed."
+        float,
+        unit="s",
+        default=0.1,
+        minimum=LAG_MIN_S,
+        below=2.0,
+        help="Time constant from duty to speed.",
     )
     decay: Decay | None = Choice(
         Decay,
@@ -365,7 +370,7 @@ class DriveSection(Section):
         unit="m",
         none=True,
         default=None,
-        above=0.0,
+        above=0.01,
         below=2.0,
         help="Distance of front and rear axle of a robot with four driven wheels, whose `track` is "
         "the one at which it turns; none: two wheels.",
@@ -409,9 +414,25 @@ class MountSection(Section):
 class CurveSection(Section):
     """Curve of a Sharp distance sensor: volts = a / (distance + b) + c."""
 
-    a = Param(float, none=True, default=None, above=0.0, help="Slope, in V m.")
-    b = Param(float, unit="m", none=True, default=None, minimum=0.0, help="Offset of the distance.")
-    c = Param(float, unit="V", none=True, default=None, help="Offset of the voltage.")
+    a = Param(float, none=True, default=None, above=0.0, maximum=50.0, help="Slope, in V m.")
+    b = Param(
+        float,
+        unit="m",
+        none=True,
+        default=None,
+        minimum=0.0,
+        maximum=1.0,
+        help="Offset of the distance.",
+    )
+    c = Param(
+        float,
+        unit="V",
+        none=True,
+        default=None,
+        minimum=-5.0,
+        maximum=5.0,
+        help="Offset of the voltage.",
+    )
 
 
 class SensorSection(Section):
@@ -495,10 +516,12 @@ class CasterSection(Section):
         unit="m",
         none=True,
         default=None,
+        above=-2.0,
+        below=2.0,
         help="Contact point, forward of the axle; none: near the end that is farther away.",
     )
     diameter = Param(float, unit="m", default=0.02, above=0.0, below=0.5, help="Ball diameter.")
-    mass = Param(float, unit="kg", default=0.02, above=0.0, help="Mass.")
+    mass = Param(float, unit="kg", default=0.02, above=0.0, maximum=10.0, help="Mass.")
 
 
 class BodySection(Section):
@@ -521,6 +544,7 @@ class BodySection(Section):
         float,
         unit="kg",
         above=0.0,
+        maximum=200.0,
         default=0.7,
         help="Mass without wheels and caster; used only by the model.",
     )
@@ -530,12 +554,14 @@ class BodySection(Section):
 class LimitsSection(Section):
     """Motion limits."""
 
-    speed = Param(float, unit="m/s", above=0.0, default=0.3, help="Speed, forward and backward.")
-    turn_rate = Param(float, unit="rad/s", above=0.0, default=4.0, help="Turning speed.")
+    speed = Param(
+        float, unit="m/s", minimum=0.005, default=0.3, help="Speed, forward and backward."
+    )
+    turn_rate = Param(float, unit="rad/s", minimum=0.01, default=4.0, help="Turning speed.")
     acceleration = Param(
         float,
         unit="m/s2",
-        above=0.0,
+        minimum=0.01,
         maximum=GRIP_MAX_M_S2,
         default=1.0,
         help="Wheel acceleration.",
@@ -544,7 +570,7 @@ class LimitsSection(Section):
     braking = Param(
         float,
         unit="m/s2",
-        above=0.0,
+        minimum=0.01,
         maximum=GRIP_MAX_M_S2,
         default=1.5,
         help="Wheel deceleration.",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Literal, NamedTuple, get_args
 
@@ -116,9 +117,13 @@ def save_view(path: Path, view: ViewSettings) -> str:
     """Write the view to a file. Returns what was done, or why it was not."""
     if path.exists() and not is_view(path):
         return f"{path} exists already and is no view: choose another name"
+    draft = path.with_name(f".{path.name}.part")
     try:
-        path.write_text(modeline("view", path) + view_text(view), encoding="utf-8")
+        draft.write_text(modeline("view", path) + view_text(view), encoding="utf-8")
+        draft.replace(path)
     except OSError as error:
+        with suppress(OSError):
+            draft.unlink(missing_ok=True)
         return f"{path} cannot be written: {error.strerror}"
     return f"saved: `diffbotctl dash --view {path}` opens this view again"
 

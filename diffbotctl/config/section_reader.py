@@ -9,13 +9,14 @@ configuration.
 from __future__ import annotations
 
 import re
+from functools import cache
 from typing import Any, TypeVar, get_args, get_origin
 
 from diffbotctl.config.unsupported_parts import unsupported_part
 from diffbotctl.config.yaml_tree import Value
 from diffbotctl.errors import Problem, closest_match, join_words
 from diffbotctl.params import Declaration, Pin, Section, declared
-from diffbotctl.units import KINDS, UNITS, UnitError, example, plain_number, quantity
+from diffbotctl.units import KINDS, UnitError, example, plain_number, quantity
 
 S = TypeVar("S", bound=Section)
 Path = tuple[str, ...]
@@ -30,6 +31,7 @@ BOOLEAN_WORDS = {
     "n": "false",
 }
 BLOCK_INPUT = re.compile(r"blocks\.[^.]+\.in\.")
+SECTIONS_SHOWN_MAX = 3
 TWO_WIRES = "an input takes one wire; use the block command_mux to select one of two"
 # Kind of value -> how a message names it, and how it is written.
 MAPPING = ("a mapping", "write `{key: value}`, or indented `key: value` lines below it")
@@ -42,7 +44,10 @@ def read_section(tree: Value, kind: type[S], title: str, problems: list[Problem]
 
     What is absent has its default, or None where it is required.
     """
-    return _Reader(title, (), problems).section(tree, kind, ())
+    reader = _Reader(title, (), problems)
+    owner: Any = kind  # a class of type S is hashable, which mypy does not see
+    reader.places = _places(owner)
+    return reader.section(tree, kind, ())
 
 
 def read_parameters(
@@ -52,6 +57,22 @@ def read_parameters(
     return _Reader("", (title,), problems).entries(tree, block, (), is_whole=True)
 
 
+@cache
+def _places(kind: Any) -> dict[str, list[str]]:
+    """Dotted paths of the single values and sections in a file of `kind`, by their last key."""
+    places: dict[str, list[str]] = {}
+
+    def add(owner: type, path: Path) -> None:
+        for declaration in declared(owner).values():
+            inner = (*path, declaration.key)
+            places.setdefault(declaration.key, []).append(".".join(inner))
+            if isinstance(declaration.kind, type) and issubclass(declaration.kind, Section):
+                add(declaration.kind, inner)
+
+    add(kind, ())
+    return places
+
+
 class _Reader:
     """Reads one tree; `title` names the whole, `prefix` begins every dotted path in a message."""
 
@@ -59,6 +80,7 @@ class _Reader:
         self.title = title
         self.prefix = prefix
         self.problems = problems
+        self.places: dict[str, list[str]] = {}  # key -> where the file has it
 
     def section(self, value: Value, kind: type[S], path: Path, is_whole: bool = True) -> S:
         return kind(**self.entries(value, kind, path, is_whole))
@@ -145,9 +167,10 @@ class _Reader:
             if name in declarations:
                 continue
             near = closest_match(name, declarations)
-            if near is None:
+            if near is None or name in self.places:
                 names = join_words(declarations, "and")
                 fix = f"allowed keys are {names}" if declarations else "no keys are allowed here"
+                fix = self._right_section(name, path) or fix
             else:
                 is_missing = is_whole and declarations[near].is_required
                 required = "the required key " if is_missing and near not in value.entries else ""
@@ -155,6 +178,16 @@ class _Reader:
             cause = f"unknown key '{name}' in {self._within(path)}"
             place = entry.name_place
             self.problems.append(Problem("E-KEY-UNKNOWN", place, cause, fix))
+
+    def _right_section(self, name: str, path: Path) -> str:
+        """The fix for a key of another section of the file; those below this one come first."""
+        here = ".".join((*path, ""))
+        places = sorted(self.places.get(name, ()), key=lambda place: not place.startswith(here))
+        if places and places[0].startswith(here) and here:
+            places = places[:1]
+        if places and "." not in places[0]:
+            return f"`{name}:` is a section of the file itself, not of another one"
+        return f"its place is {join_words(places[:SECTIONS_SHOWN_MAX])}" if places else ""
 
     def _check_missing(
         self, value: Value, declarations: dict[str, Declaration], path: Path
@@ -212,28 +245,25 @@ def read_scalar(value: Value, kind: Any, declaration: Declaration) -> tuple[Any,
     except UnitError as error:
         return None, Problem("E-UNIT", value.place, str(error), help)
     except _ScalarTypeError as error:
-        return None, Problem("E-TYPE", value.place, str(error), error.fix or help)
+        fix = f"write {value.text} without quotes" if _is_quoted(value, kind) else error.fix
+        return None, Problem("E-TYPE", value.place, str(error), fix or help)
     complaint = declaration.complaint(data)
     if complaint is None:
         return data, None
     if declaration.choices:
         return None, _not_a_choice(value, declaration)
     cause = f"{declaration.key} is {value.text or data}; it {complaint}"
-    smaller = _thousandth(value, declaration)
+    smaller = declaration.thousandth(value.text, data)
     if smaller:
         cause = f"{declaration.key} is {value.text} {declaration.unit}; it {complaint}"
         help = f"did you mean {smaller}? {help}"
     return None, Problem("E-BOUNDS", value.place, cause, help)
 
 
-def _thousandth(value: Value, declaration: Declaration) -> str:
-    """A number without a unit in mm, ms or the like, if that would be within the bounds."""
-    data = value.data
-    has_unit = bool(declaration.unit) and f"m{declaration.unit}" in UNITS
-    if not isinstance(data, int | float) or not has_unit:
-        return ""
-    is_possible = declaration.complaint(data * 1e-3) is None
-    return f"{value.text} m{declaration.unit}" if is_possible else ""
+def _is_quoted(value: Value, kind: Any) -> bool:
+    """True for a number, true or false in quotes, which make it text."""
+    words = {int: r"[-+]?[0-9]+\Z", bool: r"(?:true|false)\Z"}
+    return value.quoted and kind in words and re.match(words[kind], value.text) is not None
 
 
 class _ScalarTypeError(Exception):
@@ -247,7 +277,7 @@ class _ScalarTypeError(Exception):
 def _float(value: Value, declaration: Declaration) -> float:
     data, unit = value.data, declaration.unit
     if isinstance(data, int | float) and not isinstance(data, bool):
-        return plain_number(float(data), unit)
+        return plain_number(float(data), unit, value.text)
     if unit and not isinstance(data, bool):
         return quantity(str(data), unit)
     if isinstance(data, bool):

@@ -9,6 +9,11 @@ from __future__ import annotations
 from typing import Literal
 
 from diffbotctl.params import Choice, Param, Section
+from diffbotctl.units import POSE_MAX
+
+# No gear motor of such a robot starts within less; a shorter one makes steps of no length.
+LAG_MIN_S = 0.001
+SLIP_MAX_M = 0.1
 
 Equations = Literal["exponential", "torque"]
 Coasting = Literal["linear", "coulomb"]
@@ -28,6 +33,8 @@ class MotorTruth(Section):
         tuple[float, float],
         default=(0.060, 0.150),
         unit="s",
+        minimum=LAG_MIN_S,
+        maximum=5.0,
         help="Range of the time constant from duty to speed; one value for both motors.",
     )
     lag_spread = Param(
@@ -58,6 +65,8 @@ class MotorTruth(Section):
         tuple[float, float],
         default=(0.08, 0.16),
         unit="1",
+        minimum=0.0,
+        maximum=0.9,
         help="Range of the breakaway duty of a wheel at rest; one value for each motor.",
     )
     keep_share = Param(
@@ -187,14 +196,27 @@ class SensorTruth(Section):
     """Errors of one distance sensor."""
 
     noise = Param(
-        float, default=0.010, unit="V", minimum=0.0, help="Standard deviation of a reading."
+        float,
+        default=0.010,
+        unit="V",
+        minimum=0.0,
+        maximum=5.0,
+        help="Standard deviation of a reading.",
     )
-    offset = Param(float, default=0.0, unit="V", help="Constant error of the voltage.")
+    offset = Param(
+        float,
+        default=0.0,
+        unit="V",
+        minimum=-5.0,
+        maximum=5.0,
+        help="Constant error of the voltage.",
+    )
     spread = Param(
         float,
         default=0.010,
         unit="m",
         minimum=0.0,
+        maximum=1.0,
         help="Standard deviation of a laser scanner's distance.",
     )
     echo_spread = Param(
@@ -202,6 +224,7 @@ class SensorTruth(Section):
         default=0.003,
         unit="m",
         minimum=0.0,
+        maximum=1.0,
         help="Standard deviation of an HC-SR04's distance.",
     )
     echo: EchoFault = Choice(
@@ -282,8 +305,22 @@ class GyroTruth(Section):
 class Start(Section):
     """Pose of the robot in the simulated world at the start: the origin of the frame odom."""
 
-    x = Param(float, unit="m", default=0.0, help="Position along the world's x axis.")
-    y = Param(float, unit="m", default=0.0, help="Position along the world's y axis.")
+    x = Param(
+        float,
+        unit="m",
+        default=0.0,
+        minimum=-POSE_MAX["m"],
+        maximum=POSE_MAX["m"],
+        help="Position along the world's x axis.",
+    )
+    y = Param(
+        float,
+        unit="m",
+        default=0.0,
+        minimum=-POSE_MAX["m"],
+        maximum=POSE_MAX["m"],
+        help="Position along the world's y axis.",
+    )
     heading = Param(float, unit="rad", default=0.0, help="Heading; counter-clockwise from x.")
 
 
@@ -402,6 +439,7 @@ class Simulation(Section):
         default=0.0005,
         unit="m",
         minimum=0.0,
+        maximum=SLIP_MAX_M,
         help="Slip of each wheel: standard deviation after 1 m, growing with the square root.",
     )
     battery = Param(BatteryTruth, default=BatteryTruth(), help="The motor supply.")

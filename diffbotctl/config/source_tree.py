@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from diffbotctl.config import lookup, renamed_keys, yaml_reader
+from diffbotctl.config.robot import Robot
 from diffbotctl.config.yaml_tree import Value
 from diffbotctl.errors import (
     ConfigurationError,
@@ -22,6 +23,7 @@ from diffbotctl.errors import (
     closest_match,
     join_words,
 )
+from diffbotctl.params import declared
 
 INCLUDE_DEPTH_MAX = 10  # files
 INCLUDES_MAX_COUNT = 40  # files that are read for one file, each as often as it is included
@@ -29,6 +31,8 @@ INCLUDED_MAX_VALUES = 40_000  # in all of them; a robot file has about 150
 VARIABLE = r"[A-Za-z_][A-Za-z0-9_]*"
 WHOLE_VARIABLE = re.compile(rf"\$({VARIABLE})\Z")
 ANY_VARIABLE = re.compile(rf"\$\$|\$({VARIABLE})")
+FIXED_KEYS = ("format", "kind", "include")  # of the robot file
+OTHER_ROBOT = "name another file with --robot, or change one value: --set robot.drive.track='13 cm'"
 OVERRIDE_SHAPE = "write --set block.parameter=value, such as --set follower.tolerance='20 mm'"
 
 
@@ -65,7 +69,7 @@ def _parse_override(text: str) -> Override:
     path, equals, written = text.partition("=")
     steps = tuple(path.strip().split("."))
     place = Place(source, 1, 1, max(1, len(path)))
-    if not equals or len(steps) < 2 or not all(steps):
+    if not equals or not all(steps):
         cause = "--set requires path=value"
         raise ConfigurationError(Problem("E-SET", place, cause, OVERRIDE_SHAPE))
     column = len(path) + 1
@@ -85,8 +89,14 @@ def read_robot(
     """
     tree, paths = _read_with_includes(path, "robots")
     for override in overrides:
-        if override.steps[0] == "robot":
-            tree = tree.with_entry(override.steps[1:], override.value)
+        first, *steps = override.steps
+        if first != "robot":
+            continue
+        if not steps or steps[0] in FIXED_KEYS:
+            cause = f"{'.'.join(override.steps)} cannot be changed by --set"
+            problems.append(Problem("E-SET", override.place, cause, OTHER_ROBOT))
+        else:
+            tree = tree.with_entry(steps, override.value)
     tree = _substitute(tree, problems)
     return renamed_keys.update_tree(tree, renamed_keys.ROBOT_CHANGES, problems), paths
 
@@ -101,9 +111,13 @@ def read_pipeline(
     devices = tree.entries.get("sources")
     sources = list(devices.entries) if devices else []
     for override in overrides:
-        first, *rest = override.steps
-        if first in ("vars", "goals", "world"):
+        first, *rest = _without_sections(override.steps)
+        if first in ("goals", "world") or (first == "vars" and rest):
             tree = tree.with_entry(override.steps, override.value)
+        elif not rest:
+            if first != "robot":  # `read_robot` reports that
+                cause = "--set requires block.parameter=value"
+                problems.append(Problem("E-SET", override.place, cause, OVERRIDE_SHAPE))
         elif first in names:
             tree = tree.with_entry(("blocks", first, "with", *rest), override.value)
         elif first in sources:
@@ -112,10 +126,19 @@ def read_pipeline(
             near = closest_match(first, [*names, *sources, "robot", "vars"])
             has = ", ".join([*names, *sources, "robot", "vars"])
             fix = f"did you mean {near}?" if near else f"use one of {has}"
+            if first in declared(Robot):
+                fix = f"write robot.{'.'.join(override.steps)}, for a value of the robot file"
             cause = f"the pipeline has no block '{first}'"
             problems.append(Problem("E-SET", override.place, cause, fix))
     tree = _substitute(tree, problems)
     return renamed_keys.update_tree(tree, renamed_keys.PIPELINE_CHANGES, problems), paths
+
+
+def _without_sections(steps: Sequence[str]) -> Sequence[str]:
+    """`steps` without the sections `blocks` and `with`, which messages and files name."""
+    if len(steps) > 2 and steps[0] in ("blocks", "sources"):
+        steps = steps[1:]
+    return (steps[0], *steps[2:]) if len(steps) > 2 and steps[1] == "with" else steps
 
 
 def _read_with_includes(path: Path, folder: str) -> tuple[Value, list[Path]]:

@@ -52,6 +52,8 @@ PARTS: dict[str, dict[str, UnsupportedPart]] = {
         "rp2040": UnsupportedPart("an RP2040 is the chip of a Pico", "write type: pico"),
         "pico2": _board("a Pico 2", "its chip, the RP2350, has no firmware here"),
         "rp2350": _board("an RP2350", "it has no firmware here"),
+        "due": _board("a Due", "its chip, the SAM3X, has no firmware here"),
+        "nanoevery": _board("a Nano Every", "its chip, the 4809, has no firmware here"),
         "teensy": _board("a Teensy", "its chip has no firmware here"),
         "leonardo": _board("a Leonardo", "its chip, the 32U4, has no firmware here"),
         "32u4": _board("a 32U4 (Leonardo, Romi)", "the chip has no firmware here"),

@@ -72,6 +72,11 @@ def parse_any(source: Source, text: str) -> Value | None:
             builder.add_event(event)
     except _UnreadableError:
         pass
+    except UnicodeEncodeError as error:  # a word of the command line; files were decoded
+        cause, fix = "this character is not UTF-8", "type the text again"
+        builder.problems.append(
+            Problem("E-FILE-ENCODING", Place(source, 1, error.start + 1), cause, fix)
+        )
     except RecursionError:
         builder.problems.append(yaml_syntax.too_deep(Place(source, 1, 1)))
     except Exception as error:
@@ -143,6 +148,9 @@ def open_regular(path: str | Path) -> IO[bytes]:
 
 def read_text(path: str, name: str) -> str:
     """The text of the file at `path`, called `name` in messages. Raises ConfigurationError."""
+    if not path.isprintable() and path.encode("utf-8", "replace") != os.fsencode(path):
+        cause = "the name of this file is not UTF-8 text, and cannot be recorded or displayed"
+        _refuse("E-FILE-READ", name, cause, "rename the file")
     try:
         with open_regular(path) as file:
             size = os.fstat(file.fileno()).st_size

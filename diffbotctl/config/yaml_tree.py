@@ -72,11 +72,19 @@ class Value:
         return value
 
     def with_entry(self, steps: Sequence[str], value: Value | None) -> Value:
-        """A copy of this mapping in which `value` is at the path `steps`; None removes it."""
+        """A copy of this mapping in which `value` is at the path `steps`; None removes it.
+
+        A step of digits is the index of an item that a list has.
+        """
         name, rest = steps[0], steps[1:]
+        index = int(name) if name.isdecimal() and len(name) < 6 else len(self.items)
+        if index < len(self.items) and value is not None:
+            items = list(self.items)
+            items[index] = items[index].with_entry(rest, value) if rest else value
+            return replace(self, data=items)
         if rest:
             inner = self.entries.get(name)
-            if inner is None or not isinstance(inner.data, dict):
+            if inner is None or not isinstance(inner.data, dict | list):
                 place = value or self
                 inner = Value({}, place.value_place, place.key_place)
             value = inner.with_entry(rest, value)

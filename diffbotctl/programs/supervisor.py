@@ -30,6 +30,8 @@ STDERR_LINES_PER_SECOND = 20
 STDERR_LINE_BYTES = 300
 RECORD_MAX_BYTES = 1 << 12
 PR_SET_PDEATHSIG = 1  # prctl(2)
+PR_SET_CHILD_SUBREAPER = 36
+SWEEPS_MAX = 100  # each kills all that is left; what is killed can have started another one
 LIBC = ctypes.CDLL(None)
 
 
@@ -89,6 +91,9 @@ class _Supervisor:
 
     def run(self) -> int:
         """Supervise until the engine closes its end of the channel."""
+        # What a program starts in a session of its own becomes a child of this process when the
+        # program ends, and can be ended too.
+        LIBC.prctl(PR_SET_CHILD_SUBREAPER, 1)
         is_open = True
         while is_open:
             ready = self._wait()
@@ -169,6 +174,7 @@ class _Supervisor:
         if child.last_line:
             text += f": {child.last_line}"
         self._forget(child)
+        self._reap()
         self._send(Event("ended", child.use.name, pid, text))
         self._back_off(child)
 
@@ -230,6 +236,28 @@ class _Supervisor:
                 child.process.wait(max(deadline - time.monotonic(), 0.01))
             self._kill(child, signal.SIGKILL)
             child.process.wait()
+        for _ in range(SWEEPS_MAX):
+            if not (left := _children()):
+                break
+            for pid in left:
+                with suppress(ProcessLookupError, PermissionError):
+                    os.kill(pid, signal.SIGKILL)
+                with suppress(ChildProcessError):
+                    os.waitpid(pid, 0)
+
+    def _reap(self) -> None:
+        """Collect what ended after the program that had started it."""
+        programs = {child.process.pid for child in self.children.values() if child.process}
+        for pid in _children():
+            if pid not in programs:
+                with suppress(ChildProcessError):
+                    os.waitpid(pid, os.WNOHANG)
+
+
+def _children() -> list[int]:
+    """The processes whose parent is this one."""
+    pid = os.getpid()
+    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
 def exit_text(code: int) -> str:

@@ -182,10 +182,10 @@ def _write_files(files: dict[str, str], folder: Path) -> dict[str, Path]:
         parent = folder / str(number)
         parent.mkdir()
         places[name] = parent / Path(name).name
-        places[name].write_text(text)
+        places[name].write_text(text, encoding="utf-8")
     for place in places.values():
         for other in places.values():
             copy = place.parent / other.name
             if not copy.exists():
-                copy.write_text(other.read_text())
+                copy.write_bytes(other.read_bytes())
     return places

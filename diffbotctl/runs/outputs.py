@@ -250,20 +250,27 @@ def run_facts(
     configuration: Configuration, options: RunOptions, goals: Sequence[Goal]
 ) -> dict[str, str]:
     """Metadata that makes a recording self-contained: version, files, options."""
-    robots = {name: str(part.robot_file) for name, part in configuration.robots.items()}
+    robots = {name: _recorded(part.robot_file) for name, part in configuration.robots.items()}
     return {
         "version": __version__,
         "epoch": str(time.time_ns()),
-        "pipeline": str(configuration.file),
-        "robot": str(configuration.robot_file or ""),
+        "pipeline": _recorded(configuration.file),
+        "robot": _recorded(configuration.robot_file),
         "sets": json.dumps(configuration.settings),
         "port": options.port,
         "seed": str(options.seed),
         "goals": json.dumps([list(goal) for goal in goals]),
         "duration": json.dumps(options.duration),
         **({"robots": json.dumps(robots)} if robots else {}),
-        "files": json.dumps({str(file): file.read_text() for file in configuration.files}),
+        "files": json.dumps(
+            {_recorded(file): file.read_text(encoding="utf-8") for file in configuration.files}
+        ),
     }
+
+
+def _recorded(file: Path | None) -> str:
+    """The name of `file`; what of it is no UTF-8 cannot be recorded, and is replaced."""
+    return "" if file is None else os.fsencode(file).decode("utf-8", "replace")
 
 
 def record_to(

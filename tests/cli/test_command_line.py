@@ -88,6 +88,12 @@ def test_a_time_limit_is_called_for_everywhere():
         (["run", "goal", "--for", "-1s"], 2, "--for"),
         (["drive", "--for", "-1s"], 2, "above 0"),
         (["goto", "nan", "0"], 2, "'nan' is not a number"),
+        (["goto", "0", "0", "90"], 2, "the angle 90 has no unit: write 90 deg"),
+        (["goto", "0", "0", "1e308"], 2, "the angle 1e308 has no unit"),
+        (["run", "goal", "--goal", "2.5 0"], 2, "E-GOAL-WALL"),
+        (["run", "goal", "--goal", "0 0", "--goal", "2.45 0.3"], 2, "--goal '2.45 0.3'"),
+        (["topic", "pub", "operator.twist", '{"linear": NaN}'], 2, "NaN is no number"),
+        (["topic", "pub", "operator.twist", "[" * 5000], 2, "nested too deeply"),
         (["help", "nothing"], 2, "There is no command 'nothing'."),
     ],
 )

@@ -1,6 +1,7 @@
 """What becomes of words that their terminal, pipe or disk does not take."""
 
 import os
+import resource
 import subprocess
 
 import pytest
@@ -16,7 +17,7 @@ PICTURES = (
 )
 
 
-def said(*words, stdout=subprocess.PIPE, **variables):
+def said(*words, stdout=subprocess.PIPE, cwd=None, preexec_fn=None, **variables):
     return subprocess.run(
         command_line(*words),
         stdin=subprocess.DEVNULL,
@@ -24,6 +25,8 @@ def said(*words, stdout=subprocess.PIPE, **variables):
         stderr=subprocess.PIPE,
         text=True,
         env=os.environ | variables,
+        cwd=cwd,
+        preexec_fn=preexec_fn,
     )
 
 
@@ -32,6 +35,60 @@ def test_a_terminal_without_the_letters_is_no_defect(words):
     done = said(*words, PYTHONIOENCODING="ascii")
     assert (done.returncode, done.stderr) == (0, "")
     assert len(done.stdout.splitlines()) > 5
+
+
+C_LOCALE = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+
+
+@pytest.mark.parametrize("words", PICTURES)
+def test_the_c_locale_is_no_defect(words):
+    done = said(*words, **C_LOCALE)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_files_are_utf_8_in_every_locale(tmp_path):
+    robot = tmp_path / "mine.yaml"
+    robot.write_text("# R\u00e4der\nformat: 1\nkind: robot\ninclude: book_2wd\n", encoding="utf-8")
+    record = ("--record", str(tmp_path / "a.mcap"), "--for", "0.5s", "--fast", "--quiet")
+    done = said("run", "goal", "--robot", str(robot), *record, **C_LOCALE)
+    assert "final stop confirmed" in done.stdout and "E-DEFECT" not in done.stderr
+    assert said("replay", str(tmp_path / "a.mcap"), "--check", **C_LOCALE).returncode == 0
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("run", "goal", "--set", "follower.tolerance=\udcff"),
+        ("run", "goal", "--robot", "r\udcff.yaml", "--fast", "--for", "1s", "--record", "a.mcap"),
+        ("run", "r\udcff.yaml"),
+        ("export", "urdf", "r\udcff.yaml", "--output", "o.urdf"),
+        ("check", "r\udcff.yaml"),
+    ],
+)
+def test_words_that_are_no_utf_8_are_refused(words, tmp_path):
+    with open(os.fsencode(tmp_path) + b"/r\xff.yaml", "w") as file:
+        file.write("format: 1\nkind: robot\ninclude: book_2wd\n")
+    done = said(*words, cwd=tmp_path)
+    assert done.returncode == 2
+    assert "UTF-8" in done.stdout + done.stderr and "E-DEFECT" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    "words", [("wiring", "book_2wd"), ("graph", "goal"), ("show", "book_2wd")], ids=lambda w: w[0]
+)
+def test_a_file_is_written_whole_or_stays_as_it_was(words, tmp_path):
+    picture = tmp_path / "picture.svg"
+    assert said(*words, "--output", str(picture)).returncode == 0
+    whole = picture.read_bytes()
+    done = said(*words, "--output", str(picture), preexec_fn=_limit_files)
+    assert done.returncode == 1 and "E-OUTPUT" in done.stderr
+    assert picture.read_bytes() == whole
+    assert list(tmp_path.iterdir()) == [picture]
+
+
+def _limit_files():
+    """As a full disk: nothing longer can be written."""
+    resource.setrlimit(resource.RLIMIT_FSIZE, (200, 200))
 
 
 @pytest.mark.parametrize("words", (*PICTURES[:1], ("explain",), ("run", "goal", "--fast")))

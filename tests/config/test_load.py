@@ -5,7 +5,7 @@ from math import pi
 import pytest
 
 from diffbotctl.config import lookup
-from diffbotctl.config.load import load, load_robot
+from diffbotctl.config.load import check, load, load_robot
 from diffbotctl.errors import ConfigurationError, UserError
 
 
@@ -146,11 +146,39 @@ blocks: {talker: {block: talker, with: {greeting: "hello $who, $number of $$5"}}
         ("guard.resume=wait", "guard", "resume_by", "wait"),
         ("follower.reverse=true", "follower", "reverse", True),
         ("robot.limits.braking=1 m/s2", "guard", "braking", 1.0),
+        ("follower.with.tolerance=20 mm", "follower", "tolerance", 0.02),  # as messages name it
+        ("blocks.follower.with.tolerance=20 mm", "follower", "tolerance", 0.02),
     ],
 )
 def test_set_changes_one_value(words, block, parameter, value):
     use = {use.name: use for use in load("goal", sets=[words]).blocks}[block]
     assert use.values[parameter] == value
+
+
+def test_set_changes_goals_and_items_of_lists():
+    settings = ["goals=[{x: 1 m}, {x: 2 m}]", "goals.1.y=30 cm", "world.walls.0.to=[3 m, 2 m]"]
+    configuration = load("goal", sets=settings)
+    assert [(goal.x, goal.y) for goal in configuration.goals] == [(1.0, 0.0), (2.0, 0.3)]
+    assert configuration.world.walls[0].end == (3.0, 2.0)
+    assert load("goal", sets=["goals=[]"]).goals == ()
+
+
+@pytest.mark.parametrize(
+    ("words", "cause", "fix"),
+    [
+        ("robot=turtle", "robot cannot be changed by --set", "--robot"),
+        ("robot.include=/dev/zero", "robot.include cannot be changed by --set", "--robot"),
+        ("robot.kind=pipeline", "robot.kind cannot be changed by --set", "--robot"),
+        ("drive.track=13 cm", "the pipeline has no block 'drive'", "write robot.drive.track"),
+        ("follower=5", "--set requires block.parameter=value", "follower.tolerance"),
+        ("vars=5", "--set requires block.parameter=value", "follower.tolerance"),
+        ("follower.tolerance", "--set requires path=value", "follower.tolerance"),
+        ("=5", "--set requires path=value", "follower.tolerance"),
+    ],
+)
+def test_set_that_is_refused(words, cause, fix):
+    (problem,) = check("goal", "book_2wd", [words])
+    assert problem.code == "E-SET" and problem.cause == cause and fix in problem.fix
 
 
 def test_set_changes_a_variable():

@@ -81,7 +81,10 @@ def refusal_to(folder, data):
             b'{"method": "publish", "topic": "operator.twist", "message": {"linear": 1e308}}\n',
             "limit",
         ),
-        (b'{"method": "set_parameter", "parameter": "guard.margin", "value": 1e999}\n', "finite"),
+        (
+            b'{"method": "set_parameter", "parameter": "guard.margin", "value": 1e999}\n',
+            "must be a number below",
+        ),
         (
             b'{"method": "call_action", "action": "odometry.set_pose", "arguments": {"x": NaN}}\n',
             "NaN",

@@ -100,13 +100,18 @@ def test_live_parameters_are_set_and_the_others_are_not(folder):
     assert json.loads(cli(folder, "param", "get", "guard.margin", "--json")[1])["value"] == 0.08
     for parameter, value, words in (
         ("guard.margin", "0", "at least 0.01 m"),
+        ("guard.margin", "-1", "at least 0.01 m"),
+        ("guard.margin", "80", "did you mean 80 mm?"),
+        ("guard.margin", "none", "must be a number"),
+        ("robot.limits.speed", "5", "run again with --set robot.limits.speed="),
+        ("limits.speed", "5", "run again with --set robot.limits.speed="),
         ("guard.margin", "2 s", "is a time"),
         ("guard.resume", "never", "one of by_itself, wait"),
         ("guard.debounce", "1.5", "whole number"),
         ("gate.command_timeout", "0.5", "cannot change while running"),
         ("guard.margn", "1", "did you mean guard.margin"),
     ):
-        code, _, complaint = cli(folder, "param", "set", parameter, "--", value)
+        code, _, complaint = cli(folder, "param", "set", parameter, value)
         assert code == 1 and words in " ".join(complaint.split()), complaint
 
 

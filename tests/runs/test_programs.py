@@ -117,6 +117,30 @@ def test_programs_end_with_the_engine_however_it_ends(tmp_path, pipeline, number
         until(lambda: not is_alive(pid))
 
 
+STARTS_OTHERS = """
+import signal, subprocess, sys, time
+for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+    signal.signal(number, signal.SIG_IGN)
+command = [sys.executable, "-c", "import time; time.sleep(1000)"]
+others = [subprocess.Popen(command, start_new_session=own) for own in (False, True)]
+with open("others", "w") as file:
+    file.write(" ".join(str(other.pid) for other in others))
+time.sleep(1000)
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_what_a_program_starts_ends_with_the_engine(tmp_path, pipeline, number):
+    (tmp_path / "lead.py").write_text(STARTS_OTHERS)
+    others = tmp_path / "others"
+    with running(tmp_path, str(pipeline), "--stay", "--allow-programs") as process:
+        until(lambda: others.exists() and len(others.read_text().split()) == 2)
+        process.send_signal(number)
+        process.wait(timeout=60)
+        for pid in others.read_text().split():
+            until(lambda pid=pid: not is_alive(pid))
+
+
 def test_programs_end_with_the_supervisor_and_the_robot_stops(tmp_path, pipeline):
     with running(tmp_path, str(pipeline), "--stay", "--allow-programs"):
         client = PlainClient(tmp_path)

@@ -47,6 +47,7 @@ CHECKS: tuple[Callable[[CheckContext], None], ...] = (
     board.check_driver,
     board.check_supply,
     board.check_voltages,
+    board.check_battery,
     board.check_stall_current,
     calibration.check_calibration,
     world.check_ranges,

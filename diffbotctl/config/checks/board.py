@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from math import floor
+from math import ceil, floor
+from typing import get_args
 
-from diffbotctl.config.board_pins import BOARDS, SIMULATED
+from diffbotctl.config.board_pins import BOARDS, SIMULATED, BoardPins
 from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.motor_drivers import MODE_TEXT, MOTOR_DRIVERS, MotorDriverFacts, driver_facts
-from diffbotctl.config.robot import SIDES, Robot, line_baud
+from diffbotctl.config.robot import SIDES, BaudRate, Robot, line_baud
 from diffbotctl.errors import join_words
 from diffbotctl.geometry.distance_sensors import ECHOES, TURN, further_sensors
 from diffbotctl.links import link_protocol
@@ -39,8 +40,14 @@ def check_budget(context: CheckContext) -> None:
         f"at {baud} baud the link carries {capacity:.0f} bytes/s"
     )
     rate_max = floor((link_protocol.TELEMETRY_LOAD_MAX * capacity - ranges) / frame)
-    options = [f"set telemetry to at most {rate_max} Hz", "raise link.baud"]
-    if has_edge_times and protocol == "diffbot" and not has_gyro:
+    options = [f"set telemetry to at most {rate_max} Hz"] if rate_max >= 1 else []
+    if line_baud(context.robot) == context.robot.link.baud:  # a USB cable has the rate of its own
+        needed = (rate * frame + ranges) / link_protocol.TELEMETRY_LOAD_MAX
+        enough = [each for each in get_args(BaudRate) if link_protocol.capacity(each) >= needed]
+        options += [f"raise link.baud to {enough[0]}"] if enough else []
+    without = rate * link_protocol.frame_bytes(protocol, False, has_gyro) + ranges
+    is_enough = without <= link_protocol.TELEMETRY_LOAD_MAX * capacity
+    if has_edge_times and protocol == "diffbot" and not has_gyro and is_enough:
         options.append("set edge_times: false")
     place = context.error_place("board.telemetry", "link.baud", "board.edge_times")
     fix = join_words(options)
@@ -177,9 +184,12 @@ def _check_input(
 
 
 def check_voltages(context: CheckContext) -> None:
-    """Refuse what puts more than its pins take on a board of 3.3 V, or too much on its supply."""
+    """Refuse what puts more on a pin of a board than it takes, or too much on its supply."""
     board = context.board
-    if board is None or context.robot is None or board.volts > MODULE_V:
+    if board is None or context.robot is None:
+        return
+    _check_divider(context, board)
+    if board.volts > MODULE_V:
         return
     most = f"{board.volts:g} V"
     if context.values("board.supply") == ("vin",):
@@ -194,15 +204,42 @@ def check_voltages(context: CheckContext) -> None:
             fix = "add 1 kOhm in the wire and 2 kOhm from the pin to GND, and set level: divider"
             place = context.robot_place("sensors", name, "echo")
             context.error("E-WIRING-VOLTAGE", place, cause, fix)
+
+
+def _check_divider(context: CheckContext, board: BoardPins) -> None:
+    """Compare the battery's voltage behind its divider with what a pin takes."""
     values = context.values("battery.pin", "battery.full", "battery.divider")
-    if values is not None and None not in values and values[1] / values[2] > board.volts:
-        cause = (
-            f"{values[1]:g} V divided by {values[2]:g} are {values[1] / values[2]:.1f} V at the "
-            f"pin, and those of {board.with_article} take {most}"
-        )
-        fix = f"take resistors that divide by at least {1.1 * values[1] / board.volts:.1f}"
-        place = context.error_place("battery.divider", "battery.full")
-        context.error("E-WIRING-VOLTAGE", place, cause, fix)
+    if values is None or values[1] / values[2] <= board.volts:
+        return
+    _, full, divider = values
+    cause = (
+        f"{full:g} V divided by {divider:g} are {full / divider:.1f} V at the pin, and those of "
+        f"{board.with_article} take {board.volts:g} V"
+    )
+    enough = ceil(11.0 * full / board.volts) / 10  # a tenth more
+    fix = f"take resistors that divide by at least {enough:g}, and state that divider"
+    place = context.error_place("battery.divider", "battery.full")
+    context.error("E-WIRING-VOLTAGE", place, cause, fix)
+
+
+def check_battery(context: CheckContext) -> None:
+    """Refuse a low battery that a full one is; warn of what has no effect or is not known."""
+    battery = context.robot.battery if context.robot is not None else None
+    if battery is None or battery.low is None:
+        return
+    place = context.error_place("battery.low", "battery.full")
+    if battery.full is not None and battery.low >= battery.full:
+        cause = f"low is {battery.low:g} V, and full is {battery.full:g} V: it would never drive"
+        fix = "low is where the robot stops: about 3.3 V for each lithium cell"
+        context.error("E-BATTERY", place, cause, fix)
+    elif battery.low and battery.pin is None:
+        cause = "low has no effect: no pin measures the battery"
+        fix = "wire a divider, and state its pin and divider; or remove low"
+        context.warn("W-BATTERY", place, cause, fix)
+    elif battery.low and battery.divider is None:
+        cause = "low is a voltage of the battery, and the divider in front of its pin is not stated"
+        fix = "state divider, or find it out: `diffbotctl calibrate battery`"
+        context.warn("W-BATTERY", place, cause, fix)
 
 
 def check_supply(context: CheckContext) -> None:

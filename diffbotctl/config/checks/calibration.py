@@ -44,6 +44,7 @@ PLAUSIBLE = {
     r"battery\.divider": PlausibleRatio(0.5, 2.0, "check the resistors of the divider"),
 }
 DIAMETER_RATIO_MAX = 1.08  # of both wheels; a larger one makes the robot visibly drive a circle
+SD_RATIO_MAX = 0.5  # of a calibrated length, speed or scale
 MOTOR_LAG_MAX_S = 0.8  # no usable gear motor of this size is slower
 
 # Field that blocks read -> the calibration that measures it.
@@ -95,7 +96,14 @@ def _check_sd(context: CheckContext, path: str, calibrated: Calibrated | None) -
         return
     try:
         sd = quantity(str(calibrated.sd), declaration.unit)
+        value = context.values(path)
+        is_ratio = any(re.fullmatch(pattern, path) for pattern in PLAUSIBLE)
+        most = SD_RATIO_MAX * value[0] if is_ratio and value else inf
         cause = "" if 0.0 <= sd < inf else f"{calibrated.sd} is no standard deviation"
+        if not cause and value and sd > most:
+            cause = (
+                f"{path} of {value[0]:g} with a standard deviation of {sd:g} is not known at all"
+            )
     except UnitError as error:
         cause = str(error)
     if cause:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import degrees, floor, hypot, pi, sqrt
+from math import ceil, degrees, floor, hypot, pi, sqrt
 
 from diffbotctl.block import outputs, robot_fields
 from diffbotctl.blocks.obstacle_stop import (
@@ -13,13 +13,22 @@ from diffbotctl.blocks.obstacle_stop import (
 )
 from diffbotctl.blocks.range_sensor import sensor_reach
 from diffbotctl.config.checks.context import CheckContext
-from diffbotctl.config.robot import SIDES, BoardSection, default_glitch, line_baud, shortest_level
+from diffbotctl.config.robot import (
+    SIDES,
+    BoardSection,
+    DriveSection,
+    LimitsSection,
+    default_glitch,
+    line_baud,
+    shortest_level,
+)
 from diffbotctl.errors import Place, join_words
 from diffbotctl.estimation.geometry_deviation import SKID_TRACK_SD, TRACK
 from diffbotctl.estimation.slot_errors import LEARNABLE_SLOTS_MAX
 from diffbotctl.links import link_protocol
 from diffbotctl.messages import GoalState
 from diffbotctl.params import declared
+from diffbotctl.units import rounded_down, rounded_up
 
 COMMANDS_PER_DEADMAN_MIN = 3  # two consecutive ones may be lost without a stop
 # At full speed. Odometry derives the slot of an edge from the previous edge; simulated robots with
@@ -54,7 +63,8 @@ def check_deadman(context: CheckContext) -> None:
         f"a command is sent with each frame, every {1000 / rate:.0f} ms; "
         f"the board stops {deadman * 1000:.0f} ms after the last one"
     )
-    fix = "raise board.telemetry, or board.deadman up to 500 ms"
+    slowest = ceil(COMMANDS_PER_DEADMAN_MIN / deadman)
+    fix = f"set board.telemetry to at least {slowest} Hz, or raise board.deadman up to 500 ms"
     if deadman * rate <= 1:
         context.error("E-DEADMAN", place, f"{cause}, so it would stop between two commands", fix)
     elif deadman * rate < COMMANDS_PER_DEADMAN_MIN:
@@ -78,6 +88,8 @@ def check_edges(context: CheckContext) -> None:
     if values is None or context.values("drive.left.encoder.channels") == (2,):
         return  # two channels show the direction of every edge
     has_edge_times, telemetry, diameter, slots, speed = values
+    top_speed = min((wheel[0] for wheel in _rim_speeds(context)), default=speed)
+    speed = min(speed, top_speed)  # one beyond that is refused where it is stated
     rate = speed / (pi * diameter) * slots
     if not has_edge_times or slots > LEARNABLE_SLOTS_MAX or rate <= EDGES_PER_FRAME_MAX * telemetry:
         return
@@ -86,8 +98,8 @@ def check_edges(context: CheckContext) -> None:
         f"at {speed:g} m/s there are {rate:.0f} edges per second but {telemetry:g} frames; a frame "
         "reports the time of one edge only, so the heading drifts"
     )
-    slower = floor(speed * EDGES_PER_FRAME_MAX * telemetry / rate * 100) / 100
-    options = [f"set telemetry to {rate:.0f} Hz"] if _can_send(context, rate) else []
+    slower = rounded_down(speed * EDGES_PER_FRAME_MAX * telemetry / rate)
+    options = [f"set telemetry to {ceil(rate)} Hz"] if _can_send(context, ceil(rate)) else []
     options += [f"lower limits.speed to {slower:g} m/s"] if slower >= 0.05 else []
     options.append("set edge_times: false")
     context.warn("W-EDGES", place, cause, join_words(options))
@@ -120,12 +132,25 @@ def check_glitch(context: CheckContext) -> None:
     for side, value in values.items():
         if value is not None and value[2] <= RATED_SPEED_MAX_RAD_S:
             place = context.error_place(*(f"drive.{side}.{path}" for path in paths))
-            _check_side_glitch(context, title or f"{side} encoder keeps", place, *value)
+            path = f"drive.{side}.encoder.glitch" if not title else "glitch"
+            stated = context.robot_value("drive", side, "encoder", "glitch")
+            is_own = stated is not None and stated.place.source.is_own
+            default = ", or leave it out for this default" if is_own else ""
+            _check_side_glitch(
+                context, title or f"{side} encoder keeps", place, (path, default), *value
+            )
 
 
 def _check_side_glitch(
-    context: CheckContext, title: str, place: Place | str, glitch: float, slots: int, rated: float
+    context: CheckContext,
+    title: str,
+    place: Place | str,
+    key: tuple[str, str],
+    glitch: float,
+    slots: int,
+    rated: float,
 ) -> None:
+    """`key`: the key to set, and what else can be done with it."""
     level = shortest_level(slots, rated)
     if glitch <= GLITCH_WARNED_RATIO * level:
         return
@@ -133,8 +158,8 @@ def _check_side_glitch(
         f"at the rated {rated / (2 * pi) * 60:.0f} rpm the {title} a level for "
         f"{level * 1000:.3g} ms, and a level shorter than {glitch * 1000:g} ms is not counted"
     )
-    default = default_glitch(slots, rated)
-    fix = f"set glitch to {default * 1e6:.0f} us, or leave it out for this default"
+    default = default_glitch(slots, rated) * 1e6
+    fix = f"set {key[0]} to {max(1, floor(default))} us{key[1]}"
     if glitch > GLITCH_REFUSED_RATIO * level:
         context.error("E-GLITCH", place, f"{cause}: edges would be lost", fix)
     else:
@@ -172,10 +197,10 @@ def check_speed(context: CheckContext) -> None:
     top_speed, rated_speed = min(wheels)
     rpm = rated_speed / (2 * pi) * 60
     cause = (
-        f"the wheels reach {top_speed:.2f} m/s at their rated {rpm:.0f} rpm, not {limit[0]:g} m/s"
+        f"the wheels reach {top_speed:.2g} m/s at their rated {rpm:.3g} rpm, not {limit[0]:g} m/s"
     )
-    slower = floor(top_speed * 100) / 100
-    fix = f"set limits.speed to at most {slower:g} m/s, or correct drive.motor.rated"
+    slower = _possible("speed", rounded_down(top_speed))
+    fix = f"{slower}correct drive.motor.rated"
     place = context.error_place("limits.speed", *_rated_and_diameters())
     context.error("E-LIMIT-SPEED", place, cause, fix)
 
@@ -191,12 +216,20 @@ def check_turn_rate(context: CheckContext) -> None:
     if rate <= TURN_RATE_RATIO_MAX * top_rate:
         return
     cause = (
-        f"the wheels turn the robot by at most {top_rate:.2f} rad/s ({degrees(top_rate):.0f} "
+        f"the wheels turn the robot by at most {top_rate:.3g} rad/s ({degrees(top_rate):.3g} "
         f"deg/s), not {rate:g} rad/s ({degrees(rate):.0f} deg/s)"
     )
-    fix = f"set limits.turn_rate to at most {floor(top_rate * 10) / 10:g} rad/s, or write its unit"
+    fix = f"{_possible('turn_rate', rounded_down(top_rate))}write its unit"
     place = context.error_place("limits.turn_rate", "drive.track", *_rated_and_diameters())
     context.warn("W-LIMIT-TURN", place, cause, fix)
+
+
+def _possible(limit: str, value: float) -> str:
+    """The advice to set `limits.LIMIT` to `value`; empty where its declaration refuses that."""
+    declaration = declared(LimitsSection)[limit]
+    if declaration.complaint(value) is not None:
+        return ""
+    return f"set limits.{limit} to at most {value:g} {declaration.unit}, or "
 
 
 def _rim_speeds(context: CheckContext) -> list[tuple[float, float]]:
@@ -260,10 +293,15 @@ def _check_guard(context: CheckContext, name: str, block: type[ObstacleStop], sp
         return
     cause = (
         f"from {speed:g} m/s it takes {needed * 100:.0f} cm to stop ({reaction * 1000:.0f} ms "
-        f"to react, then braking); the sensor sees {seen * 100:.0f} cm ahead of the front"
+        f"to react, then braking); the sensor sees {max(seen, 0.0) * 100:.0f} cm ahead of the "
+        "front"
     )
-    safe_speed = floor(max_safe_speed(seen - margin, robot["braking"], reaction) * 100) / 100
-    fix = f"set limits.speed to at most {safe_speed:g} m/s"
+    safe_speed = max_safe_speed(seen - margin, robot["braking"], reaction)
+    slower = _possible("speed", rounded_down(safe_speed)) if safe_speed > 0.0 else ""
+    fix = slower.removesuffix(", or ") or (
+        f"move '{sensor}' forward, or correct at.x of it, body.front or the margin of "
+        f"{margin * 100:.0f} cm"
+    )
     place = context.error_place(
         "limits.speed",
         "limits.braking",
@@ -330,7 +368,9 @@ def check_wheelbase(context: CheckContext) -> None:
         f"{track * 1000:.0f} mm"
     )
     fix = "measure it: `diffbotctl calibrate spin`; until then goals end `reached_unsure`"
-    if abs(track / effective - 1.0) > SKID_TRACK_SD:
+    if declared(DriveSection)["track"].complaint(effective) is not None:
+        fix = "such a robot hardly turns: correct drive.wheelbase, body.width or wheel.width"
+    elif abs(track / effective - 1.0) > SKID_TRACK_SD:
         fix = f"set track: {effective * 1000:.0f} mm, then {fix}"
     context.warn("W-SKID-STEER", context.error_place("drive.track", "drive.wheelbase"), cause, fix)
 
@@ -406,7 +446,7 @@ def resolution(
 def _report_tolerance(context: CheckContext, name: str, tolerance: float, stddev: float) -> None:
     value = context.parameter_value(name, "tolerance")
     place = value.place if value else name
-    fix = f"use {2000 * stddev:.0f} mm or more"
+    fix = f"use {rounded_up(2000 * stddev):g} mm or more"
     reference = f"this robot's odometry resolution of {stddev * 1000:.1f} mm (standard deviation)"
     if tolerance < stddev:
         cause = f"{tolerance * 1000:g} mm is finer than {reference}"

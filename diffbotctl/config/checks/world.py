@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from math import hypot
+from typing import NamedTuple
 
 from diffbotctl.config.checks.block_needs import GUARDS
 from diffbotctl.config.checks.context import CheckContext
-from diffbotctl.config.yaml_tree import Value
+from diffbotctl.config.configuration import Configuration
+from diffbotctl.errors import Place, Problem, join_words
 from diffbotctl.geometry.footprint import distance_to_segment
 
 # The odometry of a calibrated two-wheel robot is off by about 1 to 3 % of the way.
@@ -17,7 +20,7 @@ RANGES = (("simulation", "motor", "lag"), ("simulation", "motor", "start_duty"))
 
 
 def check_ranges(context: CheckContext) -> None:
-    """Refuse a range of the simulated robot whose first value is above its second."""
+    """Refuse a range, or a time, of the simulated robot that ends before it begins."""
     for path in RANGES:
         values, value = context.values(".".join(path)), context.robot_value(*path)
         if values is None or value is None or len(values[0]) != 2 or None in values[0]:
@@ -27,6 +30,15 @@ def check_ranges(context: CheckContext) -> None:
             first, second = (item.text for item in value.items)
             cause = f"the range {path[-1]} begins at {first} and ends at {second}"
             context.error("E-RANGE", value.place, cause, f"write [{second}, {first}]")
+    disturbances = context.values("simulation.disturbances")
+    places = context.robot_value("simulation", "disturbances")
+    for entry, value in zip(
+        disturbances[0] if disturbances else (), places.items if places else (), strict=False
+    ):
+        if entry is None or None in (entry.start, entry.end) or entry.start < entry.end:
+            continue
+        cause = f"this begins at {entry.start:g} s and ends at {entry.end:g} s: it has no effect"
+        context.error("E-RANGE", value.place, cause, "end must be after start")
 
 
 def check_slip(context: CheckContext) -> None:
@@ -75,52 +87,83 @@ def check_goals(context: CheckContext) -> None:
     goals = context.pipeline_value("goals")
     if context.pipeline is None or goals is None:
         return
-    for entry, value in zip(context.pipeline.goals or [], goals.items, strict=False):
-        if entry is None or entry.x is None or entry.y is None:
-            continue
-        distance = hypot(entry.x, entry.y)
-        if distance > GOAL_FAR_M:
-            cause = (
-                f"this goal is {distance:.0f} m from the origin; the odometry of such a robot is "
-                "off by 1 to 3 % of its way"
-            )
-            context.warn("W-GOAL-FAR", value.place, cause, "check the unit of the coordinates")
-        if not context.real:
-            _check_standing_room(context, entry.x, entry.y, value)
-
-
-def _check_standing_room(context: CheckContext, x: float, y: float, goal: Value) -> None:
-    """Refuse the goal at (x, y) of odom when the robot's middle cannot be there in the world."""
     width = context.values("body.width")
     start = context.values("simulation.start.x", "simulation.start.y", "simulation.start.heading")
+    # With another start the world has a frame of its own, where the goal is not known.
+    is_known = not context.real and width is not None and start is not None and not any(start)
+    room = _room(context, width[0]) if is_known and width else None
+    for entry, value in zip(context.pipeline.goals or [], goals.items, strict=False):
+        if entry is not None and entry.x is not None and entry.y is not None:
+            context.problems += goal_problems(value.place, entry.x, entry.y, room)
+
+
+class StandingRoom(NamedTuple):
+    """Walls, each with its two ends, and round obstacles (x, y, radius); width of the robot (m)."""
+
+    walls: Sequence[Sequence[float]]
+    rounds: Sequence[Sequence[float]]
+    width: float
+
+
+def _room(context: CheckContext, width: float) -> StandingRoom:
+    walls = [(*wall[0], *wall[1]) for wall in _walls(context) if wall is not None]
     world = context.pipeline.world if context.pipeline else None
-    if width is None or start is None or world is None or any(start):
-        return  # the world then has a frame of its own, where the goal is not known
-    obstacles = [
-        ("wall", distance_to_segment(x, y, *wall[0], *wall[1]))
-        for wall in _walls(context)
-        if wall is not None
-    ]
-    obstacles += [
-        ("obstacle", hypot(x - entry.at[0], y - entry.at[1]) - entry.radius)
-        for entry in world.obstacles or []
+    rounds = [
+        (*entry.at, entry.radius)
+        for entry in ((world.obstacles or []) if world else [])
         if entry is not None and entry.at and None not in entry.at and entry.radius is not None
     ]
-    for kind, distance in obstacles:
-        if distance < width[0] / 2:
+    return StandingRoom(walls, rounds, width)
+
+
+def goal_problems(
+    place: Place | str, x: float, y: float, room: StandingRoom | None
+) -> Iterator[Problem]:
+    """What is wrong with the goal at (x, y) of odom; `room`: what is known to stand there."""
+    distance = hypot(x, y)
+    if distance > GOAL_FAR_M:
+        cause = (
+            f"this goal is {distance:.0f} m from the origin; the odometry of such a robot is off "
+            "by 1 to 3 % of its way"
+        )
+        yield Problem("W-GOAL-FAR", place, cause, "check the unit of the coordinates", "warning")
+    if room is None:
+        return
+    obstacles = [("wall", distance_to_segment(x, y, *wall)) for wall in room.walls]
+    obstacles += [("obstacle", hypot(x - at, y - up) - radius) for at, up, radius in room.rounds]
+    for kind, gap in obstacles:
+        if gap < room.width / 2:
             cause = (
-                f"the middle of the robot would be {max(distance, 0.0) * 1000:.0f} mm from a "
-                f"simulated {kind}, less than half its width of {width[0] * 1000:.0f} mm"
+                f"the middle of the robot would be {max(gap, 0.0) * 1000:.0f} mm from a simulated "
+                f"{kind}, less than half its width of {room.width * 1000:.0f} mm"
             )
-            context.error("E-GOAL-WALL", goal.place, cause, f"move the goal or the {kind}")
+            yield Problem("E-GOAL-WALL", place, cause, f"move the goal or the {kind}")
             return
+
+
+def typed_goal_problems(
+    configuration: Configuration, text: str, x: float, y: float, is_simulated: bool
+) -> list[Problem]:
+    """As `goal_problems`, of a goal that was typed as `text` for a checked configuration."""
+    robot, world = configuration.robot, configuration.world
+    room = None
+    if robot is not None and is_simulated:
+        start = robot.simulation.start
+        if not any((start.x, start.y, start.heading)):
+            walls = [(*wall.start, *wall.end) for wall in world.walls]
+            rounds = [(*obstacle.at, obstacle.radius) for obstacle in world.obstacles]
+            room = StandingRoom(walls, rounds, robot.body.width)
+    return list(goal_problems(text, x, y, room))
 
 
 def check_body(context: CheckContext) -> None:
     """Require the outline where a guard relies on it; without one, the book's would be assumed."""
     if context.robot is None or context.robot_tree is None or context.pipeline is None:
         return
-    if context.robot_value("body") is not None:
+    missing = [
+        key for key in ("front", "back", "width") if context.robot_value("body", key) is None
+    ]
+    if not missing:
         return
     guards = [
         name
@@ -130,12 +173,17 @@ def check_body(context: CheckContext) -> None:
     if not guards:
         return
     body = context.robot.body
+    if body is None or None in (body.front, body.back, body.width):
+        return  # reported where it was read
+    has_body = context.robot_value("body") is not None
+    lack = f"`body:` has no {join_words(missing, 'or')}" if has_body else "it has no `body:`"
     cause = (
-        f"'{guards[0]}' keeps the outline of the robot free, but the robot file has no `body:`; "
-        f"assumed are {body.front * 1000:g} mm to the front, {body.back * 1000:g} mm to the back "
-        f"and a width of {body.width * 1000:g} mm"
+        f"'{guards[0]}' keeps the outline of the robot free, but in the robot file {lack}; assumed "
+        f"are {body.front * 1000:g} mm to the front, {body.back * 1000:g} mm to the back and a "
+        f"width of {body.width * 1000:g} mm"
     )
     fix = "measure it from the middle of the axle: `body: {front: ..., back: ..., width: ...}`"
     report = context.error if context.real else context.warn
     code = "E-BODY-MISSING" if context.real else "W-BODY-MISSING"
-    report(code, context.robot_place("kind"), cause, fix)
+    place = context.robot_place("body" if has_body else "kind")
+    report(code, place, cause, fix)

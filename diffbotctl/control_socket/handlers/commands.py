@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 from diffbotctl.block import action_arguments, actions, takes_text
 from diffbotctl.config.declared_inputs import INPUT
+from diffbotctl.config.robot import Robot
 from diffbotctl.control_socket import requests
 from diffbotctl.control_socket.engine_channel import EngineRequest, PublishInput
 from diffbotctl.control_socket.protocol import RESET_ACTIONS, Fields, RefusalError
@@ -174,11 +175,17 @@ def _parameter(context: RequestContext, path: str) -> tuple[str, str, Declaratio
         for name, block in context.state.blocks.items()
         for declaration in declared(type(block)).values()
     ]
-    raise RefusalError("E-REQUEST", f"there is no parameter '{path}'", suggestion(path, paths))
+    cause, fix = f"there is no parameter '{path}'", suggestion(path, paths)
+    field = path.removeprefix("robot.")
+    if name == "robot" or name in declared(Robot):
+        cause = f"{field} is a value of the robot file, which cannot change while running"
+        fix = f"run again with --set robot.{field}=..."
+    raise RefusalError("E-REQUEST", cause, fix)
 
 
 def _parameter_value(declaration: Declaration, value: Any, path: str) -> Any:
     """`value` as the parameter's type, in SI. Raises RefusalError."""
+    written = str(value)[:TEXT_MAX_LENGTH]
     if declaration.none and value == "none":
         value = None
     elif isinstance(value, str) and declaration.kind in (float, int) and value != "none":
@@ -190,7 +197,9 @@ def _parameter_value(declaration: Declaration, value: Any, path: str) -> Any:
         value = value == "true"
     complaint = _type_complaint(declaration.kind, value) or declaration.complaint(value)
     if complaint:
-        raise RefusalError("E-REQUEST", f"{path} {complaint}")
+        smaller = declaration.thousandth(written, value)
+        fix = f"did you mean {smaller}?" if smaller else ""
+        raise RefusalError("E-REQUEST", f"{path} {complaint}", fix)
     return value
 
 
@@ -200,8 +209,10 @@ def _type_complaint(kind: type, value: Any) -> str | None:
     if kind not in (float, int):
         return None if isinstance(value, kind) else f"must be a {kind.__name__}"
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not is_number or not abs(value) < VALUE_MAX:
-        return "must be a finite number"
+    if not is_number:
+        return "must be a number"
+    if not abs(value) < VALUE_MAX:
+        return f"must be a number below {VALUE_MAX:g}"
     return "must be a whole number" if kind is int and value != int(value) else None
 
 
