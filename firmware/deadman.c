@@ -8,6 +8,7 @@ void deadman_begin(deadman_t *deadman)
 void deadman_ready(deadman_t *deadman)
 {
     deadman->mode = deadman->pressed ? MODE_BUTTON : MODE_STOPPED;
+    deadman->owner = NO_OWNER;
 }
 
 bool deadman_allows(const deadman_t *deadman, uint8_t link)
