@@ -30,7 +30,10 @@ class OutputError(Exception):
 
 
 def check_output(block: Block, output: Any) -> Any:
-    """Check what `react` of `block` has returned; the same with plain numbers. Raises OutputError."""
+    """Check what `react` of `block` has returned; the same with plain numbers.
+
+    Raises OutputError.
+    """
     ports = outputs(type(block))
     if output is None:
         return None
