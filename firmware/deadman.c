@@ -5,9 +5,16 @@ void deadman_begin(deadman_t *deadman)
     *deadman = (deadman_t){.mode = MODE_UNSET, .owner = NO_OWNER};
 }
 
-void deadman_ready(deadman_t *deadman)
+/* Ends a hold, unless the stop button is pressed. */
+static void stand(deadman_t *deadman)
 {
     deadman->mode = deadman->pressed ? MODE_BUTTON : MODE_STOPPED;
+}
+
+void deadman_ready(deadman_t *deadman)
+{
+    stand(deadman);
+    deadman->owner = NO_OWNER;
 }
 
 bool deadman_allows(const deadman_t *deadman, uint8_t link)
@@ -68,7 +75,7 @@ void deadman_hold(deadman_t *deadman, uint8_t mode)
 void deadman_clear(deadman_t *deadman)
 {
     if (is_held(deadman))
-        deadman_ready(deadman);
+        stand(deadman);
 }
 
 void deadman_button(deadman_t *deadman, bool pressed)

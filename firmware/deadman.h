@@ -23,7 +23,8 @@ typedef struct {
 
 void deadman_begin(deadman_t *deadman);
 
-/* Valid settings are in use: the robot may move. */
+/* Valid settings are in use: the robot may move. No link owns the commands, so that a link that was
+   overruled has to send a stop here too. */
 void deadman_ready(deadman_t *deadman);
 
 /* A stop from any link. It claims the commands when no link owns them. From a link that does not own

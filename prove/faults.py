@@ -12,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from random import Random
 
+from diffbotctl.drivers.watchdog_process import STOPPED_TEXT
 from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.testing.book_board import STOCK, BookBoard, BookBoardPort
 from diffbotctl.testing.command_process import (
@@ -97,7 +98,8 @@ def killed(trial: Trial) -> bool:
     trial.port.wait_for(lambda board: board.pwm == {"left": 0, "right": 0}, 5)
     at = trial.port.board.now
     trial.port.wait_for(lambda board: board.now > at + 0.3, 5)
-    return trial.ended_in_zeros() and trial.has_recording()
+    output = process.communicate(timeout=30)[0]
+    return trial.ended_in_zeros() and STOPPED_TEXT in output and trial.has_recording()
 
 
 def raises(trial: Trial) -> bool:
@@ -144,6 +146,7 @@ def link_pulled(trial: Trial) -> bool:
 FAULTS: dict[str, Callable[[Trial], bool]] = {
     "host SIGTERM": by_signal(signal.SIGTERM, "SIGTERM"),
     "host SIGINT": by_signal(signal.SIGINT, "Ctrl-C"),
+    "host SIGQUIT": by_signal(signal.SIGQUIT, "Ctrl-\\"),
     "host SIGKILL (guardian)": killed,
     "block raises": raises,
     "terminal closed": terminal_closed,

@@ -143,6 +143,7 @@ def _open_robot(
     from diffbotctl.config.lookup import display_path
     from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS
     from diffbotctl.prompts.keyboard import Keyboard
+    from diffbotctl.runs.signals import signals_as_interrupts
 
     port = choose_port(radio=True, simulates=True) if options.port == "auto" else options.port
     is_real = port not in VIRTUAL_PORTS
@@ -154,7 +155,7 @@ def _open_robot(
     session, tools = open_session(file, port, options.seed, keyboard, click.echo)
     was_interrupted = False
     try:
-        with session:
+        with signals_as_interrupts(), session:
             prompter = _prompter(options, tools, keyboard)
             with nullcontext() if keyboard is None else keyboard.watching():
                 lines = nullcontext if keyboard is None else keyboard.resting

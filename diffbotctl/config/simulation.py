@@ -88,7 +88,8 @@ class MotorTruth(Section):
     coasting: Coasting = Choice(
         Coasting,
         default="linear",
-        help="Without drive: exponential decay, or a stop in finite time by dry friction.",
+        help="Without drive: exponential decay, or a stop in finite time by dry friction, which "
+        "the equations `torque` always have.",
     )
 
 

@@ -73,12 +73,11 @@ class DeviceSource:
         """What the driver has read, checked. Raises DeviceError when the device is lost."""
         before = time.monotonic_ns()
         try:
-            readings = list(self.driver.read(now))
+            read = list(self.driver.read(now))
         except OSError as error:
             raise DeviceError(_os_cause(error), CHECK_CABLE) from error
         self._check_duration(time.monotonic_ns() - before)
-        for reading in readings:
-            self._check(now, reading)
+        readings = [self._checked(now, reading) for reading in read]
         if now - self.window > SECOND:
             self.window, self.window_readings = now, 0
         self.window_readings += len(readings)
@@ -110,20 +109,22 @@ class DeviceSource:
             text = f"its driver took {duration / MILLISECOND:.0f} ms to read; it must not wait"
             self.driver.log.warning(text)
 
-    def _check(self, now: int, reading: Reading) -> None:
+    def _checked(self, now: int, reading: Reading) -> Reading:
+        """`reading` with plain numbers. Raises DeviceError when it does not fit."""
         port, message = reading
         if port not in self.kinds:
             cause = f"its driver has no output '{port}'; it has {', '.join(self.kinds)}"
             raise DeviceError(cause, "correct the driver")
         if message is None:
-            return
+            return reading
         try:
-            check_message(port, self.kinds[port], message)
+            message = check_message(port, self.kinds[port], message)
         except OutputError as error:
             raise DeviceError(str(error), "correct the driver") from None
         if not 0 <= message.time <= now:
             cause = f"output {port}: the time {message.time} ns is not between 0 and {now} ns"
             raise DeviceError(cause, "correct the driver: `now`, or earlier")
+        return Reading(port, message)
 
 
 class DeviceSourcesDriver:

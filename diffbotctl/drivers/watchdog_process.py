@@ -48,6 +48,12 @@ STOP_TIME_MAX = 60 * SECOND  # after the engine's death, without a sign of stand
 EXIT_TIMEOUT_S = 1.0  # then the process is killed
 MESSAGE_MAX_BYTES = 4096
 NICENESS = -10  # only root may; a stop must not wait behind other programs
+STOPPED_TEXT = "diffbotctl has died; its watchdog process has stopped the robot"
+LOOK_TEXT = "diffbotctl has died, and {}: look at the robot, and switch the motor battery off"
+PORT_GONE, NO_STANDSTILL = (
+    "its watchdog process lost the port",
+    "after a minute of stops from its watchdog process the robot has not told that it stands",
+)
 # Kinds of messages, by their first byte: from the engine,
 PORT, ORDER, HEARTBEAT, RELEASE, EXIT = b"P", b"S", b"H", b"R", b"X"
 MOVING = b"M"  # second byte of a heartbeat of a robot that may move
@@ -174,8 +180,8 @@ class _Watch:
                 self._send_stop()
             elif self.is_moving and time.monotonic_ns() - self.heard_at >= HEARTBEAT_TIMEOUT:
                 self._intervene()
-        if self.is_dead and self.order is not None:
-            self._stop_for_good(self.order)
+        if self.is_dead and self.order is not None and self.port is not None:
+            _print(self._stop_for_good(self.order, self.port))
 
     def _wait_ms(self) -> int | None:
         """Time until the next action, rounded up; None when only the engine can cause one."""
@@ -232,24 +238,29 @@ class _Watch:
             if self.port is not None:
                 self.unsent = data[os.write(self.port, data) :]
 
-    def _stop_for_good(self, order: StopOrder) -> None:
-        """After the engine's death: stop until the wheels stand."""
-        if self.port is None:
-            return
+    def _stop_for_good(self, order: StopOrder, port: int) -> str:
+        """After the engine's death: stop until the wheels stand. Returns what came of it."""
         self._take_port()
         standstill, begin = StandstillDetector(order), time.monotonic_ns()
         while time.monotonic_ns() - begin < STOP_TIME_MAX:
             next_stop = time.monotonic_ns() + STOP_PERIOD
             while (remaining := next_stop - time.monotonic_ns()) > 0:
-                if not _read_into(standstill.receive, self.port, remaining):
-                    return  # the port is gone, and with it every way to the board
+                if not _read_into(standstill.receive, port, remaining):
+                    return LOOK_TEXT.format(PORT_GONE)  # and with it every way to the board
             if standstill.stands and time.monotonic_ns() - begin >= STOP_REPEATS_MIN * STOP_PERIOD:
-                return
+                return STOPPED_TEXT
             self._write(order.frames)
+        return LOOK_TEXT.format(NO_STANDSTILL)
 
     def _tell(self, message: bytes) -> None:
         with suppress(OSError):
             self.channel.send(message, socket.MSG_DONTWAIT)
+
+
+def _print(text: str) -> None:
+    """Print a line for the user of an engine that cannot any more."""
+    with suppress(OSError):
+        os.write(2, f"\n{text}\n".encode())  # below the live view
 
 
 def _read_into(receive: Callable[[int, bytes], None], port: int, timeout: int) -> bool:

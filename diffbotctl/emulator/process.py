@@ -166,7 +166,10 @@ class Emulator:
             command += ["--pty"] * pty + ["--paced"] * paced
         elif pty:
             self._usb, self._uart = UsbTerminal(), PseudoTerminal()
-        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        # In a group of its own: Ctrl-C in a terminal ends the engine, which first stops the robot.
+        self._process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, process_group=0
+        )
         if pty or paced:  # otherwise its time waits for the caller
             prefer(self._process.pid)
         assert self._process.stdin is not None and self._process.stdout is not None

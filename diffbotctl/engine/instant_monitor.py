@@ -19,6 +19,8 @@ from diffbotctl.time import MILLISECOND, SECOND
 
 SCHEDSTAT = "/proc/thread-self/schedstat"  # time on a processor, time waiting for one, in ns
 SCHEDSTAT_BYTES_MAX = 64
+# Reactions longer than this part of the limit of an instant are added up.
+SLOW_PART = 20
 PAUSE = ""  # in the set of what has been warned of, beside names of blocks
 OVERLOADED = (
     "an instant took {:.2f} s, for {:.2f} s of which the computer gave diffbotctl no processor; "
@@ -53,8 +55,8 @@ def instant_limits(deadman: float, telemetry: float, is_real: bool) -> InstantLi
 class InstantMonitor:
     """Collects in `events` what the loop has to deliver at once: warnings, and latched stops.
 
-    A block's first overrun of the budget is a warning with its name. Time that no block took stops
-    a robot only while `is_driving`; at rest the first such pause is a warning.
+    A block's first overrun of the budget is a warning with its name. Time that no single block took
+    stops a robot only while `is_driving`; at rest the first such pause is a warning.
     """
 
     def __init__(
@@ -66,6 +68,8 @@ class InstantMonitor:
         self.stops = False  # there is a stop among the events
         self._warned: set[str] = set()
         self._delay_before = self._spent_before = 0
+        self._slow: dict[str, int] = {}  # ns that each slow block took since `begin`
+        self._are_slow_told = False  # since `begin`
         self._schedstat: int | None = None
         with suppress(OSError):
             self._schedstat = os.open(SCHEDSTAT, os.O_RDONLY | os.O_CLOEXEC)
@@ -74,6 +78,8 @@ class InstantMonitor:
         """Called before each step."""
         self._delay_before = self._run_delay()
         self._spent_before = time.thread_time_ns()
+        if self._slow:
+            self._slow, self._are_slow_told = {}, False
 
     def take_events(self) -> list[Delivery]:
         """The events since the last call."""
@@ -82,13 +88,14 @@ class InstantMonitor:
 
     def timed(self, name: str, react: Callable[..., Any]) -> Callable[..., Any]:
         """`react` of the block `name`, with its time checked."""
-        clock, budget, check = time.perf_counter_ns, self.limits.budget, self._check_reaction
+        clock, check = time.perf_counter_ns, self._check_reaction
+        short = min(self.limits.budget, self.limits.stop // SLOW_PART)
 
         def timed_react(*arguments: Any) -> Any:
             begin = clock()
             output = react(*arguments)
             spent = clock() - begin
-            if spent > budget:
+            if spent > short:
                 check(name, spent)
             return output
 
@@ -98,10 +105,14 @@ class InstantMonitor:
         """Check the time between two waits of the loop, which no single block accounts for."""
         if self.limits.frozen is None or busy <= self.limits.stop or self.stops:
             return
+        if self._are_slow_told:
+            return
         waited = self._run_delay() - self._delay_before
         spent = time.thread_time_ns() - self._spent_before
         if busy - waited <= self.limits.stop:
             self._pause("host_frozen", OVERLOADED.format(busy / SECOND, waited / SECOND))
+        elif sum(self._slow.values()) > (busy - waited) // 2:
+            self._pause("block_overrun", self._slow_blocks())
         elif (
             spent < (busy - waited) // 2
         ):  # nor did it compute: a signal has suspended it within an instant
@@ -139,6 +150,21 @@ class InstantMonitor:
             self._stop("block_overrun", cause)
         elif spent > limits.stop and limits.frozen is not None:
             self._pause("host_frozen", OVERLOADED.format(spent / SECOND, waited / SECOND))
+        self._slow[name] = self._slow.get(name, 0) + own
+        if sum(self._slow.values()) > limits.stop and not self._are_slow_told:
+            self._are_slow_told = True
+            if not self.stops:
+                self._pause("block_overrun", self._slow_blocks())
+
+    def _slow_blocks(self) -> str:
+        """The cause of a stop: the blocks that took the time between two waits of the loop."""
+        slowest = sorted(self._slow.items(), key=lambda item: -item[1])
+        blocks = ", ".join(f"{name} {spent / SECOND:.2f} s" for name, spent in slowest[:3])
+        return (
+            f"the blocks took {sum(self._slow.values()) / SECOND:.2f} s together ({blocks}) "
+            f"while no command could be sent; {self.limits.stop / SECOND:.2f} s, half of the "
+            "dead-man's time, is the limit"
+        )
 
     def _pause(self, code: str, cause: str) -> None:
         """Stop a robot that drives; at rest no command was late."""

@@ -1,4 +1,8 @@
-"""Checks what a block returns: the class of each message, and the type of each of its fields."""
+"""Checks what a block returns: the class of each message, and the type of each of its fields.
+
+Numbers of other classes, such as those of numpy, become plain ones: the blocks that take them, and
+the files that they are written to, expect these.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,7 @@ from collections.abc import Callable
 from functools import cache
 from math import inf, isfinite
 from numbers import Integral, Real
+from operator import is_
 from types import NoneType, UnionType
 from typing import Any, Literal, Union, get_args, get_origin
 
@@ -15,6 +20,7 @@ from diffbotctl.messages import FINITE, Field, fields
 
 CHECKED_REACTIONS = 20  # of the blocks of this package; those of others are always checked
 OWN_PACKAGE = "diffbotctl."
+PLAIN = frozenset({float, int, bool, str, NoneType})
 
 Reaction = Callable[..., Any]
 
@@ -23,10 +29,13 @@ class OutputError(Exception):
     """A block has returned what does not fit its outputs; the text names the field."""
 
 
-def check_output(block: Block, output: Any) -> None:
-    """Check what `react` of `block` has returned. Raises OutputError."""
+def check_output(block: Block, output: Any) -> Any:
+    """Check what `react` of `block` has returned; the same with plain numbers.
+
+    Raises OutputError.
+    """
     if output is None:
-        return
+        return None
     kind: type = type(block)
     ports = _outputs(kind)
     if not ports:
@@ -39,13 +48,16 @@ def check_output(block: Block, output: Any) -> None:
                 f"for each output: {', '.join(ports)}"
             )
         messages = output
-    for (port, out), message in zip(ports.items(), messages, strict=True):
-        if message is not None:
-            check_message(port, out.kind, message)
+    checked_messages = tuple(
+        None if message is None else check_message(port, out.kind, message)
+        for (port, out), message in zip(ports.items(), messages, strict=True)
+    )
+    return checked_messages if len(ports) > 1 else checked_messages[0]
 
 
-def check_message(port: str, kind: type, message: Any) -> None:
-    """Check a message for the output `port`. Raises OutputError."""
+def check_message(port: str, kind: type, message: Any) -> Any:
+    """Check a message for the output `port`; the same with plain numbers. Raises OutputError."""
+    plain: dict[str, Any] = {}
     if not isinstance(message, kind):
         raise OutputError(f"output {port}: {_describe(message)} instead of a {type_name(kind)}")
     for name, (hint, field) in _fields(kind).items():
@@ -57,6 +69,29 @@ def check_message(port: str, kind: type, message: Any) -> None:
         if not _is_within(value, field):
             limits = f"{field.minimum:g} to {field.maximum:g} {field.unit}".rstrip()
             raise OutputError(f"output {port}: {name} is {value}, not {limits}")
+        if (plain_value := _plain(port, value)) is not value:
+            plain[name] = plain_value
+    if not plain:
+        return message
+    values = [plain.get(name, getattr(message, name)) for name in _fields(kind)]
+    return type(message)(*values)
+
+
+def _plain(port: str, value: Any) -> Any:
+    """`value` with plain numbers; it is returned itself if it has no others.
+
+    Raises OutputError for a message in it that does not fit.
+    """
+    if type(value) in PLAIN:
+        return value
+    if hasattr(value, "_fields"):
+        return check_message(port, type(value), value)
+    if isinstance(value, tuple):
+        parts = [_plain(port, part) for part in value]
+        return value if all(map(is_, parts, value)) else tuple(parts)
+    if isinstance(value, Integral):
+        return int(value)
+    return float(value) if isinstance(value, Real) else value
 
 
 @cache
@@ -134,7 +169,7 @@ def checked(
         nonlocal remaining
         output = react(*arguments)
         if output is not None:
-            check_output(block, output)
+            output = check_output(block, output)
             if is_own:
                 remaining -= 1
                 if not remaining:

@@ -94,6 +94,7 @@ class SimulatedRobot:
                 wheel.stop_counting()
         self._wiring = PlantWiring(simulation.wiring, parameters, rng)
         self._motor_duties = (0.0, 0.0)
+        self._output_duties = (0.0, 0.0)  # of the board, whichever it is
         self._bridge_heat = BridgeHeat(parameters.bridge)
         self._heated_at = 0
         self._shorted = (parameters.brakes, parameters.brakes)  # outputs at duty 0
@@ -264,7 +265,8 @@ class SimulatedRobot:
 
     def battery_voltage(self) -> float:
         """The battery's voltage now, in V."""
-        return self._battery.voltage(*(side.duty for side in self.board.sides))
+        loads = (0.0, 0.0) if self._bridge_heat.is_off else self._output_duties
+        return self._battery.voltage(*loads)
 
     def battery_pin_voltage(self) -> float:
         """The battery's voltage behind its divider, at the board's pin, in V."""
@@ -420,6 +422,7 @@ class SimulatedRobot:
 
     def _duties_of(self, left: float, right: float) -> tuple[float, float]:
         """Share of the battery's rest voltage at each motor, forward positive, for the outputs."""
+        self._output_duties = (left, right)
         if (not left and not right) or self._bridge_heat.is_off:
             return (0.0, 0.0)
         ratio = self._battery.voltage_ratio(left, right)

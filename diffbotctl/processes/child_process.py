@@ -31,7 +31,7 @@ NO_ANSWER = "the recorder does not answer"
 def fork(run: Callable[[], int]) -> int:
     """Fork a child that runs `run` and exits with the code that it returns. Returns the pid.
 
-    The child ignores SIGINT, SIGTERM and SIGHUP; it ends when its channel closes.
+    The child ignores SIGINT, SIGQUIT, SIGTERM and SIGHUP; it ends when its channel closes.
     """
     gc.freeze()  # a collection in the child would write to the shared pages and copy them
     pid = os.fork()
@@ -39,7 +39,7 @@ def fork(run: Callable[[], int]) -> int:
         return pid
     code = 1
     try:
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        for number in (signal.SIGINT, signal.SIGQUIT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, signal.SIG_IGN)
         signal.set_wakeup_fd(-1)
         code = run()

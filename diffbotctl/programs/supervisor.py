@@ -276,7 +276,7 @@ def end_of(pid: int) -> str:
 
 def _become_a_program() -> None:
     """Default signals again, and an end with the supervisor even if that is killed."""
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    for number in (signal.SIGINT, signal.SIGQUIT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_DFL)
     LIBC.prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
 

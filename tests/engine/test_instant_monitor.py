@@ -65,6 +65,46 @@ def test_more_than_half_the_dead_man_s_time_stops():
     assert "block sleeper took 0.2" in stop.cause
 
 
+def test_two_blocks_that_are_slow_together_stop_and_are_named():
+    stops = []
+    graph = Graph(
+        [
+            Node("first", Sleeper(), {"text": "a.b"}),
+            Node("second", Sleeper(), {"text": "a.b"}),
+        ],
+        SOURCES,
+    )
+    engine = Engine(
+        graph,
+        [],
+        VirtualClock(),
+        limits=instant_limits(1.0, 1.0, is_real=False),
+        sinks={"operator.halt": [lambda now, stop: stops.append(stop)]},
+    )
+    engine.monitor.begin()
+    engine.deliver(0, [("a.b", Text(0, "0.4"))])
+    engine._deliver_events(engine.monitor)
+    (stop,) = stops
+    assert (stop.code, stop.latched) == ("block_overrun", True)
+    assert "first 0.4" in stop.cause and "second 0.4" in stop.cause
+    engine.monitor.begin()
+    engine.deliver(10, [("a.b", Text(0, "0.1"))])
+    engine._deliver_events(engine.monitor)
+    assert len(stops) == 1, "the times of two steps are not added"
+
+
+def test_time_that_blocks_took_is_not_told_as_a_computer_that_did_not_run():
+    monitor = InstantMonitor(instant_limits(2.0, 1.0, is_real=True))
+    monitor.begin()
+    for name in ("left", "right"):
+        monitor.timed(name, time.sleep)(0.4)
+    assert not monitor.take_events()
+    monitor.check_step(round(1.3 * SECOND))
+    (event,) = monitor.take_events()
+    assert event.message.code == "block_overrun" and "left 0.4" in event.message.cause
+    monitor.close()
+
+
 @pytest.mark.parametrize(
     ("is_real", "late", "code"),
     [(True, 0.31, "host_frozen"), (True, 0.29, None), (False, 5.0, None)],

@@ -219,6 +219,30 @@ def test_any_link_may_stop_and_the_owner_must_stop_before_it_drives_again(owner)
         assert min(bench.duty) > 0.5
 
 
+@pytest.mark.parametrize("other", [replace(BOOK, glitch=MS), replace(BOOK, brake=True)])
+def test_new_settings_do_not_let_an_overruled_link_drive_again(other):
+    with BoardBench() as bench:
+        bench.ready(RADIO)
+        bench.turn(3)
+        bench.send(RADIO, speed(1, 5, 5))
+        bench.wait(20)
+        bench.send(USB, frames.StopFrame(9))
+        bench.wait(20)
+        bench.pins.clear()  # the wheels stand
+        for number in range(12):
+            bench.send(RADIO, speed(number, 5, 5))  # still the owner
+            bench.wait(50)
+        assert mode(bench) == "overruled"
+        assert bench.configure(other).refusal == frames.RefusalCode.NONE
+        bench.send(RADIO, speed(4, 5, 5))
+        bench.wait(30)
+        assert bench.duty == [0.0, 0.0], "the stop of the other link was forgotten"
+        bench.claim(RADIO)
+        bench.send(RADIO, speed(5, 5, 5))
+        bench.wait(30)
+        assert min(bench.duty) > 0.5
+
+
 def test_the_stop_button():
     with BoardBench(settings=replace(BOOK, button=30)) as bench:
         bench.pins.append(bench.pins[0]._replace(pin=30, level=1))

@@ -1,6 +1,7 @@
 """Every exit path ends in a stop: its output and its exit code."""
 
 import os
+import resource
 import signal
 import threading
 import time
@@ -13,8 +14,13 @@ from diffbotctl.config.load import load
 from diffbotctl.messages import Goal, Twist
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
-from diffbotctl.testing.command_process import command_line, start_in_pipe
-from diffbotctl.testing.trials.host_freeze import HANGING_PIPELINE
+from diffbotctl.testing.command_process import (
+    command_line,
+    command_line_with_block,
+    start_in_pipe,
+)
+from diffbotctl.testing.terminal import Terminal
+from diffbotctl.testing.trials.host_freeze import HANGING_PIPELINE, HANGS
 from diffbotctl.time import SECOND
 
 FAR = ["run", "goal", "--goal", "30 0", "--set", "world.walls=[]"]
@@ -22,6 +28,10 @@ FAR = ["run", "goal", "--goal", "30 0", "--set", "world.walls=[]"]
 
 def start(*words):
     return start_in_pipe(command_line(*words))
+
+
+def without_core_dump():
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
 def read_until(process, words):
@@ -32,7 +42,7 @@ def read_until(process, words):
     raise AssertionError(f"the run ended without saying '{words}'")
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGQUIT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_while_driving_ends_in_a_confirmed_stop(number):
     process = start(*FAR)
     read_until(process, "driving")
@@ -40,6 +50,30 @@ def test_a_signal_while_driving_ends_in_a_confirmed_stop(number):
     rest = process.communicate(timeout=60)[0]
     assert "final stop confirmed" in rest
     assert process.returncode == 130
+
+
+@pytest.mark.parametrize("key", ["\x03", "\x1c"])
+def test_ctrl_c_on_a_terminal_leaves_the_emulated_board_running_for_the_stop(key):
+    with Terminal(command_line(*FAR, "--port", "emulated")) as terminal:
+        terminal.until(lambda text: "driving" in text)
+        terminal.type(key)
+        assert terminal.ended() == 130
+        assert "final stop confirmed" in terminal.text
+
+
+def test_a_second_ctrl_backslash_ends_a_run_whose_block_hangs(tmp_path):
+    pipeline = tmp_path / "hanging.yaml"
+    pipeline.write_text(HANGING_PIPELINE)
+    place = "diffbotctl.testing.trials.host_freeze:Hangs"
+    line = command_line_with_block("hangs", place, "run", pipeline, "--set", "hangs.after=1 s")
+    process = start_in_pipe(line, cwd=tmp_path, preexec_fn=without_core_dump)
+    read_until(process, HANGS)
+    process.send_signal(signal.SIGQUIT)
+    while process.poll() is None:
+        process.send_signal(signal.SIGQUIT)
+        time.sleep(0.01)
+    process.communicate(timeout=60)
+    assert process.returncode == -signal.SIGQUIT
 
 
 def test_the_end_of_the_time_is_a_confirmed_stop():

@@ -4,7 +4,14 @@ import signal
 
 import pytest
 
-from diffbotctl.testing.trials.host_freeze import frozen, hanging, watchdog_signalled
+from diffbotctl.drivers.watchdog_process import STOPPED_TEXT
+from diffbotctl.testing.trials.host_freeze import (
+    PROGRAM,
+    frozen,
+    hanging,
+    stand,
+    watchdog_signalled,
+)
 
 
 @pytest.mark.parametrize("whole_group", [False, True])
@@ -29,3 +36,12 @@ def test_a_block_that_hangs_is_stopped_and_named():
     assert outcome.stop_s is not None, outcome.output
     assert outcome.stays, outcome.output
     assert "block hangs took 2" in outcome.output  # 2.5 s, or 2500 ms
+
+
+def test_the_watchdog_of_a_killed_host_says_that_it_has_stopped_the_robot():
+    with stand(4) as place:
+        process = place.start(PROGRAM)
+        since = place.now
+        process.kill()
+        assert place.time_to_stop(since) is not None
+        assert STOPPED_TEXT in process.communicate(timeout=30)[0]

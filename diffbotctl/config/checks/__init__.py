@@ -52,6 +52,7 @@ CHECKS: tuple[Callable[[CheckContext], None], ...] = (
     calibration.check_calibration,
     world.check_ranges,
     world.check_slip,
+    world.check_unused_keys,
     world.check_walls,
     world.check_goals,
     world.check_body,

@@ -16,6 +16,8 @@ from diffbotctl.geometry.footprint import distance_to_segment
 GOAL_FAR_M = 100.0
 # The standard deviations that are told fit the errors of robots that slip by twice the default.
 SLIP_RATIO_MAX = 2.5
+# Keys of simulation.encoder that encoders with two channels ignore.
+OF_ONE_CHANNEL = ("bounce", "covered", "missed", "doubled")
 RANGES = (("simulation", "motor", "lag"), ("simulation", "motor", "start_duty"))
 
 
@@ -53,6 +55,29 @@ def check_slip(context: CheckContext) -> None:
     )
     fix = "`diffbotctl calibrate geometry` measures drive.slip; a gyro sees turns by slip"
     context.warn("W-SLIP", context.robot_place("simulation", "slip"), cause, fix)
+
+
+def check_unused_keys(context: CheckContext) -> None:
+    """Warn of properties of the simulated robot that a robot with these parts does not have."""
+    values = context.values("drive.left.encoder.channels", "simulation.equations")
+    if context.real or values is None:
+        return
+    channels, equations = values
+    if channels != 1:
+        reason = "only encoders with one channel are simulated with it"
+        for key in OF_ONE_CHANNEL:
+            if any(context.values(f"simulation.encoder.{key}") or ()):
+                _warn_unused(context, "encoder", key, reason)
+    if equations == "torque" and context.values("simulation.motor.coasting") == ("linear",):
+        reason = "the equations `torque` have dry friction, which stops a wheel without drive"
+        _warn_unused(context, "motor", "coasting", reason)
+
+
+def _warn_unused(context: CheckContext, section: str, key: str, reason: str) -> None:
+    value = context.robot_value("simulation", section, key)
+    if value is not None:  # otherwise it is the default
+        cause = f"'{key}' has no effect on this robot: {reason}"
+        context.warn("W-SIMULATION-UNUSED", value.place, cause, "remove it")
 
 
 def check_walls(context: CheckContext) -> None:

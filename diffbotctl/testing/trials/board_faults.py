@@ -100,13 +100,17 @@ def _storm(rng: Random) -> StormResult:
     under_way = rng.random() < 0.7
     with BoardBench(settings=settings) as bench:
         bench.ready(owner)
+        last = bench.now
         if under_way:
-            _drive(bench, owner, rng, rng.uniform(50, 300))
+            last = _drive(bench, owner, rng, rng.uniform(50, 300))
         for pin in [pin for pin, is_noisy in zip(ENCODERS, noisy, strict=True) if is_noisy]:
             bench.emulator.pulses(pin, pulses[0], pulses[1], round(jitter * period))
-        last = _drive(bench, owner, rng, rng.uniform(0, 150))
+        # Most storms are a fault after some milliseconds: half of the stops come before that.
+        is_stopped_at_once = under_way and rng.random() < 0.5
+        if not is_stopped_at_once:
+            last = _drive(bench, owner, rng, rng.uniform(0, 150))
         stop_time = None
-        if rng.random() < 0.5 and bench.duty != [0.0, 0.0]:
+        if (is_stopped_at_once or rng.random() < 0.5) and bench.duty != [0.0, 0.0]:
             bench.changes.clear()
             end = bench.now + wire_ns(owner, STOP_BYTES)
             bench.send(owner, frames.StopFrame(5))
