@@ -20,6 +20,7 @@ from diffbotctl.control.motion_profile import (
 from diffbotctl.control.velocity_limits import VelocityRate
 from diffbotctl.control.wheel_response import GAP_MAX, DriveResponse
 from diffbotctl.estimation.geometry_deviation import GEOMETRY, TRACK
+from diffbotctl.estimation.slot_errors import LEARNABLE_SLOTS_MAX
 from diffbotctl.messages import Encoders, Goal, GoalEnd, GoalState, Odometry, Stop, Twist
 from diffbotctl.params import FromRobot, Param
 from diffbotctl.time import MILLISECOND, SECOND
@@ -245,6 +246,10 @@ class GoalFollower(Block):
         self.wheels.right.update(
             right, odometry.linear + aside, lag, seconds, right_counted, right_limited
         )
+        # Of few slots odometry knows the gain of the motors, and with it a lost edge from a weak
+        # motor.
+        if self.left_counts > LEARNABLE_SLOTS_MAX:
+            self.wheels.compare_sides(seconds)
         for side in self.wheels.newly_weak(WEAK_SPEED_RATIO * self.speed):
             weakness = self.wheels.weakness(side)
             self.log.warning(f"{weakness}; the other wheel is slowed down to it")
@@ -396,7 +401,7 @@ class GoalFollower(Block):
             )
             return FollowerStep(pursuit, end="given_up", cause=cause)
         aside = pursuit.start_distance * self.heading_tolerance
-        reasons = [position_doubt(odometry, sd, self.tolerance, aside)]
+        reasons = [position_doubt(odometry, sd, self.tolerance, aside), self.wheels.half_doubt()]
         if distance > self.tolerance or turn > self.heading_tolerance:
             away = f"{distance * 1000:.0f} mm and {degrees(turn):.1f} deg away"
             reasons.insert(0, f"no nearer than {away} by odometry")
