@@ -15,68 +15,38 @@ from diffbotctl.testing.trials.foreign_mistakes import (
     needs_headings,
 )
 from diffbotctl.testing.trials.from_log import (
-    TWO_WAY_DRIVES,
     WRONG_DEVIATION,
     Saved,
+    accuracy_rows,
     calibrated,
+    wrong_values_row,
 )
 from diffbotctl.testing.trials.row import Row, print_rows
 
 
 def good_rows(seed: int, sets: int) -> Iterator[Row]:
-    """Sets without a mistake: values within their standard deviations, and how many are refused."""
-    deviations: list[float] = []
-    refused = two_way = 0
-    with TemporaryDirectory() as folder:
-        for number in range(sets):
-            drawn = draw_foreign_set(f"{seed} {number}")
-            saved = calibrated(drawn, Path(folder) / "set")
-            deviations += saved.deviations
-            if len(drawn.drives) >= TWO_WAY_DRIVES and drawn.is_two_way:
-                two_way += 1
-                refused += saved.exit_code != 0
+    """Sets without a mistake."""
+    drawn_sets = (draw_foreign_set(f"{seed} {number}") for number in range(sets))
     what = f"from-log, {sets} sets of unmodelled robots"
-    for limit, target in ((2.0, 0.90), (WRONG_DEVIATION, 0.99)):
-        share = sum(deviation <= limit for deviation in deviations) / max(len(deviations), 1)
-        target_text = f">= {100 * target:.0f} % of {len(deviations)}"
-        yield Row(
-            f"{what}: values within {limit:g} sd",
-            f"{100 * share:.1f} %",
-            target_text,
-            share >= target,
-        )
-    yield Row(
-        f"{what}: refused, six or more both ways",
-        f"{refused} of {two_way}",
-        "<= 10 %",
-        refused <= 0.1 * two_way,
-    )
+    yield from accuracy_rows(what, drawn_sets, ((2.0, 0.90), (WRONG_DEVIATION, 0.99)))
 
 
 def wrong_rows(seed: int, sets: int) -> Iterator[Row]:
-    """Each set with one mistake: refused, or what is saved is right all the same."""
-    refused = harmless = 0
-    wrong: list[str] = []
-    names = list(FOREIGN_MISTAKES)
+    """Each set with one mistake."""
     with TemporaryDirectory() as folder:
-        for number in range(sets):
-            drawn, rng = draw_foreign_set(f"{seed} wrong {number}"), Random(f"{seed} {number}")
-            name = names[number % len(names)]
-            if needs_headings(name) and not has_all_headings(drawn):
-                name = rng.choice([each for each in names if not needs_headings(each)])
-            saved = _calibrated(FOREIGN_MISTAKES[name](drawn, rng), Path(folder) / "set")
-            if saved.exit_code and not saved.deviations:
-                refused += 1
-            elif saved.exit_code == 0 and max(saved.deviations) <= WRONG_DEVIATION:
-                harmless += 1
-            else:
-                wrong.append(f"{name} ({number})")
-    yield Row(
-        f"from-log, {sets} sets of unmodelled robots, corrupted: wrong values saved",
-        f"{len(wrong)}",
-        f"0; refused {refused}, saved and right {harmless}" + "".join(f"; {w}" for w in wrong[:4]),
-        not wrong,
-    )
+        results = _mistaken_sets(seed, sets, Path(folder) / "set")
+        what = f"from-log, {sets} sets of unmodelled robots, corrupted"
+        yield wrong_values_row(what, results)
+
+
+def _mistaken_sets(seed: int, sets: int, folder: Path) -> Iterator[tuple[str, Saved]]:
+    names = list(FOREIGN_MISTAKES)
+    for number in range(sets):
+        drawn, rng = draw_foreign_set(f"{seed} wrong {number}"), Random(f"{seed} {number}")
+        name = names[number % len(names)]
+        if needs_headings(name) and not has_all_headings(drawn):
+            name = rng.choice([each for each in names if not needs_headings(each)])
+        yield f"{name} ({number})", _calibrated(FOREIGN_MISTAKES[name](drawn, rng), folder)
 
 
 def _calibrated(drawn: ForeignSet, folder: Path) -> Saved:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from math import pi
 from pathlib import Path
 from random import Random
@@ -51,6 +51,15 @@ class WritableSet(Protocol):
         ...
 
 
+class DrivenSet(WritableSet, Protocol):
+    """The same, with what `accuracy_rows` asks of it."""
+
+    @property
+    def drives(self) -> Sequence[object]: ...
+    @property
+    def is_two_way(self) -> bool: ...
+
+
 def calibrated(drawn: WritableSet, folder: Path) -> Saved:
     """Run `from-log --save --yes` on the files of a set."""
     shutil.rmtree(folder, ignore_errors=True)
@@ -70,20 +79,23 @@ def calibrated(drawn: WritableSet, folder: Path) -> Saved:
     return Saved(code, text, deviations)
 
 
-def good_rows(seed: int, sets: int) -> Iterator[Row]:
-    """Sets without a mistake: values within their standard deviations, and how many are refused."""
+def accuracy_rows(
+    what: str, drawn_sets: Iterable[DrivenSet], targets: Sequence[tuple[float, float]]
+) -> Iterator[Row]:
+    """Sets without a mistake: values within their standard deviations, and how many are refused.
+
+    `targets`: standard deviations, and the least share of the values within them.
+    """
     deviations: list[float] = []
     refused = two_way = 0
     with TemporaryDirectory() as folder:
-        for number in range(sets):
-            drawn = draw_set(f"{seed} {number}")
+        for drawn in drawn_sets:
             saved = calibrated(drawn, Path(folder) / "set")
             deviations += saved.deviations
             if len(drawn.drives) >= TWO_WAY_DRIVES and drawn.is_two_way:
                 two_way += 1
                 refused += saved.exit_code != 0
-    what = f"from-log, {sets} good sets"
-    for limit, target in ((2.0, 0.95), (4.0, 1.0)):
+    for limit, target in targets:
         share = sum(deviation <= limit for deviation in deviations) / max(len(deviations), 1)
         yield Row(
             f"{what}: values within {limit:g} sd",
@@ -99,30 +111,46 @@ def good_rows(seed: int, sets: int) -> Iterator[Row]:
     )
 
 
-def wrong_rows(seed: int, sets: int) -> Iterator[Row]:
-    """Each set with one corruption: refused, or what is saved is right all the same."""
+def wrong_values_row(what: str, results: Iterable[tuple[str, Saved]]) -> Row:
+    """Sets with one mistake each, named: refused, or what is saved is right all the same."""
     refused = harmless = 0
     wrong: list[str] = []
-    names = list(CORRUPTIONS)
-    with TemporaryDirectory() as folder:
-        for number in range(sets):
-            drawn, rng = draw_set(f"{seed} wrong {number}"), Random(f"{seed} {number}")
-            name = names[number % len(names)]
-            if name in NEEDS_HEADINGS and not drawn.has_headings:
-                name = rng.choice([each for each in names if each not in NEEDS_HEADINGS])
-            saved = calibrated(CORRUPTIONS[name](drawn, rng), Path(folder) / "set")
-            if saved.exit_code and not saved.deviations:
-                refused += 1
-            elif saved.exit_code == 0 and max(saved.deviations) <= WRONG_DEVIATION:
-                harmless += 1
-            else:
-                wrong.append(f"{name} ({number})")
-    yield Row(
-        f"from-log, {sets} corrupted sets: wrong values saved",
+    for name, saved in results:
+        if saved.exit_code and not saved.deviations:
+            refused += 1
+        elif saved.exit_code == 0 and max(saved.deviations) <= WRONG_DEVIATION:
+            harmless += 1
+        else:
+            wrong.append(name)
+    return Row(
+        f"{what}: wrong values saved",
         f"{len(wrong)}",
         f"0; refused {refused}, saved and right {harmless}" + "".join(f"; {w}" for w in wrong[:4]),
         not wrong,
     )
+
+
+def good_rows(seed: int, sets: int) -> Iterator[Row]:
+    """Sets without a mistake."""
+    drawn_sets = (draw_set(f"{seed} {number}") for number in range(sets))
+    yield from accuracy_rows(f"from-log, {sets} good sets", drawn_sets, ((2.0, 0.95), (4.0, 1.0)))
+
+
+def wrong_rows(seed: int, sets: int) -> Iterator[Row]:
+    """Each set with one corruption."""
+    with TemporaryDirectory() as folder:
+        results = _corrupted_sets(seed, sets, Path(folder) / "set")
+        yield wrong_values_row(f"from-log, {sets} corrupted sets", results)
+
+
+def _corrupted_sets(seed: int, sets: int, folder: Path) -> Iterator[tuple[str, Saved]]:
+    names = list(CORRUPTIONS)
+    for number in range(sets):
+        drawn, rng = draw_set(f"{seed} wrong {number}"), Random(f"{seed} {number}")
+        name = names[number % len(names)]
+        if name in NEEDS_HEADINGS and not drawn.has_headings:
+            name = rng.choice([each for each in names if each not in NEEDS_HEADINGS])
+        yield f"{name} ({number})", calibrated(CORRUPTIONS[name](drawn, rng), folder)
 
 
 TableChange = Callable[[Floats, Random], Floats]
