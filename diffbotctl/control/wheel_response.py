@@ -301,7 +301,7 @@ class DriveResponse:
             return ""
         return (
             f"the {self.half_side} wheel has reached half of its commands: its motor is weak, or "
-            "its encoder loses every second edge, and the robot is elsewhere"
+            "its encoder loses every second edge, and the robot is not where it says"
         )
 
     def newly_weak(self, speed: float) -> list[Side]:

@@ -20,7 +20,7 @@ HALF_PROBABILITY = 0.005  # before anything was counted
 PROBABILITY_MIN = 0.05
 FRAMES_MIN = 20  # in a row: a gain that changes suddenly needs some time to be found again
 TEXT = (
-    "counts {counts} of the edges that its motor explains: {fault}, or the wheel {motion} "
+    "counts {counts} the edges that its motor explains: {fault}, or the wheel {motion} "
     "than the other one"
 )
 LOST = TEXT.format(counts="half", fault="every second one is missing", motion="rubs more")
