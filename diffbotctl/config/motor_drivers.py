@@ -27,6 +27,9 @@ MODE_TEXT: dict[DriverMode, str] = {
 OffState = Literal["open", "shorted"]
 
 
+THRESHOLD_SHARE_MAX = 0.9  # of a battery that hardly exceeds the threshold
+
+
 class BridgeFigures(NamedTuple):
     """Electrical figures of one bridge.
 
@@ -41,6 +44,10 @@ class BridgeFigures(NamedTuple):
     off_state: OffState
     has_thermal_shutdown: bool
     source: str
+
+    def threshold_share(self, full: float) -> float:
+        """`threshold` over the voltage (V) of the full battery."""
+        return min(self.threshold / full, THRESHOLD_SHARE_MAX)
 
     def drop(self, current: float) -> float:
         """Voltage (V) lost at `current` (A)."""

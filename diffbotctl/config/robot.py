@@ -28,7 +28,6 @@ GRIP_MAX_M_S2 = 10.0
 GRIP_REASON = "no tyre has grip for more; state mm/s2 if that was meant"
 
 USUAL_BATTERY = 7.6  # V; two charged lithium cells under a light load
-BRIDGE_SHARE_MAX = 0.9  # of a battery that hardly exceeds the driver's voltage
 
 BoardType = Literal["mega2560", "uno", "nano", "pico", "simulated"]
 BoardSupply = Literal["vin", "regulator", "usb"]
@@ -703,7 +702,7 @@ def fill_bridge_share(robot: Robot) -> None:
         except AttributeError:
             continue
         if facts is not None:
-            motor.bridge_share = min(facts.bridge.threshold / full, BRIDGE_SHARE_MAX)
+            motor.bridge_share = facts.bridge.threshold_share(full)
 
 
 def fill_curves(robot: Robot) -> None:

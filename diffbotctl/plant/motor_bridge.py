@@ -47,13 +47,12 @@ class BridgeModel(NamedTuple):
 
 # What a robot without a driver has: the motors follow the duty.
 IDEAL_BRIDGE = BridgeModel()
-THRESHOLD_MAX = 0.9  # of a battery that hardly exceeds the drop
 
 
 def bridge_model(figures: BridgeFigures, full: float, stall_current: float | None) -> BridgeModel:
     """The bridges at a battery of `full` V, for motors with this stall current (A)."""
     return BridgeModel(
-        min(figures.threshold / full, THRESHOLD_MAX),
+        figures.threshold_share(full),
         figures.off_state == "open",
         None if stall_current is None else stall_current / figures.current,
         figures.has_thermal_shutdown,
