@@ -1,9 +1,10 @@
 """An encoder that loses every second edge, or counts each one twice, from the gains of the motors.
 
 The speed loop of the board turns such a wheel at twice or half the speed that it counts, evenly:
-its counts are as expected, only its motor seems to have half or twice the gain of the other one. A
-wheel that rubs can look alike. So the share of the travel that may be wrong is a standard
-deviation: the root of the probability of such an encoder, times the error that it makes.
+its counts are as expected, only its motor seems to have half or twice the gain of the other one,
+which has its calibrated gain times the level of the battery. A wheel that rubs can look alike. So
+the share of the travel that may be wrong is a standard deviation: the root of the probability of
+such an encoder, times the error that it makes.
 """
 
 from __future__ import annotations
@@ -12,10 +13,11 @@ from math import exp, log, sqrt
 from typing import NamedTuple
 
 HALF = log(2.0)
-# Of the logarithm of the ratio of two calibrated gains: standard deviations where load and wear
-# make it, and where an encoder does.
-LOAD_SD, HALF_SD = 0.2, 0.1
-HALF_PROBABILITY = 0.005  # before anything was counted
+# Standard deviations of the logarithm of the ratio of two calibrated gains: where load, wear and a
+# board that does not report when edges came make it, and where an encoder does.
+LOAD_SD, HALF_SD = 0.25, 0.15
+LEVEL_SD = 0.2  # of the logarithm of what both gains share: the battery, full to empty, and its sag
+HALF_PROBABILITY = 0.005  # of each fault of each wheel, before anything was counted
 # Below it such an encoder is not considered, as it is with hypotheses of the filter (1:20).
 PROBABILITY_MIN = 0.05
 FRAMES_MIN = 20  # in a row: a gain that changes suddenly needs some time to be found again
@@ -60,12 +62,22 @@ class LostEdges:
 
 
 def _half_probability(left: MotorGain, right: MotorGain) -> float:
+    """Probability that one of the encoders counts half or twice of its edges."""
     if left.value <= 0.0 or right.value <= 0.0:
         return 0.0
     ratio = abs(log(left.value / right.value))
+    mean = 0.5 * log(left.value * right.value)
     variance = left.variance / left.value**2 + right.variance / right.value**2
-    load = (1.0 - HALF_PROBABILITY) * _density(ratio, LOAD_SD * LOAD_SD + variance)
-    half = HALF_PROBABILITY * _density(ratio - HALF, HALF_SD * HALF_SD + variance)
+
+    def likelihood(ratio_error: float, mean_error: float, sd: float) -> float:
+        own = sd * sd + variance
+        level = LEVEL_SD * LEVEL_SD + 0.25 * own
+        return _density(ratio_error, own) * _density(mean_error, level)
+
+    load = (1.0 - 4.0 * HALF_PROBABILITY) * likelihood(ratio, mean, LOAD_SD)
+    half = HALF_PROBABILITY * sum(
+        likelihood(ratio - HALF, mean - shift, HALF_SD) for shift in (-0.5 * HALF, 0.5 * HALF)
+    )
     return half / (half + load) if half > 0.0 else 0.0
 
 

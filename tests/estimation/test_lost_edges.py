@@ -14,7 +14,9 @@ def compared(left, right, sd=0.05, frames=FRAMES_MIN):
     return lost
 
 
-@pytest.mark.parametrize("left, right", [(1.0, 1.0), (0.8, 1.0), (0.45, 0.5), (1.1, 0.75)])
+@pytest.mark.parametrize(
+    "left, right", [(1.0, 1.0), (0.8, 1.0), (0.45, 0.5), (1.1, 0.75), (0.74, 1.27)]
+)
 def test_other_motors_and_a_flat_battery_are_no_faults(left, right):
     lost = compared(left, right)
     assert lost.shares == (0.0, 0.0) and lost.texts == ("", "")
@@ -32,6 +34,12 @@ def test_twice_the_gain_may_be_twice_the_edges():
     left, right = lost.shares
     assert 0.25 < left < 0.5 and right == 0.0
     assert "each is counted twice" in lost.texts[0]
+
+
+def test_the_other_gain_is_the_calibrated_one_times_the_level_of_the_battery():
+    """The ratio is 0.5 in all three: with a full, a flat, and with no possible battery."""
+    full, flat, impossible = (compared(left, 0.5 * left).shares[1] ** 2 for left in (1, 0.8, 1.35))
+    assert full > 2.0 * impossible and flat > 2.0 * impossible
 
 
 def test_a_wheel_that_may_rub_is_less_certain():
