@@ -36,10 +36,19 @@ def pipeline(tmp_path):
     return path
 
 
-def publishing(client, topic, message):
-    """`client` publishes the message 20 times a second, from a thread, until the end."""
+def publishing(client, topic, message, sent=None):
+    """`client` publishes the message 20 times a second, from a thread, until the end.
+
+    `sent`: a list that receives each line.
+    """
     line = json.dumps({"method": "publish", "topic": topic, "message": message})
-    return repeating(lambda: client.send(line), 0.05)
+
+    def publish():
+        client.send(line)
+        if sent is not None:
+            sent.append(line)
+
+    return repeating(publish, 0.05)
 
 
 def refusal(client, topic, **message):
@@ -62,9 +71,12 @@ def test_a_client_drives_by_an_input_and_its_end_stops_and_latches(tmp_path, pip
         assert (held["code"], held["latched"]) == ("input_stale", True)
         assert "leader" in held["cause"] and "disconnected" in held["cause"]
         again = PlainClient(tmp_path, hello='{"hello": 2, "name": "second"}')
-        with publishing(again, "input.twist", {"linear": 0.1, "angular": 0.0}):
+        sent = []
+        with publishing(again, "input.twist", {"linear": 0.1, "angular": 0.0}, sent):
             begin = watcher.request("status")["time"]
             watcher.until(lambda status: status["time"] > begin + 500 * MS)
+            # A busy machine sends fewer in that time than the recording is asked for below.
+            watcher.until(lambda status: len(sent) > 20)
             status = watcher.request("status")
             assert stands(status) and status["held"]["code"] == "input_stale"
             assert watcher.request("resume")["ok"]
@@ -80,8 +92,7 @@ def test_a_client_drives_by_an_input_and_its_end_stops_and_latches(tmp_path, pip
     assert code == 0 and "same" in out
     origins = RecordingReader(recording)
     twists = [item for item in origins.messages() if item.wire == "input.twist"]
-    assert len(twists) >= 2  # one of each client at least; how many depends on the machine
-    assert all(item.from_driver for item in twists)
+    assert len(twists) > 10 and all(item.from_driver for item in twists)
     # Of two messages that come at the same time, the engine takes the second 1 ns later.
     assert all(0 <= item.time - item.message.time < 1000 for item in twists)
 
