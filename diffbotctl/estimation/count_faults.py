@@ -22,6 +22,8 @@ from itertools import pairwise
 from math import exp, log, sqrt
 from operator import mul
 
+from diffbotctl.estimation.likelihood import normal_density
+
 # The first span has so many edges, as rounding hides faults in shorter ones, fewer where edges come
 # slowly, and very few where they have times. The next ones have as many frames, so that rounding is
 # not favoured in one direction, until their edges leave the limits.
@@ -104,11 +106,6 @@ def _smoothed(rate: float) -> float:
     weights = {0.25 * step: exp(-0.5 * (0.25 * step) ** 2) for step in range(-12, 13)}
     total = sum(weight * rounding_variance(rate + sds * RATE_SD) for sds, weight in weights.items())
     return total / sum(weights.values())
-
-
-def _density(square: float, variance: float) -> float:
-    """Of a normal distribution at the root of `square`, times the root of 2 pi."""
-    return exp(-0.5 * square / variance) / sqrt(variance)
 
 
 RATES = 50  # in which a whole edge is divided
@@ -210,14 +207,14 @@ class CountFaults:
         """Probability of each hypothesis. The deviations are normal with its variance; few faults
         are in few of them only, in any of five spans, and then each is a whole edge."""
         rough = self._noise(edges, slope) + (ROUGH_CHANGE * edges) ** 2
-        other = ROUGH_SHARE * _density(square, rough)
+        other = ROUGH_SHARE * normal_density(square, rough)
         for index, (uneven, share, _) in enumerate(HYPOTHESES):
             noise = self._noise(edges * (1.0 - share), slope) + SQUARES * (uneven * edges) ** 2
-            likely = _density(square, noise)
+            likely = normal_density(square, noise)
             if share:
                 faults = edges * abs(share)
                 affected = 1.0 - exp(-len(WEIGHTS) * faults)
-                with_faults = _density(square, noise + SQUARES * faults / affected)
+                with_faults = normal_density(square, noise + SQUARES * faults / affected)
                 likely += affected * (with_faults - likely)
             self.logs[index] += log(other + (1.0 - ROUGH_SHARE) * likely) / DEVIATIONS_PER_SAMPLE
         best = max(self.logs)

@@ -27,6 +27,11 @@ def robust_log_likelihood(innovation: float, variance: float, cost: float) -> fl
     return -0.5 - cost - 0.5 * log(2.0 * pi * variance * (1.0 + ratio))
 
 
+def normal_density(square: float, variance: float) -> float:
+    """Of a normal distribution at the root of `square`, times the root of 2 pi."""
+    return exp(-0.5 * square / variance) / sqrt(variance)
+
+
 def normal_cdf(value: float) -> float:
     """Cumulative distribution function of the standard normal distribution."""
     return 0.5 * (1.0 + erf(value * 0.7071067811865476))

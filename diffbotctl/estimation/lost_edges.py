@@ -9,8 +9,10 @@ such an encoder, times the error that it makes.
 
 from __future__ import annotations
 
-from math import exp, log, sqrt
+from math import log, sqrt
 from typing import NamedTuple
+
+from diffbotctl.estimation.likelihood import normal_density
 
 HALF = log(2.0)
 # Standard deviations of the logarithm of the ratio of two calibrated gains: where load, wear and a
@@ -72,15 +74,12 @@ def _half_probability(left: MotorGain, right: MotorGain) -> float:
     def likelihood(ratio_error: float, mean_error: float, sd: float) -> float:
         own = sd * sd + variance
         level = LEVEL_SD * LEVEL_SD + 0.25 * own
-        return _density(ratio_error, own) * _density(mean_error, level)
+        return normal_density(ratio_error * ratio_error, own) * normal_density(
+            mean_error * mean_error, level
+        )
 
     load = (1.0 - 4.0 * HALF_PROBABILITY) * likelihood(ratio, mean, LOAD_SD)
     half = HALF_PROBABILITY * sum(
         likelihood(ratio - HALF, mean - shift, HALF_SD) for shift in (-0.5 * HALF, 0.5 * HALF)
     )
     return half / (half + load) if half > 0.0 else 0.0
-
-
-def _density(error: float, variance: float) -> float:
-    """Of a normal distribution, times the root of 2 pi."""
-    return exp(-0.5 * error * error / variance) / sqrt(variance)
