@@ -179,6 +179,10 @@ class Odometry(NamedTuple):
             "Released now, the wheels travel this time their speed until they rest; 0: not known.",
         ),
     ] = 0.0
+    lost_edges_probability: Annotated[
+        float,
+        Field("", "Probability that an encoder loses every second edge, or counts each one twice."),
+    ] = 0.0
 
 
 class Imu(NamedTuple):

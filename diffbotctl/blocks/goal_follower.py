@@ -20,7 +20,6 @@ from diffbotctl.control.motion_profile import (
 from diffbotctl.control.velocity_limits import VelocityRate
 from diffbotctl.control.wheel_response import GAP_MAX, DriveResponse
 from diffbotctl.estimation.geometry_deviation import GEOMETRY, TRACK
-from diffbotctl.estimation.slot_errors import LEARNABLE_SLOTS_MAX
 from diffbotctl.messages import Encoders, Goal, GoalEnd, GoalState, Odometry, Stop, Twist
 from diffbotctl.params import FromRobot, Param
 from diffbotctl.time import MILLISECOND, SECOND
@@ -246,10 +245,6 @@ class GoalFollower(Block):
         self.wheels.right.update(
             right, odometry.linear + aside, lag, seconds, right_counted, right_limited
         )
-        # Of few slots odometry knows the gain of the motors, and with it a lost edge from a weak
-        # motor.
-        if self.left_counts > LEARNABLE_SLOTS_MAX:
-            self.wheels.compare_sides(seconds)
         for side in self.wheels.newly_weak(WEAK_SPEED_RATIO * self.speed):
             weakness = self.wheels.weakness(side)
             self.log.warning(f"{weakness}; the other wheel is slowed down to it")
@@ -393,7 +388,9 @@ class GoalFollower(Block):
         if distance > tolerance or turn > heading_tolerance:
             return self._try_again(pursuit, odometry)
         sd = self._position_sd(odometry)
-        if sd > max(LOST_MIN, pursuit.start_distance):
+        # A fault that is possible, but less probable than not, leaves the goal the likelier place.
+        is_likely_there = 0.0 < odometry.lost_edges_probability < 0.5
+        if sd > max(LOST_MIN, pursuit.start_distance) and not is_likely_there:
             why = odometry.warning or "dead reckoning drifts on the way"
             cause = (
                 f"it is not known where the robot is: to {sd:.1f} m (standard deviation), and the "
@@ -401,7 +398,7 @@ class GoalFollower(Block):
             )
             return FollowerStep(pursuit, end="given_up", cause=cause)
         aside = pursuit.start_distance * self.heading_tolerance
-        reasons = [position_doubt(odometry, sd, self.tolerance, aside), self.wheels.half_doubt()]
+        reasons = [position_doubt(odometry, sd, self.tolerance, aside)]
         if distance > self.tolerance or turn > self.heading_tolerance:
             away = f"{distance * 1000:.0f} mm and {degrees(turn):.1f} deg away"
             reasons.insert(0, f"no nearer than {away} by odometry")

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from diffbotctl.block import Block, In, Out, action
 from diffbotctl.estimation.commanded_wheel import CommandedWheelOdometer
 from diffbotctl.estimation.directed_wheel import DirectedWheelOdometer
+from diffbotctl.estimation.fine_lost_edges import FineLostEdges
 from diffbotctl.estimation.fine_wheel import FineWheelOdometer
 from diffbotctl.estimation.geometry_deviation import CalibratedValue, geometry_deviations
 from diffbotctl.estimation.gyro_heading import SCALE_SD, GyroHeading
@@ -21,7 +22,7 @@ from diffbotctl.estimation.wheel_odometer import (
     compare_gains,
     share_response,
 )
-from diffbotctl.estimation.wheel_side import LinkTiming, SideConfig
+from diffbotctl.estimation.wheel_side import EncoderConfig, LinkTiming, SideConfig
 from diffbotctl.messages import Encoders, Imu, Odometry
 from diffbotctl.params import FromRobot, Param
 
@@ -88,7 +89,12 @@ class OdometryBlock(Block):
         self.roll_out_edges = False  # whether there were any since then
         self.timestamps = TimestampFilter(self.stamp_jitter, self.telemetry)
         self.wheels: tuple[Wheel, Wheel] | None = None
-        self.lost_edges = LostEdges()
+        sides = self.left_side, self.right_side
+        self.lost_edges = (
+            FineLostEdges(*sides)
+            if all(_is_counted(side.encoder) for side in sides)
+            else LostEdges()
+        )
 
     @action(x="m", y="m", heading="rad")
     def set_pose(self, now: int, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> None:
@@ -149,7 +155,9 @@ class OdometryBlock(Block):
         text = warning(left, right)
         if self.gyro is not None and self.gyro.fault:
             text = f"{self.gyro.fault}; {text}" if text else self.gyro.fault
-        return self.pose.message(time, left, right, text)
+        message = self.pose.message(time, left, right, text)
+        probability = self.lost_edges.probability
+        return message._replace(lost_edges_probability=probability) if probability else message
 
     def _rolls_out(self, encoders: Encoders, last: Encoders) -> bool:
         """Whether a wheel may still roll since a restart of the board in motion."""
@@ -177,6 +185,13 @@ class OdometryBlock(Block):
         if isinstance(left, WheelOdometer) and isinstance(right, WheelOdometer):
             share_response(left, right)
             compare_gains(self.lost_edges, left, right)
+        elif (
+            isinstance(left, FineWheelOdometer)
+            and isinstance(right, FineWheelOdometer)
+            and isinstance(self.lost_edges, FineLostEdges)
+        ):
+            self.lost_edges.update(encoders, since)
+            self.lost_edges.tell(left, right)
         left.report()
         right.report()
         self.pose.move(left, right)
@@ -209,6 +224,8 @@ class OdometryBlock(Block):
 
     def _start(self, encoders: Encoders) -> tuple[Wheel, Wheel]:
         time = encoders.time
+        if isinstance(self.lost_edges, FineLostEdges):
+            self.lost_edges.restart(encoders)
         timing = LinkTiming(
             RESIDUAL_JITTER_RATIO * self.stamp_jitter, self.command_jitter, self.edge_times
         )
@@ -231,6 +248,13 @@ class OdometryBlock(Block):
         delay = int(self.command_delay * 1e9)
         period = time - before
         return time - (-delay % period if period > 0 else 0)
+
+
+def _is_counted(encoder: EncoderConfig) -> bool:
+    """Whether the travel of its wheel is its count, without a model of the motor."""
+    if encoder.channels == 1:
+        return encoder.slots > LEARNABLE_SLOTS_MAX
+    return encoder.channels == 2 and encoder.counts > LEARNABLE_SLOTS_MAX
 
 
 def warning(left: Wheel, right: Wheel) -> str:

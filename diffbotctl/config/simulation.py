@@ -420,6 +420,16 @@ class Disturbance(Section):
         default=0.0,
         help="Further friction of the right wheel, in duty; more than 1 blocks it.",
     )
+    left_halved = Param(
+        bool,
+        default=False,
+        help="The left encoder, of one channel, gives a pulse for every second slot only.",
+    )
+    right_halved = Param(
+        bool,
+        default=False,
+        help="The right encoder, of one channel, gives a pulse for every second slot only.",
+    )
     button = Param(bool, default=False, help="The stop button is pressed.")
 
 

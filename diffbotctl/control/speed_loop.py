@@ -13,7 +13,6 @@ that is too slow or does not turn at all. The duty of a wheel that does not turn
 before the stall is reported, so that stiff gears and weak batteries are no stall.
 """
 
-from collections import deque
 from collections.abc import Iterable
 from math import copysign, pi
 from typing import NamedTuple, Protocol
@@ -405,6 +404,30 @@ class WheelSpeedLoop(SpeedLoop):
         self.duty = duty
 
 
+class EvenEdges:
+    """The edges of one frame, which are taken as evenly spaced. Times in ns."""
+
+    __slots__ = ("duration", "number", "remaining", "start")
+
+    def __init__(self, start: int, last: int, number: int) -> None:
+        """`number` edges after `start`, the last of them at `last`."""
+        self.start, self.duration = start, last - start
+        self.number = self.remaining = number
+
+    def pass_until(self, until: int) -> tuple[int, int]:
+        """How many of the remaining edges come until then, and the time of the last one."""
+        number, duration, age = self.number, self.duration, until - self.start
+        passed = number - self.remaining
+        if age >= duration:
+            index = number
+        elif age >= 0:
+            index = max(((age + 1) * number - 1) // duration, passed)
+        else:
+            index = passed
+        self.remaining = number - index
+        return index - passed, self.start + duration * index // number
+
+
 class SpeedLoopMirror(SpeedLoop):
     """Reconstruction on the host of the duty that a board's loop applies.
 
@@ -428,7 +451,7 @@ class SpeedLoopMirror(SpeedLoop):
         `steps`: counts since the previous frame, the last of them at time `edge`; `changes`: the
         targets (rad/s) that took effect in this order, each with its time.
         """
-        edges = self._edge_times(edge, abs(steps))
+        edges = EvenEdges(min(self._last_edge, edge), edge, abs(steps))
         duties: list[float] = []
         for number, (since, target) in enumerate(changes):
             if number:
@@ -440,33 +463,21 @@ class SpeedLoopMirror(SpeedLoop):
         duties.append(self.limited_duty())
         return duties
 
-    def _edge_times(self, last: int, number: int) -> deque[int]:
-        """Times of `number` edges until `last`: they are taken as evenly spaced."""
-        if number == 0:
-            return deque()
-        if number == 1:
-            return deque((last,))
-        start = min(self._last_edge, last)
-        return deque([start + (last - start) * (index + 1) // number for index in range(number)])
-
-    def _run(self, until: int, edges: deque[int]) -> None:
+    def _run(self, until: int, edges: EvenEdges) -> None:
         """Run the loop each LOOP_PERIOD until then, past its edges. The phase of the board's timer
         is unknown, but one period changes the duty by too little to matter."""
         if self.target:
             for time in range(self.time + LOOP_PERIOD, until + 1, LOOP_PERIOD):
                 self.time = time
-                if edges:
+                if edges.remaining:
                     self._pass_edges(time, edges)
                 self.run_period(time)
         else:
             self.time = max(until, self.time)
-        if edges:
+        if edges.remaining:
             self._pass_edges(until, edges)
 
-    def _pass_edges(self, until: int, edges: deque[int]) -> None:
-        passed, last = 0, 0
-        while edges and edges[0] <= until:
-            last = edges.popleft()
-            passed += 1
-        if passed:
-            self.add_edges(last, passed)
+    def _pass_edges(self, until: int, edges: EvenEdges) -> None:
+        number, last = edges.pass_until(until)
+        if number:
+            self.add_edges(last, number)

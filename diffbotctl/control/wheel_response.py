@@ -41,10 +41,6 @@ GAP_MAX = 0.25
 # explains why the goal was not reached.
 LAGGING_RATIO = 0.6
 LAGGING_PITCHES = 10.0  # of commanded travel, before the ratio is significant
-# Of its commands. A motor at its limit may reach any part of them; one whose encoder loses every
-# second edge turns twice as fast as it counts, and reaches half where the other one reaches all.
-HALF_MIN, HALF_MAX = 0.4, 0.6
-HALF_AFTER = 0.5  # s
 # Counts that took back the last ones, before that is told: a wheel may tremble on an edge.
 TAKEN_BACK_MIN = 3
 NO_CHANNEL = "channel B of its encoder gives no edges, check its wire"
@@ -210,16 +206,7 @@ class WheelResponse:
 class DriveResponse:
     """What both wheels make of their commands."""
 
-    __slots__ = (
-        "half_for",
-        "half_side",
-        "has_counted",
-        "left",
-        "pitch",
-        "right",
-        "track",
-        "weak_sides",
-    )
+    __slots__ = ("has_counted", "left", "pitch", "right", "track", "weak_sides")
 
     def __init__(self, track: float, pitch: float) -> None:
         """`track` and travel of a wheel from one encoder slot to the next, in m."""
@@ -229,10 +216,6 @@ class DriveResponse:
         """one of the encoders, since the last update"""
         self.weak_sides: tuple[Side, ...] = ()
         """the wheels of which `newly_weak` has told"""
-        self.half_for = 0.0
-        """s for which one wheel has reached half of its commands, and the other one all"""
-        self.half_side: Side | None = None
-        """that wheel, once it is sure; until the next goal"""
 
     def begin(self, crawl_command_min: float = 0.0) -> None:
         """Forget what was reported to the operator, and for how long a wheel has stood.
@@ -240,7 +223,6 @@ class DriveResponse:
         `crawl_command_min`: command (m/s) below which friction may make a wheel stick and slip.
         """
         self.weak_sides = ()
-        self.half_for, self.half_side = 0.0, None
         self.left.begin(crawl_command_min)
         self.right.begin(crawl_command_min)
 
@@ -283,26 +265,6 @@ class DriveResponse:
         if over > 1.0:
             left, right = left / over, right / over
         return 0.5 * (left + right), (right - left) / self.track
-
-    def compare_sides(self, seconds: float) -> None:
-        """Note, after an update of both wheels by `seconds`, whether one reaches half."""
-        for side in SIDES:
-            wheel, other = self._wheel(side), self.right if side == "left" else self.left
-            if HALF_MIN < wheel.ratio < HALF_MAX and other.ratio >= RATIO_FREE:
-                self.half_for += min(seconds, GAP_MAX)
-                if self.half_for > HALF_AFTER:
-                    self.half_side = side
-                return
-        self.half_for = 0.0
-
-    def half_doubt(self) -> str:
-        """Why the counts of a wheel may be half of its edges; empty if they are not."""
-        if self.half_side is None:
-            return ""
-        return (
-            f"the {self.half_side} wheel has reached half of its commands: its motor is weak, or "
-            "its encoder loses every second edge, and the robot is not where it says"
-        )
 
     def newly_weak(self, speed: float) -> list[Side]:
         """The wheels that are found not to follow commands above `speed` (m/s)."""

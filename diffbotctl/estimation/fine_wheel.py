@@ -68,6 +68,7 @@ class FineWheelOdometer:
         is_even = counts == side.encoder.slots
         self.faults = CountFaults(timing.has_edge_times and is_even, counts > LEARNABLE_SLOTS_MAX)
         self.travel = self.start_correction = 0.0
+        self.lost_share, self.lost_text = 0.0, ""  # of every second edge
         self.disagreement = 0.0
         self.late_corrections: Sequence[float] = ()
         self.disagreement_frames = 0
@@ -100,12 +101,12 @@ class FineWheelOdometer:
     @property
     def fault_share(self) -> float:
         """Share of the edges that were missed or counted twice."""
-        return self.faults.share
+        return max(self.faults.share, self.lost_share)
 
     @property
     def fault(self) -> str:
         """Why its travel is known less well than usual, or an empty text."""
-        return "; ".join(filter(None, (self.pushed_text, self.faults.text)))
+        return "; ".join(filter(None, (self.pushed_text, self.lost_text, self.faults.text)))
 
     @property
     def pushed_text(self) -> str:

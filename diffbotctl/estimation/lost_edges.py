@@ -10,7 +10,7 @@ such an encoder, times the error that it makes.
 from __future__ import annotations
 
 from math import log, sqrt
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from diffbotctl.estimation.likelihood import normal_density
 
@@ -38,11 +38,19 @@ class MotorGain(NamedTuple):
     variance: float
 
 
+class CountedWheel(Protocol):
+    """A wheel whose travel and warning depend on lost edges."""
+
+    lost_share: float
+    lost_text: str
+
+
 class LostEdges:
     """Whether one of two encoders counts half or twice of its edges."""
 
     def __init__(self) -> None:
         self.frames = 0  # since when it is likely
+        self.probability = 0.0
         self.shares = (0.0, 0.0)
         """standard deviation of the travel of the left and of the right wheel, relative to it"""
         self.texts = ("", "")
@@ -50,20 +58,32 @@ class LostEdges:
 
     def compare(self, left: MotorGain, right: MotorGain) -> None:
         """Take the gains of both motors after a frame."""
-        probability = _half_probability(left, right)
-        self.frames = self.frames + 1 if probability >= PROBABILITY_MIN else 0
-        self.shares, self.texts = (0.0, 0.0), ("", "")
-        if self.frames < FRAMES_MIN:
+        probability = half_probability(left, right)
+        if not self._is_likely(probability >= PROBABILITY_MIN, 1):
             return
         gain = max((left.value, right.value), key=lambda value: abs(log(value)))
-        share = sqrt(probability) * (1.0 if gain < 1.0 else 0.5)
-        text = LOST if gain < 1.0 else TWICE
-        is_left = gain == left.value
+        self._set(probability, gain == left.value, gain < 1.0)
+
+    def tell(self, left: CountedWheel, right: CountedWheel) -> None:
+        """Set share and text of both wheels."""
+        left.lost_share, right.lost_share = self.shares
+        left.lost_text, right.lost_text = self.texts
+
+    def _is_likely(self, is_likely: bool, frames: int) -> bool:
+        """Whether it has been likely for some time, including the last `frames`."""
+        self.frames = self.frames + frames if is_likely else 0
+        self.probability, self.shares, self.texts = 0.0, (0.0, 0.0), ("", "")
+        return self.frames >= FRAMES_MIN
+
+    def _set(self, probability: float, is_left: bool, is_lost: bool) -> None:
+        share = sqrt(probability) * (1.0 if is_lost else 0.5)
+        text = LOST if is_lost else TWICE
+        self.probability = probability
         self.shares = (share, 0.0) if is_left else (0.0, share)
         self.texts = (text, "") if is_left else ("", text)
 
 
-def _half_probability(left: MotorGain, right: MotorGain) -> float:
+def half_probability(left: MotorGain, right: MotorGain) -> float:
     """Probability that one of the encoders counts half or twice of its edges."""
     if left.value <= 0.0 or right.value <= 0.0:
         return 0.0

@@ -1,4 +1,5 @@
-"""What changes while a simulated robot runs: its supply, friction of its wheels, its button."""
+"""What changes while a simulated robot runs: its supply, friction and encoders of its
+wheels, its button."""
 
 from __future__ import annotations
 
@@ -11,11 +12,14 @@ from diffbotctl.time import NEVER, SECOND
 
 
 class DisturbanceState(NamedTuple):
-    """What acts at one time: factor of the supply, drag of the wheels (duty), the stop button."""
+    """What acts at one time: factor of the supply, drag of the wheels (duty), encoders that lose
+    every second slot, the stop button."""
 
     supply: float
     left_drag: float
     right_drag: float
+    left_halved: bool
+    right_halved: bool
     button: bool
 
 
@@ -41,6 +45,8 @@ class DisturbanceSchedule:
             prod(disturbance.supply for disturbance in active),
             sum(disturbance.left_drag for disturbance in active),
             sum(disturbance.right_drag for disturbance in active),
+            any(disturbance.left_halved for disturbance in active),
+            any(disturbance.right_halved for disturbance in active),
             any(disturbance.button for disturbance in active),
         )
 

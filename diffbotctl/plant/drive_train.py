@@ -36,6 +36,10 @@ class Wheel(Protocol):
         """Ignore all edges from now on, for a run that looks at the truth alone."""
         ...
 
+    def set_halved(self, halved: bool) -> None:
+        """Lose every second slot of the disc from now on, or none."""
+        ...
+
     def watch(self, on: bool) -> None:
         """Start or stop collecting what `changes` returns."""
         ...

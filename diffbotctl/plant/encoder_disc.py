@@ -92,6 +92,7 @@ class EncoderPin:
         "_previous",
         "_rng",
         "counted_level",
+        "halved",
         "pending",
     )
     taken_directions = ()
@@ -103,6 +104,7 @@ class EncoderPin:
         self.pending: deque[int] = deque()  # times of counted edges that `take` has not returned
         self._changes: deque[LevelChange] | None = None
         self._is_missing = False
+        self.halved = False  # every second slot gives no pulse
         self._previous = -SCRATCH_INTERVAL_MAX  # ns, the last counted edge
         self._keeps_order = not disc.doubled and disc.bounce_share >= 1.0
 
@@ -142,6 +144,8 @@ class EncoderPin:
         level = (index + is_forward) % 2
         disc, rng, is_counted = self._disc, self._rng, level == self.counted_level
         if disc.covered and (index % len(disc.edges)) // 2 in disc.covered:
+            return
+        if self.halved and (index // 2) % 2:
             return
         if disc.missed:
             if is_counted:

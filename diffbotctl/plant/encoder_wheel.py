@@ -52,6 +52,11 @@ class EncoderWheel:
         """Ignore all edges from now on, for a run that looks at the truth alone."""
         self._previous_edge, self._next_edge = -inf, inf
 
+    def set_halved(self, halved: bool) -> None:
+        """Lose every second slot from now on, or none; no effect with two channels."""
+        if isinstance(self._pins, EncoderPin):
+            self._pins.halved = halved
+
     def watch(self, on: bool) -> None:
         """Start or stop collecting what `changes` returns."""
         self._pins.watch(on)

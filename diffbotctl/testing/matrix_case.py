@@ -19,7 +19,12 @@ from diffbotctl.runs.build_graph import wires_of
 from diffbotctl.runs.options import RunOptions, RunResult
 from diffbotctl.runs.run import Run
 from diffbotctl.testing.nominal_calibration import calibrate
-from diffbotctl.testing.random_robots import PERTURBATIONS, RobotDesign, draw_design
+from diffbotctl.testing.random_robots import (
+    ENCODER_FAULTS,
+    PERTURBATIONS,
+    RobotDesign,
+    draw_design,
+)
 from diffbotctl.testing.true_pose_controller import TruePoseController
 from diffbotctl.time import SECOND
 
@@ -29,6 +34,7 @@ ORACLE_S = 120.0  # of simulated time, for the controller that knows the true po
 GOAL_SECONDS = 8.0  # of driving at the robot's speed limit, at most
 GOAL_MAX, GOAL_MIN = 2.0, 0.05  # m
 STOPPED_S = 1.0  # after which a latched stop ends a run
+DISTURBANCES = PERTURBATIONS | ENCODER_FAULTS
 DISCS_SHARE = 0.5  # of the robots whose discs were calibrated
 
 
@@ -48,7 +54,7 @@ class Case(NamedTuple):
     def parse(cls, text: str) -> Case:
         """The case of its text form. Raises ValueError."""
         seed, robot, perturbation, plant, number = text.split(":")
-        if perturbation not in PERTURBATIONS or int(plant) not in EQUATIONS:
+        if perturbation not in DISTURBANCES or int(plant) not in EQUATIONS:
             raise ValueError(text)
         return cls(int(seed), int(robot), perturbation, int(plant), int(number))
 
@@ -114,7 +120,7 @@ def set_up(case: Case, folder: Path) -> CaseSetting:
     """Draw the robot of a case and its goal, and write its files into `folder`."""
     design = draw_design(case.seed, case.robot)
     rng = Random(f"case {case}")
-    perturbation = PERTURBATIONS[case.perturbation]
+    perturbation = DISTURBANCES[case.perturbation]
     tree = design.tree()
     simulation = _copied(tree["simulation"]) | {"equations": EQUATIONS[case.plant]}
     tree["simulation"] = simulation
@@ -139,7 +145,8 @@ def set_up(case: Case, folder: Path) -> CaseSetting:
     configuration = load("goal", str(file), sets)
     assert configuration.robot is not None
     disturbances = simulation.get("disturbances", [])
-    wheel = next((key[:-5] for one in disturbances for key in one if key.endswith("_drag")), "")
+    keys = (key.split("_") for one in disturbances for key in one)
+    wheel = next((key[0] for key in keys if key[-1] in ("drag", "halved")), "")
     return CaseSetting(
         configuration,
         configuration.robot,

@@ -209,6 +209,11 @@ def _blocked(simulation: Tree, design: RobotDesign, rng: Random) -> None:
     simulation["disturbances"] = [{"start": rng.uniform(0.0, 4.0), side: 3.0}]
 
 
+def _halved(simulation: Tree, design: RobotDesign, rng: Random) -> None:
+    side = rng.choice(("left_halved", "right_halved"))
+    simulation["disturbances"] = [{"start": rng.choice((0.0, rng.uniform(0.0, 4.0))), side: True}]
+
+
 def _sag(simulation: Tree, design: RobotDesign, rng: Random) -> None:
     simulation["battery"]["sag"] = rng.uniform(0.25, 0.4)
 
@@ -258,3 +263,6 @@ PERTURBATIONS: dict[str, Perturbation] = {
     "backlash": Perturbation(_backlash, lasting=True),
     "cogging": Perturbation(_cogging, lasting=True),
 }
+# No odometry can follow a wheel whose encoder does not show what it does: what counts is what is
+# told, not whether the goal is reached.
+ENCODER_FAULTS: dict[str, Perturbation] = {"halved": Perturbation(_halved)}

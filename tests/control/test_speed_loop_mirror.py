@@ -7,6 +7,7 @@ import pytest
 
 from diffbotctl.control.speed_loop import (
     LOOP_PERIOD,
+    EvenEdges,
     SpeedGains,
     SpeedLoopMirror,
     WheelSpeedLoop,
@@ -84,3 +85,22 @@ def test_a_stop_resets_the_integral():
     assert duties[79] > ahead + 0.05, "a wheel that is too slow gets more and more"
     assert duties[80] == 0.0
     assert duties[100] == pytest.approx(ahead)
+
+
+def test_the_edges_of_a_frame_are_evenly_spaced():
+    """Four edges after 100, the last at 140: at 110, 120, 130 and 140."""
+    edges = EvenEdges(100, 140, 4)
+    assert [edges.pass_until(time) for time in (90, 109, 110, 125, 125, 200)] == [
+        (0, 100),
+        (0, 100),
+        (1, 110),
+        (1, 120),
+        (0, 120),
+        (2, 140),
+    ]
+    assert edges.remaining == 0
+
+
+def test_edges_at_one_time_pass_together():
+    edges = EvenEdges(100, 100, 3)
+    assert edges.pass_until(99) == (0, 100) and edges.pass_until(100) == (3, 100)

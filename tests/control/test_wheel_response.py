@@ -70,27 +70,6 @@ def both(left=0.3, right=0.3):
     return drive
 
 
-@pytest.mark.parametrize(
-    ("left", "right", "named"),
-    [
-        (0.15, 0.3, "left"),  # half, where the other one reaches all
-        (0.3, 0.15, "right"),
-        (0.15, 0.15, ""),  # both: a weak battery
-        (0.2, 0.3, ""),  # two thirds: a weak motor
-        (0.3, 0.3, ""),
-    ],
-)
-def test_a_wheel_that_reaches_half_may_count_half_of_its_edges(left, right, named):
-    wheels = DriveResponse(0.2, 0.01)
-    for _ in range(100):
-        wheels.left.update(0.3, left, LAG, STEP)
-        wheels.right.update(0.3, right, LAG, STEP)
-        wheels.compare_sides(STEP)
-    assert (f"the {named} wheel" in wheels.half_doubt()) if named else not wheels.half_doubt()
-    wheels.begin()
-    assert not wheels.half_doubt(), "each goal is judged by its own motion"
-
-
 def test_a_gap_between_two_frames_is_no_time_in_which_a_wheel_stood():
     """The computer stood still for 2.3 s: 0.69 m of the command that was in force before."""
     drive = both()

@@ -74,3 +74,12 @@ def test_check_refuses_what_the_matrix_does_not_draw(change, code, tmp_path):
     )
     errors = [problem.code for problem in check(str(file)) if problem.code.startswith("E-")]
     assert errors == ([code] if code else [])
+
+
+@pytest.mark.parametrize("number", [0, 1, 2])
+def test_a_goal_is_not_claimed_when_an_encoder_loses_every_second_slot(number):
+    robots = (each for each in range(100) if draw_design(11, each).slots > 64)
+    robot = next(robot for index, robot in enumerate(robots) if index == number)
+    result = run_case(Case(11, robot, "halved", 1, 0))
+    assert result.end in ("reached_unsure", "given_up")
+    assert f"{result.wheel} wheel: counts half the edges" in result.cause

@@ -1,0 +1,96 @@
+"""Edges that a fine encoder counts, and those that the duty of its motor explains.
+
+The duty is that of a mirror of the board's loop. Its errors do not add up: sums of edges over some
+seconds are compared, not positions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import exp, pi
+from typing import NamedTuple
+
+from diffbotctl.control.speed_loop import SpeedLoopMirror, speed_gains
+from diffbotctl.estimation.wheel_side import SideConfig, settled_speed
+
+MEMORY_S = 20.0  # of driving, after which an edge weighs 1/e
+# Of the dead band; with a smaller duty a wheel may stick and slip.
+DUTY_RATIO_MIN = 1.3
+
+
+class EdgeRatio(NamedTuple):
+    """Edges that were counted and explained, and what would change the latter."""
+
+    counted: float
+    explained: float
+    friction: float
+    """edges that would be explained if there were no friction, less `explained`"""
+    transient: float
+    """edges by which the lag of the motor may be wrong: speed changes times the frames' time"""
+
+
+class ExplainedEdges:
+    """Sums of one wheel, over the last seconds in which it was driven."""
+
+    def __init__(self, side: SideConfig) -> None:
+        motor, counts = side.motor, side.encoder.counts
+        self.static, self.rated, self.lag = motor.loop.static, motor.rated, motor.lag
+        self.edges_per_rad = 0.5 * counts / pi
+        # d explained / d static, times the static duty: edges/s for each (1 - duty).
+        friction = self.static / (1.0 - self.static) ** 2
+        self.friction_rate = friction * motor.rated * self.edges_per_rad
+        self.gains, self.counts = speed_gains(motor), counts
+        self.counted = self.explained = self.friction = self.transient = 0.0
+        self.restart(0, 0)
+
+    def restart(self, time: int, count: int) -> None:
+        """Go on at `time` (ns) with the board's `count`; what its loop did before is not known."""
+        self.mirror = SpeedLoopMirror(self.gains, self.counts, time)
+        self.time, self.count = time, count
+        self.speed = 0.0  # edges/s, explained
+        self.span, self.decay, self.memory = 0.0, 1.0, 1.0
+
+    @property
+    def ratio(self) -> EdgeRatio:
+        """The sums."""
+        return EdgeRatio(self.counted, self.explained, self.friction, self.transient)
+
+    def update(
+        self,
+        time: int,
+        count: int,
+        edge_time: int | None,
+        changes: Sequence[tuple[int, float]],
+        is_duty: bool,
+    ) -> bool:
+        """Take one frame. `changes`: commands (duties or rad/s) with the times (ns) since when they
+        are in effect. Returns whether the wheel was driven."""
+        edges, self.count = abs(count - self.count), count
+        before, self.time = self.time, time
+        span = (time - before) * 1e-9
+        if span <= 0.0:
+            return False
+        command = changes[-1][1]
+        if is_duty:
+            duty = command
+        else:
+            edge = edge_time
+            if edge is None:  # on average half an interval before the end of the frame
+                edge = time - (time - before) // (2 * edges) if edges else time
+            duty = self.mirror.update(time, edges, edge, changes)[-1]
+        if span != self.span:
+            self.span = span
+            self.decay, self.memory = exp(-span / self.lag), exp(-span / MEMORY_S)
+        target = settled_speed(duty, self.static, self.rated) * self.edges_per_rad
+        change, decay = target - self.speed, self.decay
+        mean = target - change * self.lag * (1.0 - decay) / span
+        self.speed = target - change * decay
+        size = abs(duty)
+        if not command or size < DUTY_RATIO_MIN * self.static:
+            return False
+        memory = self.memory
+        self.counted = self.counted * memory + edges
+        self.explained = self.explained * memory + abs(mean) * span
+        self.friction = self.friction * memory + (1.0 - size) * self.friction_rate * span
+        self.transient = self.transient * memory + abs(change) * span
+        return True

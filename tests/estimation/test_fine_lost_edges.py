@@ -1,0 +1,126 @@
+"""Fine encoders that lose every second edge, from the edges that their motors' duties explain."""
+
+from __future__ import annotations
+
+from math import log
+from types import SimpleNamespace
+
+import pytest
+
+from diffbotctl.estimation.explained_edges import EdgeRatio, ExplainedEdges
+from diffbotctl.estimation.fine_lost_edges import FineLostEdges, Ratio, half_probabilities
+from diffbotctl.messages import Encoders
+
+FRAME = 20_000_000  # ns
+COUNTS = 400
+RATED, STATIC = 10.0, 0.1  # rad/s, duty
+
+
+def side():
+    loop = SimpleNamespace(static=STATIC, speed=None, proportional=None, integral=None)
+    motor = SimpleNamespace(rated=RATED, lag=0.1, loop=loop)
+    return SimpleNamespace(motor=motor, encoder=SimpleNamespace(counts=COUNTS))
+
+
+def ratio(counted, friction=0.1):
+    return Ratio.of(EdgeRatio(1000.0 * counted, 1000.0, 1000.0 * friction, 50.0))
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "named"),
+    [
+        (1.0, 1.0, None),
+        (0.9, 1.05, None),  # motors differ
+        (0.6, 0.6, None),  # a flat battery
+        (3.0, 3.2, None),  # motors that are faster than typical at small duties
+        (1.0, 0.5, 1),  # half of the edges on the right
+        (0.45, 0.95, 0),
+        (2.1, 1.0, 2),  # each edge counted twice on the left
+    ],
+)
+def test_half_and_twice_are_told_from_other_motors_and_batteries(left, right, named):
+    faults = half_probabilities(ratio(left), ratio(right))
+    if named is None:
+        assert sum(faults) < 0.02
+    else:
+        assert faults.index(max(faults)) == named and max(faults) > 0.3
+
+
+def test_both_motors_may_be_faster_than_typical_where_friction_matters_most():
+    """The right one runs at a small duty: it counts three times what a linear motor would."""
+    assert sum(half_probabilities(ratio(1.1, 0.05), ratio(3.0, 1.0))) < 0.02
+    faults = half_probabilities(ratio(0.55, 0.05), ratio(3.0, 1.0))
+    assert faults.index(max(faults)) == 0 and max(faults) > 0.1
+
+
+def test_where_friction_takes_nearly_all_of_the_duty_a_ratio_proves_nothing():
+    assert sum(half_probabilities(ratio(0.5, 3.0), ratio(1.0, 3.0))) < 0.02
+
+
+def test_the_explained_edges_of_a_constant_duty_are_those_of_its_settled_speed():
+    """Duty 0.55 settles at (0.55 - 0.1) / 0.9 x 10 = 5 rad/s: 400 / 2 pi x 5 = 318.3 edges/s."""
+    explained = ExplainedEdges(side())
+    explained.restart(0, 0)
+    for frame in range(1, 101):
+        explained.update(frame * FRAME, 6 * frame, None, [(0, 0.55)], True)
+    first = explained.ratio
+    for frame in range(101, 103):
+        explained.update(frame * FRAME, 6 * frame, None, [(0, 0.55)], True)
+    second = explained.ratio
+    forgotten = (1.0 - 0.002) * first.explained  # two frames of a memory of 20 s
+    assert second.explained - forgotten == pytest.approx(2 * 0.02 * 318.3, rel=1e-3)
+    assert second.counted - (1.0 - 0.002) * first.counted == pytest.approx(12.0, rel=1e-3)
+
+
+def test_frames_without_a_command_or_near_friction_do_not_count():
+    explained = ExplainedEdges(side())
+    explained.restart(0, 0)
+    assert not explained.update(FRAME, 5, None, [(0, 0.0)], True)
+    assert not explained.update(2 * FRAME, 10, None, [(0, 0.11)], True)
+    assert explained.ratio == EdgeRatio(0.0, 0.0, 0.0, 0.0)
+    assert explained.update(3 * FRAME, 15, None, [(0, 0.5)], True)
+
+
+def drive(left_share, right_share, seconds=4.0):
+    """Both wheels with duty 0.55; each counts a share of its edges."""
+    lost = FineLostEdges(side(), side())
+    lost.restart(Encoders(0, 0, 0))
+    rate, speed, travel = 318.3, 0.0, 0.0
+    for frame in range(1, round(seconds / 0.02)):
+        speed += (rate - speed) * 0.18  # a lag of 0.1 s
+        travel += speed * 0.02
+        counts = int(left_share * travel), int(right_share * travel)
+        lost.update(
+            Encoders(
+                frame * FRAME, *counts, left_command=0.55, right_command=0.55, command_kind="duty"
+            ),
+            0,
+        )
+    return lost
+
+
+def test_a_wheel_that_counts_half_is_told_and_its_travel_is_uncertain():
+    lost = drive(1.0, 0.5)
+    left, right = lost.shares
+    assert left == 0.0 and 0.4 < right < 1.0
+    assert lost.texts[0] == "" and "every second one is missing" in lost.texts[1]
+    assert lost.probability == pytest.approx(right * right)
+
+
+def test_a_wheel_that_counts_twice_is_told():
+    lost = drive(2.0, 1.0)
+    assert 0.2 < lost.shares[0] < 0.5 and lost.shares[1] == 0.0
+    assert "each is counted twice" in lost.texts[0]
+
+
+def test_equal_wheels_are_not_suspected():
+    lost = drive(1.0, 1.0)
+    assert lost.probability == 0.0 and lost.shares == (0.0, 0.0)
+
+
+def test_the_first_edges_prove_nothing():
+    assert drive(1.0, 0.5, seconds=0.2).probability == 0.0
+
+
+def test_a_ratio_is_the_logarithm_of_counted_over_explained():
+    assert ratio(0.5).value == pytest.approx(log(0.5))
