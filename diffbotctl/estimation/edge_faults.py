@@ -20,7 +20,7 @@ RATE_MAX = 0.1  # above it counts are no measurement any more
 # once.
 BURST_PROBABILITY = 0.3
 LOG_BURST = log(BURST_PROBABILITY)
-FAULT_SD = 0.5  # pitches; of an assumed fault
+FAULT_SD = 1.0  # pitches; of an assumed fault
 # Faults per edge at which the motion was too uncertain to notice one because the counts had not
 # been as predicted: most often faults are the reason. Found with simulated robots.
 SUSPECT_RATE = 0.08
