@@ -245,8 +245,7 @@ class GoalFollower(Block):
         self.wheels.right.update(
             right, odometry.linear + aside, lag, seconds, right_counted, right_limited
         )
-        for side in self.wheels.newly_weak(WEAK_SPEED_RATIO * self.speed):
-            weakness = self.wheels.weakness(side)
+        for weakness in self.wheels.newly_weak(WEAK_SPEED_RATIO * self.speed):
             self.log.warning(f"{weakness}; the other wheel is slowed down to it")
 
     def _accept(self, goal: Goal, odometry: Odometry) -> Pursuit:

@@ -206,7 +206,7 @@ class WheelResponse:
 class DriveResponse:
     """What both wheels make of their commands."""
 
-    __slots__ = ("has_counted", "left", "pitch", "right", "track", "weak_sides")
+    __slots__ = ("has_counted", "left", "pitch", "right", "track", "weak")
 
     def __init__(self, track: float, pitch: float) -> None:
         """`track` and travel of a wheel from one encoder slot to the next, in m."""
@@ -214,15 +214,15 @@ class DriveResponse:
         self.left, self.right = WheelResponse(), WheelResponse()
         self.has_counted = False
         """one of the encoders, since the last update"""
-        self.weak_sides: tuple[Side, ...] = ()
-        """the wheels of which `newly_weak` has told"""
+        self.weak: dict[Side, str] = {}
+        """what `newly_weak` has told of each wheel"""
 
     def begin(self, crawl_command_min: float = 0.0) -> None:
         """Forget what was reported to the operator, and for how long a wheel has stood.
 
         `crawl_command_min`: command (m/s) below which friction may make a wheel stick and slip.
         """
-        self.weak_sides = ()
+        self.weak = {}
         self.left.begin(crawl_command_min)
         self.right.begin(crawl_command_min)
 
@@ -266,23 +266,23 @@ class DriveResponse:
             left, right = left / over, right / over
         return 0.5 * (left + right), (right - left) / self.track
 
-    def newly_weak(self, speed: float) -> list[Side]:
-        """The wheels that are found not to follow commands above `speed` (m/s)."""
+    def newly_weak(self, speed: float) -> list[str]:
+        """What the wheels reach that are found not to follow commands above `speed` (m/s)."""
         if self.left.short_for <= WEAK_AFTER and self.right.short_for <= WEAK_AFTER:
             return []
-        found: list[Side] = [
-            side
+        found: dict[Side, str] = {
+            side: self._weakness(side)
             for side in SIDES
-            if side not in self.weak_sides
+            if side not in self.weak
             and self._wheel(side).short_for > WEAK_AFTER
             and abs(self._wheel(side).command) > speed
-        ]
-        self.weak_sides = (*self.weak_sides, *found)
-        return found
+        }
+        self.weak |= found
+        return list(found.values())
 
     def weaknesses(self) -> list[str]:
         """What is known of weak wheels."""
-        return [self.weakness(side) for side in self.weak_sides] or self._lagging()
+        return list(self.weak.values()) or self._lagging()
 
     def _lagging(self) -> list[str]:
         """The wheel that has made much less of its commanded travel than the other one."""
@@ -299,12 +299,13 @@ class DriveResponse:
             "weak, or its encoder misses edges"
         ]
 
-    def weakness(self, side: Side) -> str:
-        """What the wheel reaches of its command."""
+    def _weakness(self, side: Side) -> str:
+        """What the wheel reaches of its present command."""
         wheel = self._wheel(side)
         return (
-            f"the {side} wheel reaches {wheel.speed:.2f} m/s of {abs(wheel.command):.2f} m/s: its "
-            "motor or the battery is too weak for limits.speed"
+            f"the {side} wheel reaches {speed_text(wheel.speed)} of "
+            f"{speed_text(abs(wheel.command))}: its motor or the battery is too weak for "
+            "limits.speed"
         )
 
     def fault(self, creep: float, stuck_after: float, lag: float) -> str:
@@ -321,7 +322,7 @@ class DriveResponse:
             ):
                 return (
                     f"the {side} wheel has not turned for {wheel.idle_for:.1f} s, commanded "
-                    f"{abs(wheel.command):.2f} m/s: blocked, or its motor or encoder is faulty"
+                    f"{speed_text(abs(wheel.command))}: blocked, or its motor or encoder is faulty"
                 )
             if self._gives_no_counts(wheel, other, stuck_after):
                 travel = f"{wheel.uncounted_travel:.2f} m of its commands"
@@ -332,7 +333,7 @@ class DriveResponse:
                     "encoder is faulty"
                 )
             if wheel.crawl_for > IDLE_AFTER + self._known_after(wheel, creep, lag):
-                return self.weakness(side)
+                return self._weakness(side)
         return ""
 
     def lost(self) -> str:
@@ -390,3 +391,8 @@ class DriveResponse:
 
     def _wheel(self, side: Side) -> WheelResponse:
         return self.left if side == "left" else self.right
+
+
+def speed_text(speed: float) -> str:
+    """A speed in m/s, or in mm/s if it is slow."""
+    return f"{speed:.2f} m/s" if abs(speed) >= 0.095 else f"{speed * 1000:.0f} mm/s"

@@ -83,7 +83,7 @@ def test_a_gap_between_two_frames_is_no_time_in_which_a_wheel_stood():
 @pytest.mark.parametrize(("speed", "is_named"), [(0.3, False), (0.1, False), (0.02, True)])
 def test_a_wheel_that_only_crawls_is_named(speed, is_named):
     fault = both(left=speed).fault(creep=0.035, stuck_after=2.0, lag=LAG)
-    assert fault.startswith("the left wheel reaches 0.02 m/s of 0.30 m/s") == is_named
+    assert fault.startswith("the left wheel reaches 20 mm/s of 0.30 m/s") == is_named
     assert bool(fault) == is_named
 
 
