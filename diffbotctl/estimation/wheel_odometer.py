@@ -21,8 +21,8 @@ from diffbotctl.estimation.wheel_side import EncoderConfig, LinkTiming, SideConf
 GAP_SDS = 3.0  # by which the model and the counts may differ
 DRY = Response(is_free_wheeling=False, is_dry=True)
 DRY_LOG_COST = 1.0  # natural log of the ratio of motors that coast with their lag to such
-# Pitches, for each reversal: how a motor that free-wheels between the pulses breaks loose depends on
-# load and battery more than its model knows, and decides which of two edges was the first one.
+# Pitches, for each reversal: how a motor that free-wheels between the pulses breaks loose depends
+# on load and battery more than its model knows, and decides which of two edges was the first one.
 FREE_WHEELING_REVERSAL_SD = 0.15
 MEASURED_OPEN_SHARE_SD = 0.01  # pitches; it differs a little with the speed
 
