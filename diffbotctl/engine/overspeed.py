@@ -88,7 +88,7 @@ class OverspeedDetector:
         self.count = 0
         self.boot = 0
         self.recent: deque[tuple[int, int]] = deque()  # times and counts
-        self.moved_at = 0
+        self.moved_at = 0  # at the latest
         self.is_at_rest = True
         self.pushed = 0  # counts without a command since the wheel was at rest
 
@@ -101,6 +101,7 @@ class OverspeedDetector:
             self.target_limit, self.settled_target_limit = self._limits_of(target)
         if target:
             self.is_at_rest, self.pushed = False, 0
+            self.moved_at = now + self.delay  # a short command moves the wheel after its end
             self.settled_speed = self.settled_target_limit
         self._raise_limits(now)
 
@@ -118,7 +119,7 @@ class OverspeedDetector:
             self.recent.popleft()
         is_gap = now - last > GAP_TIME
         if steps or is_gap:  # a gap does not show that the wheel is at rest
-            self.moved_at = now
+            self.moved_at = max(self.moved_at, now)
         elif not self.target and now - self.moved_at >= STANDSTILL_TIME:
             self.is_at_rest, self.pushed = True, 0
         self._decay(now)

@@ -82,6 +82,18 @@ def test_a_wheel_that_is_pushed_at_rest_is_no_fault():
         detector.command(frame * FRAME, 0.0)
 
 
+def test_a_wheel_that_turns_after_a_short_command_is_not_pushed():
+    """It stood for 2 s; a command of 0.1 s moves it by three counts, 0.1 to 0.3 s after its end."""
+    detector = OverspeedDetector(MOTOR, SLOTS, 0.1, 0.1, True)
+    for frame in range(120):
+        now = frame * FRAME
+        count = 0 if frame < 88 else min(1 + (frame - 88) // 4, 3)
+        assert detector.counts(now, count, 0) is None
+        assert not detector.is_pushed
+        detector.command(now, 2.0 if 80 <= frame < 84 else 0.0)
+    assert detector.is_at_rest
+
+
 def test_a_restart_of_the_board_counts_anew():
     detector = OverspeedDetector(MOTOR, SLOTS, 0.1, 0.05, False)
     detector.command(0, 3.0)
