@@ -13,7 +13,7 @@ from typing import NamedTuple
 from diffbotctl.control.speed_loop import SpeedLoopMirror, speed_gains
 from diffbotctl.estimation.wheel_side import SideConfig, settled_speed
 
-MEMORY_S = 20.0  # of driving, after which an edge weighs 1/e
+MEMORY_S = 5.0  # of driving, after which an edge weighs 1/e
 # Of the dead band; with a smaller duty a wheel may stick and slip.
 DUTY_RATIO_MIN = 1.3
 

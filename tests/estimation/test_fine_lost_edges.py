@@ -67,9 +67,9 @@ def test_the_explained_edges_of_a_constant_duty_are_those_of_its_settled_speed()
     for frame in range(101, 103):
         explained.update(frame * FRAME, 6 * frame, None, [(0, 0.55)], True)
     second = explained.ratio
-    forgotten = (1.0 - 0.002) * first.explained  # two frames of a memory of 20 s
+    forgotten = (1.0 - 0.008) * first.explained  # two frames of a memory of 5 s
     assert second.explained - forgotten == pytest.approx(2 * 0.02 * 318.3, rel=1e-3)
-    assert second.counted - (1.0 - 0.002) * first.counted == pytest.approx(12.0, rel=1e-3)
+    assert second.counted - (1.0 - 0.008) * first.counted == pytest.approx(12.0, rel=1e-3)
 
 
 def test_frames_without_a_command_or_near_friction_do_not_count():
