@@ -12,6 +12,11 @@ from diffbotctl.time import SECOND
 
 GAIN_TIME_PRODUCT = 0.45  # of the proportional gain and the time until the motors have followed
 INTEGRAL_RATIO = 0.15  # of the square of the proportional gain; above 0.25 the heading overshoots
+# A motor that is slower than stated, as many are at a small duty, makes the heading swing about its
+# reference. A swing that is not clearly smaller than the one before, on the other side, shows it:
+# then the gain is reduced for the rest of the run.
+SWING_MIN = 1.0 * pi / 180  # rad; smaller ones are the resolution of the encoders
+SWING_RATIO, SWING_GAIN, SWING_SHARE_MIN = 0.7, 0.6, 0.15
 STEP_MAX_S = 0.2  # between two twists; longer is a pause
 STANDING_SPEED_MAX = 0.004  # m/s of the faster wheel
 
@@ -60,6 +65,8 @@ class HeadingHold(Block):
         self.direction = 0.0  # sign of the speed for which the reference holds
         self.has_failed = False  # beyond `error_max`, until the next standstill or turn
         self.time = 0  # ns, of the last twist
+        self.gain_share = 1.0  # of the gain that the stated lag allows
+        self.swing = self.last_swing = 0.0  # rad with sign: largest errors on each side in turn
 
     def react(
         self, now: int, twist: Twist | None, odometry: Odometry | None, stop: Stop | None
@@ -79,6 +86,7 @@ class HeadingHold(Block):
 
     def _drop(self) -> None:
         self.reference, self.integral, self.has_failed = None, 0.0, False
+        self.swing = self.last_swing = 0.0
 
     def _correction(self, odometry: Odometry, speed: float, seconds: float) -> float:
         """Angular velocity (rad/s) that holds the heading at `speed` (m/s)."""
@@ -98,8 +106,19 @@ class HeadingHold(Block):
                 "held: is one wheel weak, blocked or slipping?"
             )
             return 0.0
-        gain = GAIN_TIME_PRODUCT / (self.lag + self.command_delay)
+        self._watch_swings(error)
+        gain = self.gain_share * GAIN_TIME_PRODUCT / (self.lag + self.command_delay)
         limit = self.correction * speed / half_track
         integral = self.integral + INTEGRAL_RATIO * gain * gain * error * seconds
         self.integral = min(max(integral, -limit), limit)
         return min(max(gain * error + self.integral, -limit), limit)
+
+    def _watch_swings(self, error: float) -> None:
+        """Reduce the gain when the heading swings about its reference; `error` in rad."""
+        if error * self.swing >= 0.0:
+            self.swing = max(self.swing, error, key=abs)
+            return
+        size, last = abs(self.swing), abs(self.last_swing)
+        if size > SWING_MIN and last > SWING_MIN and size > SWING_RATIO * last:
+            self.gain_share = max(SWING_GAIN * self.gain_share, SWING_SHARE_MIN)
+        self.last_swing, self.swing = self.swing, error

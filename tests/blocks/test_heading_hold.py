@@ -124,3 +124,32 @@ def test_simulated_robots_drive_straight(robot):
     assert median(abs(drive.estimated) for drive in drives) <= 1.0
     assert max(abs(drive.estimated) for drive in drives) <= 4.0
     assert median(abs(drive.actual) for drive in drives) <= 1.5
+
+
+def swings(lag, delay=0.05, seconds=12.0):
+    """Largest heading error (degrees) in each quarter of a drive, of a robot that turns with `lag`
+    (s) and `delay` (s) after its commands and was turned by 5 degrees; the block is told 0.1 s."""
+    bench = started()
+    heading, rate, sent = 5.0, 0.0, [0.0] * round(delay / 0.05)
+    largest = [0.0] * 4
+    steps = round(seconds / 0.05)
+    for step in range(steps):
+        sent.append(bench.step(heading=heading, turn=rate))
+        rate += (sent.pop(0) * 180 / pi - rate) * 0.05 / lag
+        heading += rate * 0.05
+        quarter = 4 * step // steps
+        largest[quarter] = max(largest[quarter], abs(heading))
+    return largest, bench.block.gain_share
+
+
+def test_a_robot_as_quick_as_stated_does_not_swing():
+    largest, share = swings(0.1)
+    assert largest[1] < 0.5 and share == 1.0
+
+
+@pytest.mark.parametrize("delay", [0.3, 0.4])
+def test_a_robot_that_is_slower_than_stated_stops_swinging(delay):
+    """At the full gain of 3 1/s the swings stay at 4 and at more than 10 degrees."""
+    largest, share = swings(0.3, delay)
+    assert share < 0.6
+    assert largest[3] < 1.0 < largest[0]
