@@ -6,6 +6,7 @@ from math import copysign, pi, sqrt
 
 from diffbotctl.control.speed_loop import SpeedLoopMirror, speed_gains
 from diffbotctl.estimation.edge_hypothesis import DriveChange, WheelFrame
+from diffbotctl.estimation.edge_intervals import EdgeIntervals
 from diffbotctl.estimation.fine_wheel import (
     PUSHED_EDGES_MIN,
     FineWheelOdometer,
@@ -60,6 +61,8 @@ class WheelOdometer:
         self.filter = WheelFilter(priors, time, count, slots, edges)
         self.mirror = SpeedLoopMirror(speed_gains(motor), slots, time)
         self.counting = FineWheelOdometer(side, time, count, timing)
+        self.intervals = EdgeIntervals()
+        self.time = time  # ns
         self.skipped: tuple[int, float] | None = None  # command in the next frame: ns, value
         self.travel = 0.0  # m, since the last report
         # Variances in m2: of that travel; of all travel, if the best hypothesis is right; of the
@@ -92,8 +95,8 @@ class WheelOdometer:
     def fault(self) -> str:
         """Why its travel is known less well than usual, or an empty text."""
         pushed, faults = self.counting.pushed_text, self.filter.hypotheses[0].faults
-        if not (pushed or self.lost_text):
-            return faults.text
+        if not pushed and not self.lost_text:
+            return faults.text or (self.intervals.text if self.filter.is_unusual else "")
         # The edges of a push look like edges in excess to the model of a motor without power.
         if pushed and faults.missed <= faults.extra <= self.counting.pushed_in_all:
             return pushed
@@ -118,6 +121,10 @@ class WheelOdometer:
     ) -> None:
         """Apply one frame. `command`, in effect since `command_since` (ns), is a duty or rad/s."""
         self.counting.update(time, count, edge_time, command, is_duty, command_since)
+        if count != self.count:
+            resolution = 0 if edge_time is not None else time - self.time
+            self.intervals.add(edge_time or time, count - self.count, resolution)
+        self.time = time
         changes = [(command_since, command)]
         if self.skipped is not None:
             changes.insert(0, self.skipped)
@@ -194,7 +201,9 @@ class WheelOdometer:
         square = self.pitch * self.pitch
         if is_unusual:
             self.added_variance, self.end_variance = counting.added_variance, counting.end_variance
-            self.fault_share = max(counting.faults.shown_share, self.lost_share)
+            # The model of an unusual motor explains missing edges by the motor.
+            shares = counting.faults.shown_share, self.lost_share, self.intervals.share
+            self.fault_share = max(shares)
         else:  # of a few slots the filter's hypotheses include what the counts do not show
             self.added_variance = self._pushed_variance() * square
             self.end_variance, self.fault_share = 0.0, self.lost_share
