@@ -20,7 +20,8 @@ RATE_MAX = 0.1  # above it counts are no measurement any more
 # once.
 BURST_PROBABILITY = 0.3
 LOG_BURST = log(BURST_PROBABILITY)
-FAULT_SD = 1.0  # pitches; of an assumed fault
+# Pitches; of an assumed fault: each on its own, and all alike.
+FAULT_SD, ALIKE_SD = 1.0, 0.5
 # Faults per edge at which the motion was too uncertain to notice one because the counts had not
 # been as predicted: most often faults are the reason. Found with simulated robots.
 SUSPECT_RATE = 0.08
@@ -72,16 +73,16 @@ class EdgeFaults(NamedTuple):
 
         Faults that could not be noticed are one pitch each, and as probable as the faults seen make
         them; where the counts are suspect they are all of one kind, missing or additional edges.
-        Those assumed may be errors of the motor model instead, all alike.
+        Those assumed may be errors of the motor model instead, one of them or all alike.
         """
         number = self.missed + self.extra
-        uncertain = FAULT_SD * number
+        assumed = FAULT_SD * FAULT_SD * number + (ALIKE_SD * number) ** 2
         if not self.unresolved:
-            return uncertain * uncertain
+            return assumed
         faults = PRIOR_RATE * PRIOR_EDGES + number
         unseen = self.unresolved * min(faults / (PRIOR_EDGES + self.edges), RATE_MAX)
         alike = self.suspect * SUSPECT_RATE
-        return uncertain * uncertain + unseen + alike + alike * alike
+        return assumed + unseen + alike + alike * alike
 
     @property
     def number(self) -> int:

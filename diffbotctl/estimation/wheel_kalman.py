@@ -215,8 +215,10 @@ class WheelKalman:
 
     @property
     def finds_faults(self) -> bool:
-        """Whether its predictions are good enough to tell a missing edge from a slower wheel."""
-        return self.is_typical and self.priors.change_cost != inf
+        """Whether its predictions are good enough to tell a missing edge from a slower wheel: those
+        with wide priors are where the board reports when the edges came."""
+        priors = self.priors
+        return (self.is_typical or priors.has_edge_times) and priors.change_cost != inf
 
     @property
     def is_suspect(self) -> bool:
