@@ -32,9 +32,7 @@ ROLLING_CREEP_RATIO = 3.0
 # others are farther away, and less likely from the start.
 EXPECTED_MAX = 0.4
 FAULT_LOG_RATIO_MAX = 6.0  # natural log; less likely explanations are not followed (about 1:400)
-OVERDUE_LOG_RATIO_MAX = (
-    5.0  # the same for an edge that is overdue; it is overdue again in each frame
-)
+OVERDUE_LOG_RATIO_MAX = 5.0  # the same of an edge that is overdue, in each frame
 MISSED_MAX = 2  # in a row; a wheel without edges for longer is held
 EXTRA_MAX = 4  # in a frame
 # An additional edge mostly bounces, soon after the edge: log density in the pitch, and beyond.
