@@ -11,11 +11,12 @@ from collections import deque
 
 # The intervals around must be alike, and the one between them so much longer than their mean.
 EVEN_RATIO_MAX, LONG_RATIO_MIN = 1.35, 1.6
-LONG_MIN = 3  # before a fault is told: a seam of the floor gives one
+LONG_MIN = 4  # before a fault is told: a seam of the floor gives one
 SHARE_MIN = 0.03  # of missing edges; below it jolts may be the reason
 # Frames in an interval, where the time of an edge is that of its frame.
 FRAMES_MIN = 4
-EDGES_MAX = 3  # missing in one interval; longer ones are stops
+EDGES_MAX = 2  # missing in one interval; longer ones are stops
+JUDGED_MIN, JUDGED_SHARE_MIN = 20, 0.3  # intervals, also of all edges: enough to show any fault
 
 
 class EdgeIntervals:
@@ -25,11 +26,12 @@ class EdgeIntervals:
         self.edge: int | None = None  # ns, time of the last edge
         self.direction = 0
         self.recent: deque[int] = deque(maxlen=3)  # ns
-        self.judged = self.long = self.missing = 0
+        self.edges = self.judged = self.long = self.missing = 0
 
     def add(self, time: int, steps: int, resolution: int = 0) -> None:
         """Take `steps` counts of a frame, the last of them at `time` (ns), which is known to
         `resolution` (ns)."""
+        self.edges += abs(steps)
         direction = 1 if steps > 0 else -1
         if abs(steps) > 1 or direction != self.direction or self.edge is None:
             self.recent.clear()
@@ -49,6 +51,11 @@ class EdgeIntervals:
         if ratio >= LONG_RATIO_MIN and ratio < EDGES_MAX + 1.5:
             self.long += 1
             self.missing += round(ratio) - 1
+
+    @property
+    def shows_faults(self) -> bool:
+        """Whether missing edges would have shown, had there been more than a few."""
+        return self.judged >= max(JUDGED_MIN, JUDGED_SHARE_MIN * self.edges)
 
     @property
     def share(self) -> float:

@@ -202,8 +202,11 @@ class WheelOdometer:
         if is_unusual:
             self.added_variance, self.end_variance = counting.added_variance, counting.end_variance
             # The model of an unusual motor explains missing edges by the motor.
-            shares = counting.faults.shown_share, self.lost_share, self.intervals.share
-            self.fault_share = max(shares)
+            by_counts, intervals = counting.faults.shown_share, self.intervals
+            is_exact = counting.has_edge_times and intervals.shows_faults
+            if is_exact and not counting.faults.is_certain:
+                by_counts = 0.0  # what is uneven then is the motor
+            self.fault_share = max(by_counts, self.lost_share, intervals.share)
         else:  # of a few slots the filter's hypotheses include what the counts do not show
             self.added_variance = self._pushed_variance() * square
             self.end_variance, self.fault_share = 0.0, self.lost_share
