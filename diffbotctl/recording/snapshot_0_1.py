@@ -16,6 +16,7 @@ from diffbotctl.control.speed_loop import (
     default_gains,
 )
 from diffbotctl.estimation.edge_faults import NO_FAULTS
+from diffbotctl.estimation.edge_intervals import EdgeIntervals
 from diffbotctl.estimation.fine_wheel import FineWheelOdometer
 from diffbotctl.estimation.pose_filter import NO_EFFECTS, PoseFilter
 from diffbotctl.estimation.pose_history import PoseHistory
@@ -236,6 +237,10 @@ def present_attributes(kind: type, attributes: dict[str, Any]) -> dict[str, Any]
     if issubclass(kind, WheelOdometer):
         present["reported_hypothesis"] = present["filter"].hypotheses[0]
         present["reported_pushed"] = 0
+        present["intervals"], present["time"] = (
+            EdgeIntervals(),
+            present["filter"].hypotheses[0].time,
+        )
         present["counting"] = _counting(present)
     if kind is GoalFollower:
         return {**present, **_goal_follower(attributes)}
