@@ -22,7 +22,7 @@ from diffbotctl.estimation.wheel_odometer import (
     compare_gains,
     share_response,
 )
-from diffbotctl.estimation.wheel_side import EncoderConfig, LinkTiming, SideConfig
+from diffbotctl.estimation.wheel_side import LinkTiming, SideConfig
 from diffbotctl.messages import Encoders, Imu, Odometry
 from diffbotctl.params import FromRobot, Param
 
@@ -92,7 +92,7 @@ class OdometryBlock(Block):
         sides = self.left_side, self.right_side
         self.lost_edges = (
             FineLostEdges(*sides)
-            if all(_is_counted(side.encoder) for side in sides)
+            if all(self._has_fine_counts(side) for side in sides)
             else LostEdges()
         )
 
@@ -243,18 +243,16 @@ class OdometryBlock(Block):
             return CountWheelOdometer
         return FineWheelOdometer if side.encoder.slots > LEARNABLE_SLOTS_MAX else WheelOdometer
 
+    def _has_fine_counts(self, side: SideConfig) -> bool:
+        """Whether the travel of a wheel is its count, by an encoder that is fine enough."""
+        is_counted = issubclass(self._wheel_kind(side), FineWheelOdometer)
+        return is_counted and side.encoder.counts > LEARNABLE_SLOTS_MAX
+
     def _command_start(self, before: int, time: int) -> int:
         """Estimated time at which a command took effect: a fixed delay after a frame."""
         delay = int(self.command_delay * 1e9)
         period = time - before
         return time - (-delay % period if period > 0 else 0)
-
-
-def _is_counted(encoder: EncoderConfig) -> bool:
-    """Whether the travel of its wheel is its count, without a model of the motor."""
-    if encoder.channels == 1:
-        return encoder.slots > LEARNABLE_SLOTS_MAX
-    return encoder.channels == 2 and encoder.counts > LEARNABLE_SLOTS_MAX
 
 
 def warning(left: Wheel, right: Wheel) -> str:

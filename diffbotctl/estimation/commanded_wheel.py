@@ -7,9 +7,9 @@ the motor itself decide it. It is carried as a share of the travel, like that of
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import exp, pi
+from math import pi
 
-from diffbotctl.estimation.wheel_side import LinkTiming, SideConfig, settled_speed
+from diffbotctl.estimation.wheel_side import LinkTiming, SideConfig, lagged_motion, settled_speed
 
 # Relative standard deviation of the speed. The motors of one kit differ by a tenth, a battery loses
 # a fifth of its voltage while it empties, and breakaway duties differ by a factor of two.
@@ -72,10 +72,8 @@ class CommandedWheelOdometer:
         span = (until - self._time) * 1e-9
         if span <= 0.0:
             return
-        lag, settled = self._motor.lag, self._settled
-        decay = exp(-span / lag)
-        self._rolled += settled * span + (self.speed - settled) * lag * (1.0 - decay)
-        self.speed = settled + (self.speed - settled) * decay
+        self.speed, travel = lagged_motion(self.speed, self._settled, self._motor.lag, span)
+        self._rolled += travel
         self._time = until
 
     def unobserved_travel(self, count: int) -> float:

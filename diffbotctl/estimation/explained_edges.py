@@ -11,7 +11,7 @@ from math import exp, pi
 from typing import NamedTuple
 
 from diffbotctl.control.speed_loop import SpeedLoopMirror, speed_gains
-from diffbotctl.estimation.wheel_side import SideConfig, settled_speed
+from diffbotctl.estimation.wheel_side import SideConfig, lagged_motion, settled_speed
 
 MEMORY_S = 5.0  # of driving, after which an edge weighs 1/e
 # Of the dead band; with a smaller duty a wheel may stick and slip.
@@ -48,7 +48,6 @@ class ExplainedEdges:
         self.mirror = SpeedLoopMirror(self.gains, self.counts, time)
         self.time, self.count = time, count
         self.speed = 0.0  # edges/s, explained
-        self.span, self.decay, self.memory = 0.0, 1.0, 1.0
 
     @property
     def ratio(self) -> EdgeRatio:
@@ -78,19 +77,15 @@ class ExplainedEdges:
             if edge is None:  # on average half an interval before the end of the frame
                 edge = time - (time - before) // (2 * edges) if edges else time
             duty = self.mirror.update(time, edges, edge, changes)[-1]
-        if span != self.span:
-            self.span = span
-            self.decay, self.memory = exp(-span / self.lag), exp(-span / MEMORY_S)
         target = settled_speed(duty, self.static, self.rated) * self.edges_per_rad
-        change, decay = target - self.speed, self.decay
-        mean = target - change * self.lag * (1.0 - decay) / span
-        self.speed = target - change * decay
+        change = target - self.speed
+        self.speed, travel = lagged_motion(self.speed, target, self.lag, span)
         size = abs(duty)
         if not command or size < DUTY_RATIO_MIN * self.static:
             return False
-        memory = self.memory
+        memory = exp(-span / MEMORY_S)
         self.counted = self.counted * memory + edges
-        self.explained = self.explained * memory + abs(mean) * span
+        self.explained = self.explained * memory + abs(travel)
         self.friction = self.friction * memory + (1.0 - size) * self.friction_rate * span
         self.transient = self.transient * memory + abs(change) * span
         return True

@@ -31,6 +31,8 @@ CURVES = ((0.0, 0.3), (0.5, 0.15), (1.0, 0.15), (2.0, 0.15), (4.0, 0.15), (8.0, 
 GAIN_SD, FRICTION_SD, CURVE_SD, LAG_SD = 0.08, 0.4, 0.2, 0.2
 # A load on one of the wheels: its probability, and its standard deviation.
 LOAD_PROBABILITY, LOAD_SD = 0.1, 0.35
+# What undoes each fault: left and right losing every second edge, then counting each one twice.
+SHIFTS = (HALF, 0.0), (0.0, HALF), (-HALF, 0.0), (0.0, -HALF)
 
 
 class Ratio(NamedTuple):
@@ -107,11 +109,8 @@ def half_probabilities(left: Ratio, right: Ratio) -> tuple[float, float, float, 
             + 0.5 * LOAD_PROBABILITY * _density((a[0], a[1] + variance), b)
             + 0.5 * LOAD_PROBABILITY * _density(a, (b[0], b[1] + variance))
         )
-        for index, shift in enumerate((HALF, HALF, -HALF, -HALF)):
-            if index % 2 == 0:
-                density = _density((a[0] + shift, a[1]), b)
-            else:
-                density = _density(a, (b[0] + shift, b[1]))
+        for index, (left_shift, right_shift) in enumerate(SHIFTS):
+            density = _density((a[0] + left_shift, a[1]), (b[0] + right_shift, b[1]))
             faults[index] += weight * HALF_PROBABILITY * density
     total = load + sum(faults)
     if total <= 0.0:

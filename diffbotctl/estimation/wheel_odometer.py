@@ -62,7 +62,6 @@ class WheelOdometer:
         self.mirror = SpeedLoopMirror(speed_gains(motor), slots, time)
         self.counting = FineWheelOdometer(side, time, count, timing)
         self.intervals = EdgeIntervals()
-        self.time = time  # ns
         self.skipped: tuple[int, float] | None = None  # command in the next frame: ns, value
         self.travel = 0.0  # m, since the last report
         # Variances in m2: of that travel; of all travel, if the best hypothesis is right; of the
@@ -120,11 +119,13 @@ class WheelOdometer:
         command_since: int,
     ) -> None:
         """Apply one frame. `command`, in effect since `command_since` (ns), is a duty or rad/s."""
+        before = self.counting.time
         self.counting.update(time, count, edge_time, command, is_duty, command_since)
         if count != self.count:
-            resolution = 0 if edge_time is not None else time - self.time
-            self.intervals.add(edge_time or time, count - self.count, resolution)
-        self.time = time
+            if edge_time is None:
+                self.intervals.add(time, count - self.count, time - before)
+            else:
+                self.intervals.add(edge_time, count - self.count)
         changes = [(command_since, command)]
         if self.skipped is not None:
             changes.insert(0, self.skipped)

@@ -237,10 +237,7 @@ def present_attributes(kind: type, attributes: dict[str, Any]) -> dict[str, Any]
     if issubclass(kind, WheelOdometer):
         present["reported_hypothesis"] = present["filter"].hypotheses[0]
         present["reported_pushed"] = 0
-        present["intervals"], present["time"] = (
-            EdgeIntervals(),
-            present["filter"].hypotheses[0].time,
-        )
+        present["intervals"] = EdgeIntervals()
         present["counting"] = _counting(present)
     if kind is GoalFollower:
         return {**present, **_goal_follower(attributes)}
