@@ -58,6 +58,7 @@ CREEP_SPEED_RATIO, CREEP_COUNTS = 0.1, 4.0
 CRAWL_CREEP_RATIO = 2.0  # of the creep speed: friction holds a wheel at lower speeds only
 # m; a goal whose position is known less well than this, and than it was far away, is not reached.
 LOST_MIN = 0.3
+LOST_EDGES_PROBABILITY_MAX = 0.5  # an encoder that is likelier broken than not
 TURNED_MAX = 540 * pi / 180  # rad in one turn, which needs 180 deg and some corrections
 OPPOSED_TURN_MAX = 120 * pi / 180  # rad against the commands; more than any motor coasts
 PUSH_GROWTH = 1.4  # of the least speed, with each small turn in which friction held the wheels
@@ -329,6 +330,9 @@ class GoalFollower(Block):
         lost = self.wheels.lost()
         if lost:
             return "given_up", lost
+        # A robot that counts half of its edges drives twice as far: it must not go on to the end.
+        if odometry.lost_edges_probability >= LOST_EDGES_PROBABILITY_MAX:
+            return "given_up", f"it is not known where the robot is: {odometry.warning}"
         if pursuit.opposed_turn > OPPOSED_TURN_MAX:
             cause = "the robot turns against its commands: do both motors turn their own wheels?"
             return "given_up", cause
@@ -388,7 +392,7 @@ class GoalFollower(Block):
             return self._try_again(pursuit, odometry)
         sd = self._position_sd(odometry)
         # A fault that is possible, but less probable than not, leaves the goal the likelier place.
-        is_likely_there = 0.0 < odometry.lost_edges_probability < 0.5
+        is_likely_there = odometry.lost_edges_probability > 0.0
         if sd > max(LOST_MIN, pursuit.start_distance) and not is_likely_there:
             why = odometry.warning or "dead reckoning drifts on the way"
             cause = (

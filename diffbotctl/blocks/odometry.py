@@ -100,6 +100,7 @@ class OdometryBlock(Block):
     def set_pose(self, now: int, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> None:
         """Set the pose: x and y in m, heading in rad; default: the origin."""
         self.pose.set_pose(x, y, heading)
+        self.lost_edges.pose_is_set()
         for wheel in self.wheels or ():
             wheel.pose_is_set()
 

@@ -1,4 +1,4 @@
-"""A fine encoder that loses every second edge, or counts each one twice.
+"""Fine encoders that lose every second edge, or count each one twice.
 
 Such a wheel counts half, or twice, of the edges that the duty of its motor explains. What a duty
 explains is uncertain. The dead band and the shape of the curve from duty to speed are the same for
@@ -12,14 +12,23 @@ from math import exp, log, log1p, sqrt
 from typing import NamedTuple
 
 from diffbotctl.estimation.explained_edges import EdgeRatio, ExplainedEdges
-from diffbotctl.estimation.lost_edges import HALF, HALF_PROBABILITY, LEVEL_SD, LostEdges
+from diffbotctl.estimation.lost_edges import (
+    BOTH_PROBABILITY,
+    HALF,
+    HALF_PROBABILITY,
+    LEVEL_SD,
+    FaultProbabilities,
+    LostEdges,
+    normalized,
+)
 from diffbotctl.estimation.wheel_side import SideConfig
 from diffbotctl.messages import Encoders
 
-# Below it such an encoder is not considered. A sum of edges says more than the gain of a filter.
-FINE_PROBABILITY_MIN = 0.02
+# Below it such an encoder is not considered: little more than before anything was counted. A sum of
+# edges says more than the gain of a filter.
+FINE_PROBABILITY_MIN = 0.025
 COMPARE_FRAMES = 10  # of a driven wheel
-RATIO_LOG_MIN = 0.3  # of the two ratios; less is no reason for a doubt
+RATIO_LOG_MIN = 0.3  # of the two ratios; less is no reason for a doubt about one of them
 # Edges that must be explained: two or three frames of a fine encoder.
 EXPLAINED_MIN = 20.0
 # Error of the typical curve from duty to speed, in edges that friction takes, with probabilities:
@@ -31,8 +40,11 @@ CURVES = ((0.0, 0.3), (0.5, 0.15), (1.0, 0.15), (2.0, 0.15), (4.0, 0.15), (8.0, 
 GAIN_SD, FRICTION_SD, CURVE_SD, LAG_SD = 0.08, 0.4, 0.2, 0.2
 # A load on one of the wheels: its probability, and its standard deviation.
 LOAD_PROBABILITY, LOAD_SD = 0.1, 0.35
-# What undoes each fault: left and right losing every second edge, then counting each one twice.
-SHIFTS = (HALF, 0.0), (0.0, HALF), (-HALF, 0.0), (0.0, -HALF)
+# What undoes each of FaultProbabilities. Both encoders that count each edge twice are not among
+# them: motors that are quick at small duties look the same.
+SHIFTS = (HALF, 0.0), (0.0, HALF), (-HALF, 0.0), (0.0, -HALF), (HALF, HALF)
+PRIORS = (*(HALF_PROBABILITY,) * 4, BOTH_PROBABILITY)
+HEALTHY = 1.0 - LOAD_PROBABILITY - sum(PRIORS)
 
 
 class Ratio(NamedTuple):
@@ -57,7 +69,7 @@ class Ratio(NamedTuple):
 
 
 class FineLostEdges(LostEdges):
-    """Whether one of two fine encoders counts half or twice of its edges."""
+    """Whether fine encoders count half or twice of their edges."""
 
     def __init__(self, left: SideConfig, right: SideConfig) -> None:
         super().__init__()
@@ -88,35 +100,29 @@ class FineLostEdges(LostEdges):
         left, right = self.left.ratio, self.right.ratio
         if min(left.explained, right.explained) < EXPLAINED_MIN:
             return
-        faults = half_probabilities(Ratio.of(left), Ratio.of(right))
-        probability = sum(faults)
-        if self._is_likely(probability >= FINE_PROBABILITY_MIN, COMPARE_FRAMES):
-            worst = faults.index(max(faults))
-            self._set(probability, worst % 2 == 0, worst < 2)
+        faults = ratio_probabilities(Ratio.of(left), Ratio.of(right))
+        self._take(faults, FINE_PROBABILITY_MIN, COMPARE_FRAMES)
 
 
-def half_probabilities(left: Ratio, right: Ratio) -> tuple[float, float, float, float]:
-    """Probabilities that the left and right encoder lose, and double, every second edge."""
-    if abs(left.value - right.value) < RATIO_LOG_MIN:
-        return 0.0, 0.0, 0.0, 0.0
+def ratio_probabilities(left: Ratio, right: Ratio) -> FaultProbabilities:
+    """Probabilities of the faults by the edges counted over those explained of both wheels."""
+    is_even = abs(left.value - right.value) < RATIO_LOG_MIN
     load = 0.0
-    faults = [0.0, 0.0, 0.0, 0.0]
+    faults = [0.0] * len(SHIFTS)
     variance = LOAD_SD * LOAD_SD
     for curve, weight in CURVES:
         a, b = _beyond(left, curve), _beyond(right, curve)
         load += weight * (
-            (1.0 - LOAD_PROBABILITY - 4.0 * HALF_PROBABILITY) * _density(a, b)
+            HEALTHY * _density(a, b)
             + 0.5 * LOAD_PROBABILITY * _density((a[0], a[1] + variance), b)
             + 0.5 * LOAD_PROBABILITY * _density(a, (b[0], b[1] + variance))
         )
         for index, (left_shift, right_shift) in enumerate(SHIFTS):
+            if is_even and left_shift != right_shift:
+                continue
             density = _density((a[0] + left_shift, a[1]), (b[0] + right_shift, b[1]))
-            faults[index] += weight * HALF_PROBABILITY * density
-    total = load + sum(faults)
-    if total <= 0.0:
-        return 0.0, 0.0, 0.0, 0.0
-    first, second, third, fourth = (fault / total for fault in faults)
-    return first, second, third, fourth
+            faults[index] += weight * PRIORS[index] * density
+    return normalized(faults, load)
 
 
 def _beyond(ratio: Ratio, curve: float) -> tuple[float, float]:

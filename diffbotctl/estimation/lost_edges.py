@@ -5,10 +5,15 @@ its counts are as expected, only its motor seems to have half or twice the gain 
 which has its calibrated gain times the level of the battery. A wheel that rubs can look alike. So
 the share of the travel that may be wrong is a standard deviation: the root of the probability of
 such an encoder, times the error that it makes.
+
+Both encoders can count wrong alike, and do so where the robot file states twice the slots of the
+discs: what then shows it is a level of the battery that no battery has. An encoder that works again
+leaves the pose wrong: what was likely once stays told until the pose is set.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import log, sqrt
 from typing import NamedTuple, Protocol
 
@@ -20,15 +25,70 @@ HALF = log(2.0)
 LOAD_SD, HALF_SD = 0.25, 0.15
 LEVEL_SD = 0.2  # of the logarithm of what both gains share: the battery, full to empty, and its sag
 HALF_PROBABILITY = 0.005  # of each fault of each wheel, before anything was counted
+BOTH_PROBABILITY = 0.002  # of each fault of both wheels alike
 # Below it such an encoder is not considered, as it is with hypotheses of the filter (1:20).
 PROBABILITY_MIN = 0.05
 FRAMES_MIN = 20  # in a row: a gain that changes suddenly needs some time to be found again
+# What has been as likely as this stays told: no working encoder of 70 simulated goals without a
+# disturbance has been.
+LASTING_PROBABILITY_MIN = 0.1
 TEXT = (
     "counts {counts} the edges that its motor explains: {fault}, or the wheel {motion} "
     "than the other one"
 )
 LOST = TEXT.format(counts="half", fault="every second one is missing", motion="rubs more")
 TWICE = TEXT.format(counts="twice", fault="each is counted twice", motion="turns more easily")
+BOTH_TEXT = (
+    "counts {counts} the edges that its motor explains, like the other one: {fault}, the disc has "
+    "{slots} the `slots` of the robot file, or {supply}"
+)
+BOTH_LOST = BOTH_TEXT.format(
+    counts="half",
+    fault="every second one is missing",
+    slots="half",
+    supply="the battery is nearly empty",
+)
+BOTH_TWICE = BOTH_TEXT.format(
+    counts="twice",
+    fault="each is counted twice",
+    slots="twice",
+    supply="the motors are much faster than `rated`",
+)
+
+
+class FaultProbabilities(NamedTuple):
+    """Of an encoder that loses every second edge, or counts each one twice."""
+
+    left_lost: float = 0.0
+    right_lost: float = 0.0
+    left_twice: float = 0.0
+    right_twice: float = 0.0
+    both_lost: float = 0.0
+    both_twice: float = 0.0
+
+
+# What is told of the left and of the right wheel.
+TOLD = {
+    "left_lost": (LOST, ""),
+    "right_lost": ("", LOST),
+    "left_twice": (TWICE, ""),
+    "right_twice": ("", TWICE),
+    "both_lost": (BOTH_LOST, BOTH_LOST),
+    "both_twice": (BOTH_TWICE, BOTH_TWICE),
+}
+
+
+class Suspicion(NamedTuple):
+    """What is told of both encoders."""
+
+    probability: float = 0.0
+    shares: tuple[float, float] = (0.0, 0.0)
+    """standard deviation of the travel of the left and of the right wheel, relative to it"""
+    texts: tuple[str, str] = ("", "")
+    """what is wrong with each encoder, or an empty text"""
+
+
+NO_SUSPICION = Suspicion()
 
 
 class MotorGain(NamedTuple):
@@ -46,49 +106,73 @@ class CountedWheel(Protocol):
 
 
 class LostEdges:
-    """Whether one of two encoders counts half or twice of its edges."""
+    """Whether the encoders count half or twice of their edges."""
 
     def __init__(self) -> None:
         self.frames = 0  # since when it is likely
-        self.probability = 0.0
-        self.shares = (0.0, 0.0)
-        """standard deviation of the travel of the left and of the right wheel, relative to it"""
-        self.texts = ("", "")
-        """what is wrong with each encoder, or an empty text"""
+        self.present = NO_SUSPICION
+        self.lasting = NO_SUSPICION  # the likeliest since the pose was set
+
+    @property
+    def probability(self) -> float:
+        """That the pose is wrong by such an encoder."""
+        return max(self.present.probability, self.lasting.probability)
+
+    @property
+    def shares(self) -> tuple[float, float]:
+        """Standard deviation of the travel of the left and right wheel, relative to it."""
+        left, right = self.present.shares
+        lasting_left, lasting_right = self.lasting.shares
+        return max(left, lasting_left), max(right, lasting_right)
+
+    @property
+    def texts(self) -> tuple[str, str]:
+        """What is wrong with each encoder, or an empty text."""
+        if self.present.probability or not self.lasting.probability:
+            return self.present.texts
+        left, right = (f"at times {text}" if text else "" for text in self.lasting.texts)
+        return left, right
 
     def compare(self, left: MotorGain, right: MotorGain) -> None:
         """Take the gains of both motors after a frame."""
-        probability = half_probability(left, right)
-        if not self._is_likely(probability >= PROBABILITY_MIN, 1):
-            return
-        gain = max((left.value, right.value), key=lambda value: abs(log(value)))
-        self._set(probability, gain == left.value, gain < 1.0)
+        self._take(gain_probabilities(left, right), PROBABILITY_MIN, 1)
+
+    def pose_is_set(self) -> None:
+        """What happened before does not matter any more."""
+        self.lasting = NO_SUSPICION
 
     def tell(self, left: CountedWheel, right: CountedWheel) -> None:
         """Set share and text of both wheels."""
         left.lost_share, right.lost_share = self.shares
         left.lost_text, right.lost_text = self.texts
 
-    def _is_likely(self, is_likely: bool, frames: int) -> bool:
-        """Whether it has been likely for some time, including the last `frames`."""
-        self.frames = self.frames + frames if is_likely else 0
-        self.probability, self.shares, self.texts = 0.0, (0.0, 0.0), ("", "")
-        return self.frames >= FRAMES_MIN
-
-    def _set(self, probability: float, is_left: bool, is_lost: bool) -> None:
-        share = sqrt(probability) * (1.0 if is_lost else 0.5)
-        text = LOST if is_lost else TWICE
-        self.probability = probability
-        self.shares = (share, 0.0) if is_left else (0.0, share)
-        self.texts = (text, "") if is_left else ("", text)
+    def _take(self, faults: FaultProbabilities, least: float, frames: int) -> None:
+        """Suspect what has been likelier than `least` for some time, in the last `frames` too."""
+        probability = sum(faults)
+        self.frames = self.frames + frames if probability >= least else 0
+        if self.frames < FRAMES_MIN:
+            self.present = NO_SUSPICION
+            return
+        self.present = suspicion(faults)
+        if probability > max(LASTING_PROBABILITY_MIN, self.lasting.probability):
+            self.lasting = self.present
 
 
-def half_probability(left: MotorGain, right: MotorGain) -> float:
-    """Probability that one of the encoders counts half or twice of its edges."""
+def suspicion(faults: FaultProbabilities) -> Suspicion:
+    """What is told of the likeliest fault, with the probability of all of them."""
+    probability = sum(faults)
+    name = max(TOLD, key=lambda name: getattr(faults, name))
+    texts = TOLD[name]
+    share = sqrt(probability) * (1.0 if name.endswith("lost") else 0.5)
+    left, right = (share if text else 0.0 for text in texts)
+    return Suspicion(probability, (left, right), texts)
+
+
+def gain_probabilities(left: MotorGain, right: MotorGain) -> FaultProbabilities:
+    """Probabilities of the faults by the gains of both motors."""
     if left.value <= 0.0 or right.value <= 0.0:
-        return 0.0
-    ratio = abs(log(left.value / right.value))
-    mean = 0.5 * log(left.value * right.value)
+        return FaultProbabilities()
+    ratio, mean = log(left.value / right.value), 0.5 * log(left.value * right.value)
     variance = left.variance / left.value**2 + right.variance / right.value**2
 
     def likelihood(ratio_error: float, mean_error: float, sd: float) -> float:
@@ -98,8 +182,28 @@ def half_probability(left: MotorGain, right: MotorGain) -> float:
             mean_error * mean_error, level
         )
 
-    load = (1.0 - 4.0 * HALF_PROBABILITY) * likelihood(ratio, mean, LOAD_SD)
-    half = HALF_PROBABILITY * sum(
-        likelihood(ratio - HALF, mean - shift, HALF_SD) for shift in (-0.5 * HALF, 0.5 * HALF)
+    def one(ratio_shift: float, mean_shift: float) -> float:
+        return HALF_PROBABILITY * likelihood(ratio - ratio_shift, mean - mean_shift, HALF_SD)
+
+    def both(shift: float) -> float:
+        return BOTH_PROBABILITY * likelihood(ratio, mean - shift, LOAD_SD)
+
+    healthy = 1.0 - 4.0 * HALF_PROBABILITY - 2.0 * BOTH_PROBABILITY
+    half = 0.5 * HALF
+    faults = (
+        one(-HALF, -half),
+        one(HALF, -half),
+        one(HALF, half),
+        one(-HALF, half),
+        both(-HALF),
+        both(HALF),
     )
-    return half / (half + load) if half > 0.0 else 0.0
+    return normalized(faults, healthy * likelihood(ratio, mean, LOAD_SD))
+
+
+def normalized(likelihoods: Sequence[float], healthy: float) -> FaultProbabilities:
+    """Probabilities of all faults, by their likelihoods and that of working encoders."""
+    total = healthy + sum(likelihoods)
+    if total <= 0.0:
+        return FaultProbabilities()
+    return FaultProbabilities(*(likelihood / total for likelihood in likelihoods))

@@ -214,6 +214,19 @@ def _halved(simulation: Tree, design: RobotDesign, rng: Random) -> None:
     simulation["disturbances"] = [{"start": rng.choice((0.0, rng.uniform(0.0, 4.0))), side: True}]
 
 
+def _halved_for_a_time(simulation: Tree, design: RobotDesign, rng: Random) -> None:
+    side = rng.choice(("left_halved", "right_halved"))
+    start = rng.uniform(0.0, 3.0)
+    simulation["disturbances"] = [
+        {"start": start, side: True},
+        {"start": start + rng.uniform(1.0, 4.0), side: False},
+    ]
+
+
+def _both_halved(simulation: Tree, design: RobotDesign, rng: Random) -> None:
+    simulation["disturbances"] = [{"start": 0.0, "left_halved": True, "right_halved": True}]
+
+
 def _sag(simulation: Tree, design: RobotDesign, rng: Random) -> None:
     simulation["battery"]["sag"] = rng.uniform(0.25, 0.4)
 
@@ -265,4 +278,8 @@ PERTURBATIONS: dict[str, Perturbation] = {
 }
 # No odometry can follow a wheel whose encoder does not show what it does: what counts is what is
 # told, not whether the goal is reached.
-ENCODER_FAULTS: dict[str, Perturbation] = {"halved": Perturbation(_halved)}
+ENCODER_FAULTS: dict[str, Perturbation] = {
+    "halved": Perturbation(_halved),
+    "halved_for_a_time": Perturbation(_halved_for_a_time),
+    "both_halved": Perturbation(_both_halved),
+}

@@ -8,7 +8,13 @@ from types import SimpleNamespace
 import pytest
 
 from diffbotctl.estimation.explained_edges import EdgeRatio, ExplainedEdges
-from diffbotctl.estimation.fine_lost_edges import FineLostEdges, Ratio, half_probabilities
+from diffbotctl.estimation.fine_lost_edges import (
+    FINE_PROBABILITY_MIN,
+    PRIORS,
+    FineLostEdges,
+    Ratio,
+    ratio_probabilities,
+)
 from diffbotctl.messages import Encoders
 
 FRAME = 20_000_000  # ns
@@ -31,15 +37,17 @@ def ratio(counted, friction=0.1):
     [
         (1.0, 1.0, None),
         (0.9, 1.05, None),  # motors differ
-        (0.6, 0.6, None),  # a flat battery
+        (0.7, 0.7, None),  # a flat battery
         (3.0, 3.2, None),  # motors that are faster than typical at small duties
         (1.0, 0.5, 1),  # half of the edges on the right
         (0.45, 0.95, 0),
         (2.1, 1.0, 2),  # each edge counted twice on the left
+        (0.5, 0.5, 4),  # half of the edges on both: no battery is as empty
+        (0.42, 0.48, 4),
     ],
 )
 def test_half_and_twice_are_told_from_other_motors_and_batteries(left, right, named):
-    faults = half_probabilities(ratio(left), ratio(right))
+    faults = ratio_probabilities(ratio(left), ratio(right))
     if named is None:
         assert sum(faults) < 0.02
     else:
@@ -48,13 +56,15 @@ def test_half_and_twice_are_told_from_other_motors_and_batteries(left, right, na
 
 def test_both_motors_may_be_faster_than_typical_where_friction_matters_most():
     """The right one runs at a small duty: it counts three times what a linear motor would."""
-    assert sum(half_probabilities(ratio(1.1, 0.05), ratio(3.0, 1.0))) < 0.02
-    faults = half_probabilities(ratio(0.55, 0.05), ratio(3.0, 1.0))
+    assert sum(ratio_probabilities(ratio(1.1, 0.05), ratio(3.0, 1.0))) < 0.02
+    faults = ratio_probabilities(ratio(0.55, 0.05), ratio(3.0, 1.0))
     assert faults.index(max(faults)) == 0 and max(faults) > 0.1
 
 
 def test_where_friction_takes_nearly_all_of_the_duty_a_ratio_proves_nothing():
-    assert sum(half_probabilities(ratio(0.5, 3.0), ratio(1.0, 3.0))) < 0.02
+    faults = ratio_probabilities(ratio(0.5, 3.0), ratio(1.0, 3.0))
+    assert sum(faults) < FINE_PROBABILITY_MIN
+    assert sum(faults) == pytest.approx(sum(PRIORS), rel=0.1)
 
 
 def test_the_explained_edges_of_a_constant_duty_are_those_of_its_settled_speed():
@@ -99,6 +109,24 @@ def drive(left_share, right_share, seconds=4.0):
     return lost
 
 
+def go_on(lost, seconds):
+    """Both wheels go on with duty 0.55 and count all of their edges."""
+    first, counts = lost.left.time // FRAME, (lost.left.count, lost.right.count)
+    for frame in range(1, round(seconds / 0.02)):
+        since = int(frame * 0.02 * 318.3)
+        lost.update(
+            Encoders(
+                (first + frame) * FRAME,
+                counts[0] + since,
+                counts[1] + since,
+                left_command=0.55,
+                right_command=0.55,
+                command_kind="duty",
+            ),
+            0,
+        )
+
+
 def test_a_wheel_that_counts_half_is_told_and_its_travel_is_uncertain():
     lost = drive(1.0, 0.5)
     left, right = lost.shares
@@ -116,6 +144,30 @@ def test_a_wheel_that_counts_twice_is_told():
 def test_equal_wheels_are_not_suspected():
     lost = drive(1.0, 1.0)
     assert lost.probability == 0.0 and lost.shares == (0.0, 0.0)
+
+
+def test_both_wheels_that_count_half_are_told_with_all_that_looks_alike():
+    lost = drive(0.5, 0.5)
+    left, right = lost.shares
+    assert left == right and 0.4 < left < 1.0
+    for text in lost.texts:
+        assert "like the other one" in text and "`slots`" in text and "battery" in text
+
+
+def test_a_battery_at_60_percent_is_likelier_than_two_encoders_that_fail_alike():
+    assert 0.0 < sum(ratio_probabilities(ratio(0.6), ratio(0.6))) < 0.1
+
+
+def test_a_wheel_that_counts_again_stays_told_until_the_pose_is_set():
+    """After 4 s of half of the edges come 20 s of all of them: the travel of before is wrong."""
+    lost = drive(1.0, 0.5)
+    damage, probability = lost.shares, lost.probability
+    go_on(lost, seconds=20.0)
+    assert lost.present.probability == 0.0
+    assert lost.shares[1] >= damage[1] and lost.probability >= probability
+    assert lost.texts[1].startswith("at times counts half")
+    lost.pose_is_set()
+    assert lost.probability == 0.0 and lost.shares == (0.0, 0.0) and lost.texts == ("", "")
 
 
 def test_the_first_edges_prove_nothing():

@@ -15,7 +15,7 @@ def compared(left, right, sd=0.05, frames=FRAMES_MIN):
 
 
 @pytest.mark.parametrize(
-    "left, right", [(1.0, 1.0), (0.8, 1.0), (0.45, 0.5), (1.1, 0.75), (0.74, 1.27)]
+    "left, right", [(1.0, 1.0), (0.8, 1.0), (0.6, 0.65), (1.1, 0.75), (0.74, 1.27)]
 )
 def test_other_motors_and_a_flat_battery_are_no_faults(left, right):
     lost = compared(left, right)
@@ -34,6 +34,24 @@ def test_twice_the_gain_may_be_twice_the_edges():
     left, right = lost.shares
     assert 0.25 < left < 0.5 and right == 0.0
     assert "each is counted twice" in lost.texts[0]
+
+
+@pytest.mark.parametrize(("left", "right", "slots"), [(0.45, 0.5, "half"), (2.2, 2.1, "twice")])
+def test_both_gains_that_no_battery_explains_may_be_both_encoders(left, right, slots):
+    lost = compared(left, right)
+    assert lost.shares[0] == lost.shares[1] > 0.2
+    assert all(f"the disc has {slots} the `slots`" in text for text in lost.texts)
+
+
+def test_what_was_likely_stays_told_until_the_pose_is_set():
+    lost = compared(1.05, 0.53)
+    told, probability = lost.shares, lost.probability
+    for _ in range(FRAMES_MIN):
+        lost.compare(MotorGain(1.05, 0.0025), MotorGain(1.0, 0.0025))
+    assert lost.shares == told and lost.probability == probability
+    assert lost.texts[0] == "" and lost.texts[1].startswith("at times counts half")
+    lost.pose_is_set()
+    assert lost.shares == (0.0, 0.0) and lost.texts == ("", "")
 
 
 def test_the_other_gain_is_the_calibrated_one_times_the_level_of_the_battery():

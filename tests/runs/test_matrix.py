@@ -83,3 +83,13 @@ def test_a_goal_is_not_claimed_when_an_encoder_loses_every_second_slot(number):
     result = run_case(Case(11, robot, "halved", 1, 0))
     assert result.end in ("reached_unsure", "given_up")
     assert f"{result.wheel} wheel: counts half the edges" in result.cause
+
+
+@pytest.mark.parametrize("number", [0, 1, 2])
+def test_a_goal_is_given_up_on_the_way_when_both_encoders_lose_every_second_slot(number):
+    """The robot would drive twice as far as it believes: it must not go on to the end."""
+    robots = (each for each in range(100) if draw_design(11, each).slots > 64)
+    robot = next(robot for index, robot in enumerate(robots) if index == number)
+    result = run_case(Case(11, robot, "both_halved", 1, 0))
+    assert result.end == "given_up" and "the disc has half the `slots`" in result.cause
+    assert result.farther <= result.farther_limit
