@@ -7,12 +7,12 @@ from collections.abc import Mapping
 from diffbotctl.block import Block, In, Out, action
 from diffbotctl.estimation.commanded_wheel import CommandedWheelOdometer
 from diffbotctl.estimation.directed_wheel import DirectedWheelOdometer
-from diffbotctl.estimation.fine_lost_edges import FineLostEdges
+from diffbotctl.estimation.explained_lost_edges import ExplainedLostEdges
 from diffbotctl.estimation.fine_wheel import FineWheelOdometer
 from diffbotctl.estimation.geometry_deviation import CalibratedValue, geometry_deviations
 from diffbotctl.estimation.gyro_heading import SCALE_SD, GyroHeading
 from diffbotctl.estimation.gyro_pose_filter import GyroPoseFilter
-from diffbotctl.estimation.lost_edges import LostEdges
+from diffbotctl.estimation.lost_edges import BOTH_TEXTS, LostEdges
 from diffbotctl.estimation.pose_filter import PoseFilter
 from diffbotctl.estimation.slot_errors import LEARNABLE_SLOTS_MAX
 from diffbotctl.estimation.timestamp_filter import TimestampFilter
@@ -38,7 +38,8 @@ ROLL_OUT_NS = 350_000_000
 # the time of the restart within a frame is unknown.
 RESTART_TRAVEL_SD = 0.4
 
-Wheel = WheelOdometer | FineWheelOdometer | CommandedWheelOdometer
+EncoderWheel = WheelOdometer | FineWheelOdometer
+Wheel = EncoderWheel | CommandedWheelOdometer
 
 
 class OdometryBlock(Block):
@@ -90,17 +91,18 @@ class OdometryBlock(Block):
         self.timestamps = TimestampFilter(self.stamp_jitter, self.telemetry)
         self.wheels: tuple[Wheel, Wheel] | None = None
         sides = self.left_side, self.right_side
-        self.lost_edges = (
-            FineLostEdges(*sides)
-            if all(self._has_fine_counts(side) for side in sides)
-            else LostEdges()
+        self.lost_by_gains = LostEdges()
+        self.lost_by_edges = (
+            ExplainedLostEdges(*sides) if all(side.encoder.channels for side in sides) else None
         )
 
     @action(x="m", y="m", heading="rad")
     def set_pose(self, now: int, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> None:
         """Set the pose: x and y in m, heading in rad; default: the origin."""
         self.pose.set_pose(x, y, heading)
-        self.lost_edges.pose_is_set()
+        self.lost_by_gains.pose_is_set()
+        if self.lost_by_edges is not None:
+            self.lost_by_edges.pose_is_set()
         for wheel in self.wheels or ():
             wheel.pose_is_set()
 
@@ -157,8 +159,16 @@ class OdometryBlock(Block):
         if self.gyro is not None and self.gyro.fault:
             text = f"{self.gyro.fault}; {text}" if text else self.gyro.fault
         message = self.pose.message(time, left, right, text)
-        probability = self.lost_edges.probability
+        probability = self._lost_edges.probability
         return message._replace(lost_edges_probability=probability) if probability else message
+
+    @property
+    def _lost_edges(self) -> LostEdges:
+        """What is likelier: by the gains of the motors, or by the edges that they explain."""
+        by_gains, by_edges = self.lost_by_gains, self.lost_by_edges
+        if by_edges is None or by_gains.probability >= by_edges.probability:
+            return by_gains
+        return by_edges
 
     def _rolls_out(self, encoders: Encoders, last: Encoders) -> bool:
         """Whether a wheel may still roll since a restart of the board in motion."""
@@ -185,14 +195,14 @@ class OdometryBlock(Block):
         )
         if isinstance(left, WheelOdometer) and isinstance(right, WheelOdometer):
             share_response(left, right)
-            compare_gains(self.lost_edges, left, right)
-        elif (
-            isinstance(left, FineWheelOdometer)
-            and isinstance(right, FineWheelOdometer)
-            and isinstance(self.lost_edges, FineLostEdges)
+            compare_gains(self.lost_by_gains, left, right)
+        if (
+            self.lost_by_edges is not None
+            and isinstance(left, EncoderWheel)
+            and isinstance(right, EncoderWheel)
         ):
-            self.lost_edges.update(encoders, since)
-            self.lost_edges.tell(left, right)
+            self.lost_by_edges.update(encoders, since)
+            self._lost_edges.tell(left, right)
         left.report()
         right.report()
         self.pose.move(left, right)
@@ -225,8 +235,8 @@ class OdometryBlock(Block):
 
     def _start(self, encoders: Encoders) -> tuple[Wheel, Wheel]:
         time = encoders.time
-        if isinstance(self.lost_edges, FineLostEdges):
-            self.lost_edges.restart(encoders)
+        if self.lost_by_edges is not None:
+            self.lost_by_edges.restart(encoders)
         timing = LinkTiming(
             RESIDUAL_JITTER_RATIO * self.stamp_jitter, self.command_jitter, self.edge_times
         )
@@ -244,11 +254,6 @@ class OdometryBlock(Block):
             return CountWheelOdometer
         return FineWheelOdometer if side.encoder.slots > LEARNABLE_SLOTS_MAX else WheelOdometer
 
-    def _has_fine_counts(self, side: SideConfig) -> bool:
-        """Whether the travel of a wheel is its count, by an encoder that is fine enough."""
-        is_counted = issubclass(self._wheel_kind(side), FineWheelOdometer)
-        return is_counted and side.encoder.counts > LEARNABLE_SLOTS_MAX
-
     def _command_start(self, before: int, time: int) -> int:
         """Estimated time at which a command took effect: a fixed delay after a frame."""
         delay = int(self.command_delay * 1e9)
@@ -261,5 +266,7 @@ def warning(left: Wheel, right: Wheel) -> str:
     left_fault, right_fault = left.fault, right.fault
     if not left_fault and not right_fault:
         return ""
+    if left_fault == right_fault and left_fault.endswith(BOTH_TEXTS):
+        return f"left and right wheel: {left_fault}"
     faults = (("left", left_fault), ("right", right_fault))
     return "; ".join(f"{side} wheel: {fault}" for side, fault in faults if fault)

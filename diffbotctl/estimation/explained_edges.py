@@ -1,4 +1,4 @@
-"""Edges that a fine encoder counts, and those that the duty of its motor explains.
+"""Edges that an encoder counts, and those that the duty of its motor explains.
 
 The duty is that of a mirror of the board's loop. Its errors do not add up: sums of edges over some
 seconds are compared, not positions.
@@ -14,6 +14,8 @@ from diffbotctl.control.speed_loop import SpeedLoopMirror, speed_gains
 from diffbotctl.estimation.wheel_side import SideConfig, lagged_motion, settled_speed
 
 MEMORY_S = 5.0  # of driving, after which an edge weighs 1/e
+# s; the commands within a longer frame are not all known, and a motor follows them within its lag.
+SPAN_MAX = 0.12
 # Of the dead band; with a smaller duty a wheel may stick and slip.
 DUTY_RATIO_MIN = 1.3
 
@@ -81,7 +83,7 @@ class ExplainedEdges:
         change = target - self.speed
         self.speed, travel = lagged_motion(self.speed, target, self.lag, span)
         size = abs(duty)
-        if not command or size < DUTY_RATIO_MIN * self.static:
+        if not command or size < DUTY_RATIO_MIN * self.static or span > SPAN_MAX:
             return False
         memory = exp(-span / MEMORY_S)
         self.counted = self.counted * memory + edges

@@ -39,11 +39,11 @@ TEXT = (
 LOST = TEXT.format(counts="half", fault="every second one is missing", motion="rubs more")
 TWICE = TEXT.format(counts="twice", fault="each is counted twice", motion="turns more easily")
 BOTH_TEXT = (
-    "counts {counts} the edges that its motor explains, like the other one: {fault}, the disc has "
-    "{slots} the `slots` of the robot file, or {supply}"
+    "{counts} the edges that the motor explains are counted: {fault}, the disc has {slots} the "
+    "`slots` of the robot file, or {supply}"
 )
 BOTH_LOST = BOTH_TEXT.format(
-    counts="half",
+    counts="half of",
     fault="every second one is missing",
     slots="half",
     supply="the battery is nearly empty",
@@ -54,6 +54,7 @@ BOTH_TWICE = BOTH_TEXT.format(
     slots="twice",
     supply="the motors are much faster than `rated`",
 )
+BOTH_TEXTS = (BOTH_LOST, BOTH_TWICE)
 
 
 class FaultProbabilities(NamedTuple):

@@ -265,7 +265,6 @@ def share_response(left: WheelOdometer, right: WheelOdometer) -> None:
 def compare_gains(lost_edges: LostEdges, left: WheelOdometer, right: WheelOdometer) -> None:
     """Decide by the gains of both motors whether an encoder loses every second edge."""
     lost_edges.compare(_motor_gain(left), _motor_gain(right))
-    lost_edges.tell(left, right)
 
 
 def _motor_gain(wheel: WheelOdometer) -> MotorGain:

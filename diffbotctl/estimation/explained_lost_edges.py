@@ -1,9 +1,12 @@
-"""Fine encoders that lose every second edge, or count each one twice.
+"""Encoders that lose every second edge, or count each one twice, by what their motors explain.
 
 Such a wheel counts half, or twice, of the edges that the duty of its motor explains. What a duty
 explains is uncertain. The dead band and the shape of the curve from duty to speed are the same for
 both motors, nearly: one unknown for both takes them up. So do the battery, which both share, and a
 load that one of them has alone.
+
+It follows a change within a second or two. The gains that the filters of coarse encoders find
+(`lost_edges`) follow within tens of seconds, but do not depend on that curve.
 """
 
 from __future__ import annotations
@@ -26,7 +29,7 @@ from diffbotctl.messages import Encoders
 
 # Below it such an encoder is not considered: little more than before anything was counted. A sum of
 # edges says more than the gain of a filter.
-FINE_PROBABILITY_MIN = 0.025
+EXPLAINED_PROBABILITY_MIN = 0.025
 COMPARE_FRAMES = 10  # of a driven wheel
 RATIO_LOG_MIN = 0.3  # of the two ratios; less is no reason for a doubt about one of them
 # Edges that must be explained: two or three frames of a fine encoder.
@@ -68,8 +71,8 @@ class Ratio(NamedTuple):
         )
 
 
-class FineLostEdges(LostEdges):
-    """Whether fine encoders count half or twice of their edges."""
+class ExplainedLostEdges(LostEdges):
+    """Whether encoders count half or twice of the edges that the duties explain."""
 
     def __init__(self, left: SideConfig, right: SideConfig) -> None:
         super().__init__()
@@ -101,7 +104,7 @@ class FineLostEdges(LostEdges):
         if min(left.explained, right.explained) < EXPLAINED_MIN:
             return
         faults = ratio_probabilities(Ratio.of(left), Ratio.of(right))
-        self._take(faults, FINE_PROBABILITY_MIN, COMPARE_FRAMES)
+        self._take(faults, EXPLAINED_PROBABILITY_MIN, COMPARE_FRAMES)
 
 
 def ratio_probabilities(left: Ratio, right: Ratio) -> FaultProbabilities:

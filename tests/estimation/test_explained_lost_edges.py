@@ -1,4 +1,4 @@
-"""Fine encoders that lose every second edge, from the edges that their motors' duties explain."""
+"""Encoders that lose every second edge, from the edges that their motors' duties explain."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from types import SimpleNamespace
 import pytest
 
 from diffbotctl.estimation.explained_edges import EdgeRatio, ExplainedEdges
-from diffbotctl.estimation.fine_lost_edges import (
-    FINE_PROBABILITY_MIN,
+from diffbotctl.estimation.explained_lost_edges import (
+    EXPLAINED_PROBABILITY_MIN,
     PRIORS,
-    FineLostEdges,
+    ExplainedLostEdges,
     Ratio,
     ratio_probabilities,
 )
@@ -63,7 +63,7 @@ def test_both_motors_may_be_faster_than_typical_where_friction_matters_most():
 
 def test_where_friction_takes_nearly_all_of_the_duty_a_ratio_proves_nothing():
     faults = ratio_probabilities(ratio(0.5, 3.0), ratio(1.0, 3.0))
-    assert sum(faults) < FINE_PROBABILITY_MIN
+    assert sum(faults) < EXPLAINED_PROBABILITY_MIN
     assert sum(faults) == pytest.approx(sum(PRIORS), rel=0.1)
 
 
@@ -87,13 +87,15 @@ def test_frames_without_a_command_or_near_friction_do_not_count():
     explained.restart(0, 0)
     assert not explained.update(FRAME, 5, None, [(0, 0.0)], True)
     assert not explained.update(2 * FRAME, 10, None, [(0, 0.11)], True)
+    assert not explained.update(2 * FRAME + 130_000_000, 15, None, [(0, 0.5)], True)  # too long
     assert explained.ratio == EdgeRatio(0.0, 0.0, 0.0, 0.0)
+    explained.restart(2 * FRAME, 10)
     assert explained.update(3 * FRAME, 15, None, [(0, 0.5)], True)
 
 
 def drive(left_share, right_share, seconds=4.0):
     """Both wheels with duty 0.55; each counts a share of its edges."""
-    lost = FineLostEdges(side(), side())
+    lost = ExplainedLostEdges(side(), side())
     lost.restart(Encoders(0, 0, 0))
     rate, speed, travel = 318.3, 0.0, 0.0
     for frame in range(1, round(seconds / 0.02)):
@@ -151,7 +153,7 @@ def test_both_wheels_that_count_half_are_told_with_all_that_looks_alike():
     left, right = lost.shares
     assert left == right and 0.4 < left < 1.0
     for text in lost.texts:
-        assert "like the other one" in text and "`slots`" in text and "battery" in text
+        assert text.startswith("half of the edges") and "`slots`" in text and "battery" in text
 
 
 def test_a_battery_at_60_percent_is_likelier_than_two_encoders_that_fail_alike():
