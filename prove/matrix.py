@@ -341,14 +341,15 @@ def encoder_cases(seed: int, runs: int, plants: Iterable[int]) -> list[Case]:
 def encoder_rows(results: list[CaseResult]) -> Iterator[Row]:
     """What is told when no odometry can follow: a goal must not be claimed without a doubt."""
     for plant, equations in EQUATIONS.items():
-        for fault, what in ENCODER_FAULT_TEXTS.items():
+        for fault in ENCODER_FAULTS:
             group = [
                 result
                 for result in results
                 if result.case.plant == plant and result.case.perturbation == fault
             ]
             if group:
-                yield _encoder_row(f"plant {plant} ({equations}): {len(group)} {what}", group)
+                what = f"{len(group)} {ENCODER_FAULT_TEXTS[fault]}"
+                yield _encoder_row(f"plant {plant} ({equations}): {what}", group)
 
 
 def _encoder_row(what: str, group: list[CaseResult]) -> Row:

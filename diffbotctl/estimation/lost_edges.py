@@ -68,15 +68,10 @@ class FaultProbabilities(NamedTuple):
     both_twice: float = 0.0
 
 
-# What is told of the left and of the right wheel.
-TOLD = {
-    "left_lost": (LOST, ""),
-    "right_lost": ("", LOST),
-    "left_twice": (TWICE, ""),
-    "right_twice": ("", TWICE),
-    "both_lost": (BOTH_LOST, BOTH_LOST),
-    "both_twice": (BOTH_TWICE, BOTH_TWICE),
-}
+# In the order of FaultProbabilities: what is told of the left and of the right wheel.
+TOLD = (LOST, ""), ("", LOST), (TWICE, ""), ("", TWICE), (BOTH_LOST, BOTH_LOST), (BOTH_TWICE,) * 2
+# The error of the travel by each fault, relative to it.
+ERRORS = 1.0, 1.0, 0.5, 0.5, 1.0, 0.5
 
 
 class Suspicion(NamedTuple):
@@ -162,9 +157,8 @@ class LostEdges:
 def suspicion(faults: FaultProbabilities) -> Suspicion:
     """What is told of the likeliest fault, with the probability of all of them."""
     probability = sum(faults)
-    name = max(TOLD, key=lambda name: getattr(faults, name))
-    texts = TOLD[name]
-    share = sqrt(probability) * (1.0 if name.endswith("lost") else 0.5)
+    index = faults.index(max(faults))
+    texts, share = TOLD[index], sqrt(probability) * ERRORS[index]
     left, right = (share if text else 0.0 for text in texts)
     return Suspicion(probability, (left, right), texts)
 

@@ -93,6 +93,12 @@ def test_frames_without_a_command_or_near_friction_do_not_count():
     assert explained.update(3 * FRAME, 15, None, [(0, 0.5)], True)
 
 
+def take(lost, frame, left, right):
+    """Frame number `frame` of wheels with duty 0.55."""
+    commands = {"left_command": 0.55, "right_command": 0.55, "command_kind": "duty"}
+    lost.update(Encoders(frame * FRAME, left, right, **commands), 0)
+
+
 def drive(left_share, right_share, seconds=4.0):
     """Both wheels with duty 0.55; each counts a share of its edges."""
     lost = ExplainedLostEdges(side(), side())
@@ -102,31 +108,16 @@ def drive(left_share, right_share, seconds=4.0):
         speed += (rate - speed) * 0.18  # a lag of 0.1 s
         travel += speed * 0.02
         counts = int(left_share * travel), int(right_share * travel)
-        lost.update(
-            Encoders(
-                frame * FRAME, *counts, left_command=0.55, right_command=0.55, command_kind="duty"
-            ),
-            0,
-        )
+        take(lost, frame, *counts)
     return lost
 
 
 def go_on(lost, seconds):
     """Both wheels go on with duty 0.55 and count all of their edges."""
-    first, counts = lost.left.time // FRAME, (lost.left.count, lost.right.count)
+    first, left, right = lost.left.time // FRAME, lost.left.count, lost.right.count
     for frame in range(1, round(seconds / 0.02)):
         since = int(frame * 0.02 * 318.3)
-        lost.update(
-            Encoders(
-                (first + frame) * FRAME,
-                counts[0] + since,
-                counts[1] + since,
-                left_command=0.55,
-                right_command=0.55,
-                command_kind="duty",
-            ),
-            0,
-        )
+        take(lost, first + frame, left + since, right + since)
 
 
 def test_a_wheel_that_counts_half_is_told_and_its_travel_is_uncertain():
