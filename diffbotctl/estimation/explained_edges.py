@@ -18,6 +18,9 @@ MEMORY_S = 5.0  # of driving, after which an edge weighs 1/e
 SPAN_MAX = 0.12
 # Of the dead band; with a smaller duty a wheel may stick and slip.
 DUTY_RATIO_MIN = 1.3
+# A duty. A line through the speeds of a motor that is quick at small duties may show no dead band,
+# but the motor has one.
+CURVED_MIN = 0.08
 
 
 class EdgeRatio(NamedTuple):
@@ -27,6 +30,8 @@ class EdgeRatio(NamedTuple):
     explained: float
     friction: float
     """edges that would be explained if there were no friction, less `explained`"""
+    load: float
+    """edges by which a load that takes all of a duty of 1 reduces `explained`"""
     transient: float
     """edges by which the lag of the motor may be wrong: speed changes times the frames' time"""
 
@@ -39,10 +44,12 @@ class ExplainedEdges:
         self.static, self.rated, self.lag = motor.loop.static, motor.rated, motor.lag
         self.edges_per_rad = 0.5 * counts / pi
         # d explained / d static, times the static duty: edges/s for each (1 - duty).
-        friction = self.static / (1.0 - self.static) ** 2
+        self.curved = max(self.static, CURVED_MIN)
+        friction = self.curved / (1.0 - self.curved) ** 2
         self.friction_rate = friction * motor.rated * self.edges_per_rad
+        self.load_rate = motor.rated * self.edges_per_rad / (1.0 - self.static)  # edges/s
         self.gains, self.counts = speed_gains(motor), counts
-        self.counted = self.explained = self.friction = self.transient = 0.0
+        self.counted = self.explained = self.friction = self.load = self.transient = 0.0
         self.restart(0, 0)
 
     def restart(self, time: int, count: int) -> None:
@@ -54,7 +61,7 @@ class ExplainedEdges:
     @property
     def ratio(self) -> EdgeRatio:
         """The sums."""
-        return EdgeRatio(self.counted, self.explained, self.friction, self.transient)
+        return EdgeRatio(self.counted, self.explained, self.friction, self.load, self.transient)
 
     def update(
         self,
@@ -83,11 +90,12 @@ class ExplainedEdges:
         change = target - self.speed
         self.speed, travel = lagged_motion(self.speed, target, self.lag, span)
         size = abs(duty)
-        if not command or size < DUTY_RATIO_MIN * self.static or span > SPAN_MAX:
+        if not command or size < DUTY_RATIO_MIN * self.curved or span > SPAN_MAX:
             return False
         memory = exp(-span / MEMORY_S)
         self.counted = self.counted * memory + edges
         self.explained = self.explained * memory + abs(travel)
         self.friction = self.friction * memory + (1.0 - size) * self.friction_rate * span
+        self.load = self.load * memory + self.load_rate * span
         self.transient = self.transient * memory + abs(change) * span
         return True

@@ -2,8 +2,8 @@
 
 Such a wheel counts half, or twice, of the edges that the duty of its motor explains. What a duty
 explains is uncertain. The dead band and the shape of the curve from duty to speed are the same for
-both motors, nearly: one unknown for both takes them up. So do the battery, which both share, and a
-load that one of them has alone.
+both motors, nearly: one unknown for both takes them up. So is the load of the robot, which motors
+calibrated with raised wheels do not have, and the battery. One of them may have a load of its own.
 
 It follows a change within a second or two. The gains that the filters of coarse encoders find
 (`lost_edges`) follow within tens of seconds, but do not depend on that curve.
@@ -11,7 +11,7 @@ It follows a change within a second or two. The gains that the filters of coarse
 
 from __future__ import annotations
 
-from math import exp, log, log1p, sqrt
+from math import exp, log, sqrt
 from typing import NamedTuple
 
 from diffbotctl.estimation.explained_edges import EdgeRatio, ExplainedEdges
@@ -32,22 +32,35 @@ from diffbotctl.messages import Encoders
 EXPLAINED_PROBABILITY_MIN = 0.025
 COMPARE_FRAMES = 10  # of a driven wheel
 RATIO_LOG_MIN = 0.3  # of the two ratios; less is no reason for a doubt about one of them
+LEVEL_LOG_MIN = 0.3  # by which both are low; less is no reason for a doubt about both
 # Edges that must be explained: two or three frames of a fine encoder.
 EXPLAINED_MIN = 20.0
 # Error of the typical curve from duty to speed, in edges that friction takes, with probabilities:
 # 0 is a linear motor with its dead band. Motors that are quick to coast between two pulses take
 # several times the speed of it at small duties.
 CURVES = ((0.0, 0.3), (0.5, 0.15), (1.0, 0.15), (2.0, 0.15), (4.0, 0.15), (8.0, 0.1))
+# Duty that moving the robot takes of both motors, which are calibrated with raised wheels, and its
+# probability.
+LOADS = ((0.0, 0.4), (0.07, 0.2), (0.14, 0.15), (0.21, 0.15), (0.3, 0.1))
+COMMON_LOAD_SD = 0.3  # relative; what one of the wheels has to move
+SHARE_MIN = 0.1  # of the edges explained, left by friction and load; less is not told apart
 # Standard deviations of the logarithm of a ratio: of a calibrated motor; by its own friction,
 # relative to that of both, and to the error of the curve; of its lag.
 GAIN_SD, FRICTION_SD, CURVE_SD, LAG_SD = 0.08, 0.4, 0.2, 0.2
 # A load on one of the wheels: its probability, and its standard deviation.
 LOAD_PROBABILITY, LOAD_SD = 0.1, 0.35
+# None of these: its probability, mean and standard deviation of what both logarithms share, and
+# standard deviation of what each has of its own.
+OTHER_PROBABILITY, OTHER_MEAN, OTHER_LEVEL_SD, OTHER_SD = 0.02, -0.4, 0.8, 0.4
 # What undoes each of FaultProbabilities. Both encoders that count each edge twice are not among
 # them: motors that are quick at small duties look the same.
 SHIFTS = (HALF, 0.0), (0.0, HALF), (-HALF, 0.0), (0.0, -HALF), (HALF, HALF)
 PRIORS = (*(HALF_PROBABILITY,) * 4, BOTH_PROBABILITY)
-HEALTHY = 1.0 - LOAD_PROBABILITY - sum(PRIORS)
+# Curve, load of both motors, and the probability of the pair.
+MOTORS = tuple(
+    (curve, moved, of_curve * of_load) for curve, of_curve in CURVES for moved, of_load in LOADS
+)
+HEALTHY = 1.0 - LOAD_PROBABILITY - OTHER_PROBABILITY - sum(PRIORS)
 
 
 class Ratio(NamedTuple):
@@ -56,6 +69,8 @@ class Ratio(NamedTuple):
     value: float
     friction: float
     """edges that friction takes, relative to those explained"""
+    load: float
+    """edges that a load of all of the duty takes, relative to those explained"""
     variance: float
     """without that of friction and curve"""
 
@@ -67,6 +82,7 @@ class Ratio(NamedTuple):
         return cls(
             log(max(edges.counted, 1.0) / explained),
             edges.friction / explained,
+            edges.load / explained,
             GAIN_SD * GAIN_SD + lag * lag,
         )
 
@@ -110,12 +126,18 @@ class ExplainedLostEdges(LostEdges):
 def ratio_probabilities(left: Ratio, right: Ratio) -> FaultProbabilities:
     """Probabilities of the faults by the edges counted over those explained of both wheels."""
     is_even = abs(left.value - right.value) < RATIO_LOG_MIN
-    load = 0.0
+    if is_even and left.value + right.value > -2.0 * LEVEL_LOG_MIN:
+        return FaultProbabilities()
+    healthy = OTHER_PROBABILITY * _density(
+        (left.value - OTHER_MEAN, left.variance + OTHER_SD * OTHER_SD),
+        (right.value - OTHER_MEAN, right.variance + OTHER_SD * OTHER_SD),
+        OTHER_LEVEL_SD,
+    )
     faults = [0.0] * len(SHIFTS)
     variance = LOAD_SD * LOAD_SD
-    for curve, weight in CURVES:
-        a, b = _beyond(left, curve), _beyond(right, curve)
-        load += weight * (
+    for curve, moved, weight in MOTORS:
+        a, b = _beyond(left, curve, moved), _beyond(right, curve, moved)
+        healthy += weight * (
             HEALTHY * _density(a, b)
             + 0.5 * LOAD_PROBABILITY * _density((a[0], a[1] + variance), b)
             + 0.5 * LOAD_PROBABILITY * _density(a, (b[0], b[1] + variance))
@@ -125,19 +147,22 @@ def ratio_probabilities(left: Ratio, right: Ratio) -> FaultProbabilities:
                 continue
             density = _density((a[0] + left_shift, a[1]), (b[0] + right_shift, b[1]))
             faults[index] += weight * PRIORS[index] * density
-    return normalized(faults, load)
+    return normalized(faults, healthy)
 
 
-def _beyond(ratio: Ratio, curve: float) -> tuple[float, float]:
-    """What a curve leaves of a ratio, and its variance."""
-    share = ratio.friction / (1.0 + curve * ratio.friction)
-    own = (FRICTION_SD + CURVE_SD * curve) * share
-    return ratio.value - log1p(curve * ratio.friction), ratio.variance + own * own
+def _beyond(ratio: Ratio, curve: float, moved: float) -> tuple[float, float]:
+    """What a curve and a load leave of a ratio, and its variance."""
+    share = max(1.0 + curve * ratio.friction - moved * ratio.load, SHARE_MIN)
+    own = (FRICTION_SD + CURVE_SD * curve) * ratio.friction / share
+    load = COMMON_LOAD_SD * moved * ratio.load / share
+    return ratio.value - log(share), ratio.variance + own * own + load * load
 
 
-def _density(left: tuple[float, float], right: tuple[float, float]) -> float:
-    """Of two values, each with its variance, and with the level of the battery in common."""
-    level = LEVEL_SD * LEVEL_SD
+def _density(
+    left: tuple[float, float], right: tuple[float, float], level_sd: float = LEVEL_SD
+) -> float:
+    """Of two values, each with its variance, and with a level in common: that of the battery."""
+    level = level_sd * level_sd
     (x, xx), (y, yy) = left, right
     xx, yy = xx + level, yy + level
     determinant = xx * yy - level * level

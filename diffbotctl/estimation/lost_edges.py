@@ -7,8 +7,9 @@ the share of the travel that may be wrong is a standard deviation: the root of t
 such an encoder, times the error that it makes.
 
 Both encoders can count wrong alike, and do so where the robot file states twice the slots of the
-discs: what then shows it is a level of the battery that no battery has. An encoder that works again
-leaves the pose wrong: what was likely once stays told until the pose is set.
+discs: what then shows it is a level that neither the battery nor the weight of the robot gives its
+motors. An encoder that works again leaves the pose wrong: what was likely once stays told until the
+pose is set.
 """
 
 from __future__ import annotations
@@ -24,6 +25,11 @@ HALF = log(2.0)
 # board that does not report when edges came make it, and where an encoder does.
 LOAD_SD, HALF_SD = 0.25, 0.15
 LEVEL_SD = 0.2  # of the logarithm of what both gains share: the battery, full to empty, and its sag
+# A robot may be heavy for its motors, which are calibrated with raised wheels: the probability, and
+# mean and standard deviation of the logarithm of what both gains share then.
+HEAVY_PROBABILITY, HEAVY_MEAN, HEAVY_SD = 0.4, -0.35, 0.3
+# None of these: its probability, and standard deviations of the ratio and of what they share.
+OTHER_PROBABILITY, OTHER_RATIO_SD, OTHER_LEVEL_SD = 0.02, 0.6, 1.0
 HALF_PROBABILITY = 0.005  # of each fault of each wheel, before anything was counted
 BOTH_PROBABILITY = 0.002  # of each fault of both wheels alike
 # Below it such an encoder is not considered, as it is with hypotheses of the filter (1:20).
@@ -46,7 +52,7 @@ BOTH_LOST = BOTH_TEXT.format(
     counts="half of",
     fault="every second one is missing",
     slots="half",
-    supply="the battery is nearly empty",
+    supply="the robot is too heavy for its motors or their battery",
 )
 BOTH_TWICE = BOTH_TEXT.format(
     counts="twice",
@@ -172,10 +178,11 @@ def gain_probabilities(left: MotorGain, right: MotorGain) -> FaultProbabilities:
 
     def likelihood(ratio_error: float, mean_error: float, sd: float) -> float:
         own = sd * sd + variance
-        level = LEVEL_SD * LEVEL_SD + 0.25 * own
-        return normal_density(ratio_error * ratio_error, own) * normal_density(
-            mean_error * mean_error, level
-        )
+        heavy = mean_error - HEAVY_MEAN
+        level = (1.0 - HEAVY_PROBABILITY) * normal_density(
+            mean_error * mean_error, LEVEL_SD * LEVEL_SD + 0.25 * own
+        ) + HEAVY_PROBABILITY * normal_density(heavy * heavy, HEAVY_SD * HEAVY_SD + 0.25 * own)
+        return normal_density(ratio_error * ratio_error, own) * level
 
     def one(ratio_shift: float, mean_shift: float) -> float:
         return HALF_PROBABILITY * likelihood(ratio - ratio_shift, mean - mean_shift, HALF_SD)
@@ -183,7 +190,7 @@ def gain_probabilities(left: MotorGain, right: MotorGain) -> FaultProbabilities:
     def both(shift: float) -> float:
         return BOTH_PROBABILITY * likelihood(ratio, mean - shift, LOAD_SD)
 
-    healthy = 1.0 - 4.0 * HALF_PROBABILITY - 2.0 * BOTH_PROBABILITY
+    healthy = 1.0 - OTHER_PROBABILITY - 4.0 * HALF_PROBABILITY - 2.0 * BOTH_PROBABILITY
     half = 0.5 * HALF
     faults = (
         one(-HALF, -half),
@@ -193,7 +200,10 @@ def gain_probabilities(left: MotorGain, right: MotorGain) -> FaultProbabilities:
         both(-HALF),
         both(HALF),
     )
-    return normalized(faults, healthy * likelihood(ratio, mean, LOAD_SD))
+    other_ratio = normal_density(ratio * ratio, OTHER_RATIO_SD**2 + variance)
+    other_level = normal_density(mean * mean, OTHER_LEVEL_SD**2 + 0.25 * variance)
+    other = OTHER_PROBABILITY * other_ratio * other_level
+    return normalized(faults, healthy * likelihood(ratio, mean, LOAD_SD) + other)
 
 
 def normalized(likelihoods: Sequence[float], healthy: float) -> FaultProbabilities:

@@ -217,10 +217,8 @@ def _halved(simulation: Tree, design: RobotDesign, rng: Random) -> None:
 def _halved_for_a_time(simulation: Tree, design: RobotDesign, rng: Random) -> None:
     side = rng.choice(("left_halved", "right_halved"))
     start = rng.uniform(0.0, 3.0)
-    simulation["disturbances"] = [
-        {"start": start, side: True},
-        {"start": start + rng.uniform(1.0, 4.0), side: False},
-    ]
+    end = start + rng.uniform(1.0, 4.0)
+    simulation["disturbances"] = [{"start": start, "end": end, side: True}]
 
 
 def _both_halved(simulation: Tree, design: RobotDesign, rng: Random) -> None:

@@ -15,6 +15,7 @@ from diffbotctl.estimation.explained_lost_edges import (
     Ratio,
     ratio_probabilities,
 )
+from diffbotctl.estimation.lost_edges import FaultProbabilities, suspicion
 from diffbotctl.messages import Encoders
 
 FRAME = 20_000_000  # ns
@@ -28,8 +29,11 @@ def side():
     return SimpleNamespace(motor=motor, encoder=SimpleNamespace(counts=COUNTS))
 
 
-def ratio(counted, friction=0.1):
-    return Ratio.of(EdgeRatio(1000.0 * counted, 1000.0, 1000.0 * friction, 50.0))
+def ratio(counted, friction=0.1, load=1.1):
+    """By default at nearly full duty, where a load of all of the duty takes little more than all of
+    the edges."""
+    edges = EdgeRatio(1000.0 * counted, 1000.0, 1000.0 * friction, 1000.0 * load, 50.0)
+    return Ratio.of(edges)
 
 
 @pytest.mark.parametrize(
@@ -42,8 +46,7 @@ def ratio(counted, friction=0.1):
         (1.0, 0.5, 1),  # half of the edges on the right
         (0.45, 0.95, 0),
         (2.1, 1.0, 2),  # each edge counted twice on the left
-        (0.5, 0.5, 4),  # half of the edges on both: no battery is as empty
-        (0.42, 0.48, 4),
+        (0.3, 0.6, 0),  # half of them on the left of a robot that is heavy for its motors
     ],
 )
 def test_half_and_twice_are_told_from_other_motors_and_batteries(left, right, named):
@@ -54,15 +57,30 @@ def test_half_and_twice_are_told_from_other_motors_and_batteries(left, right, na
         assert faults.index(max(faults)) == named and max(faults) > 0.3
 
 
+@pytest.mark.parametrize(("left", "right"), [(0.5, 0.5), (0.42, 0.48)])
+def test_half_of_the_edges_on_both_is_likelier_a_heavy_robot_but_may_be_both_encoders(left, right):
+    faults = ratio_probabilities(ratio(left), ratio(right))
+    assert faults.index(max(faults)) == 4
+    assert EXPLAINED_PROBABILITY_MIN < sum(faults) < 0.2
+
+
+@pytest.mark.parametrize("share", [0.7, 0.4, 0.15])
+def test_a_robot_that_is_heavy_for_its_motors_has_working_encoders(share):
+    """At a duty of 0.4 friction takes 0.1 and a load another 0.2: a third of the edges is left, and
+    at the same duty of both wheels no fault is as likely."""
+    heavy = ratio(share, friction=0.25, load=3.3)
+    assert sum(ratio_probabilities(heavy, heavy)) < EXPLAINED_PROBABILITY_MIN
+
+
 def test_both_motors_may_be_faster_than_typical_where_friction_matters_most():
     """The right one runs at a small duty: it counts three times what a linear motor would."""
-    assert sum(ratio_probabilities(ratio(1.1, 0.05), ratio(3.0, 1.0))) < 0.02
-    faults = ratio_probabilities(ratio(0.55, 0.05), ratio(3.0, 1.0))
-    assert faults.index(max(faults)) == 0 and max(faults) > 0.1
+    assert sum(ratio_probabilities(ratio(1.1, 0.05), ratio(3.0, 1.0, 3.0))) < 0.02
+    faults = ratio_probabilities(ratio(0.55, 0.05), ratio(3.0, 1.0, 3.0))
+    assert faults.index(max(faults)) == 0 and max(faults) > 0.05
 
 
 def test_where_friction_takes_nearly_all_of_the_duty_a_ratio_proves_nothing():
-    faults = ratio_probabilities(ratio(0.5, 3.0), ratio(1.0, 3.0))
+    faults = ratio_probabilities(ratio(0.5, 3.0, 5.0), ratio(1.0, 3.0, 5.0))
     assert sum(faults) < EXPLAINED_PROBABILITY_MIN
     assert sum(faults) == pytest.approx(sum(PRIORS), rel=0.1)
 
@@ -88,7 +106,7 @@ def test_frames_without_a_command_or_near_friction_do_not_count():
     assert not explained.update(FRAME, 5, None, [(0, 0.0)], True)
     assert not explained.update(2 * FRAME, 10, None, [(0, 0.11)], True)
     assert not explained.update(2 * FRAME + 130_000_000, 15, None, [(0, 0.5)], True)  # too long
-    assert explained.ratio == EdgeRatio(0.0, 0.0, 0.0, 0.0)
+    assert explained.ratio == EdgeRatio(0.0, 0.0, 0.0, 0.0, 0.0)
     explained.restart(2 * FRAME, 10)
     assert explained.update(3 * FRAME, 15, None, [(0, 0.5)], True)
 
@@ -139,12 +157,17 @@ def test_equal_wheels_are_not_suspected():
     assert lost.probability == 0.0 and lost.shares == (0.0, 0.0)
 
 
-def test_both_wheels_that_count_half_are_told_with_all_that_looks_alike():
+def test_both_wheels_that_count_half_may_have_to_move_a_heavy_robot():
     lost = drive(0.5, 0.5)
-    left, right = lost.shares
-    assert left == right and 0.4 < left < 1.0
-    for text in lost.texts:
+    assert lost.probability == 0.0 and lost.shares == (0.0, 0.0)
+
+
+def test_both_encoders_are_told_with_all_that_looks_alike():
+    told = suspicion(FaultProbabilities(both_lost=0.16))
+    assert told.shares == pytest.approx((0.4, 0.4))
+    for text in told.texts:
         assert text.startswith("half of the edges") and "`slots`" in text and "battery" in text
+        assert "heavy" in text
 
 
 def test_a_battery_at_60_percent_is_likelier_than_two_encoders_that_fail_alike():

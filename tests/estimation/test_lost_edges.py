@@ -15,9 +15,10 @@ def compared(left, right, sd=0.05, frames=FRAMES_MIN):
 
 
 @pytest.mark.parametrize(
-    "left, right", [(1.0, 1.0), (0.8, 1.0), (0.6, 0.65), (1.1, 0.75), (0.74, 1.27)]
+    "left, right",
+    [(1.0, 1.0), (0.8, 1.0), (0.6, 0.65), (1.1, 0.75), (0.74, 1.27), (0.45, 0.5), (0.35, 0.35)],
 )
-def test_other_motors_and_a_flat_battery_are_no_faults(left, right):
+def test_other_motors_a_flat_battery_and_a_heavy_robot_are_no_faults(left, right):
     lost = compared(left, right)
     assert lost.shares == (0.0, 0.0) and lost.texts == ("", "")
 
@@ -25,7 +26,7 @@ def test_other_motors_and_a_flat_battery_are_no_faults(left, right):
 def test_half_of_the_gain_may_be_half_of_the_edges():
     lost = compared(1.05, 0.53)
     left, right = lost.shares
-    assert left == 0.0 and 0.5 < right < 1.0
+    assert left == 0.0 and 0.45 < right < 1.0
     assert lost.texts[0] == "" and "every second one is missing" in lost.texts[1]
 
 
@@ -36,7 +37,7 @@ def test_twice_the_gain_may_be_twice_the_edges():
     assert "each is counted twice" in lost.texts[0]
 
 
-@pytest.mark.parametrize(("left", "right", "slots"), [(0.45, 0.5, "half"), (2.2, 2.1, "twice")])
+@pytest.mark.parametrize(("left", "right", "slots"), [(0.22, 0.2, "half"), (2.2, 2.1, "twice")])
 def test_both_gains_that_no_battery_explains_may_be_both_encoders(left, right, slots):
     lost = compared(left, right)
     assert lost.shares[0] == lost.shares[1] > 0.2

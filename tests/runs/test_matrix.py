@@ -89,8 +89,7 @@ def test_a_goal_is_not_claimed_when_an_encoder_loses_every_second_slot(number):
 
 
 @pytest.mark.parametrize("number", [0, 1, 2])
-def test_a_goal_is_given_up_on_the_way_when_both_encoders_lose_every_second_slot(number):
-    """The robot would drive twice as far as it believes: it must not go on to the end."""
+def test_a_goal_is_not_claimed_when_both_encoders_lose_every_second_slot(number):
+    """A robot that is heavy for its motors looks nearly the same, and does reach its goals."""
     result = run_case(Case(11, fine_robot(number), "both_halved", 1, 0))
-    assert result.end == "given_up" and "the disc has half the `slots`" in result.cause
-    assert result.farther <= result.farther_limit
+    assert result.end == "reached_unsure" and "every second one is missing" in result.cause
