@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import sqrt
+from math import cos, sqrt
 from typing import assert_never
 
 from diffbotctl.block import Block, FromRobot, In, Out
@@ -100,7 +100,12 @@ class ObstacleStop(Block):
 
     def reset(self) -> None:
         name = self.sensor or next(iter(self.sensors), "")
-        self.sensor_setback = self.front - self.sensors[name].at.x if name in self.sensors else 0.0
+        self.sensor_setback, self.ahead_ratio = 0.0, 1.0
+        if name in self.sensors:
+            at = self.sensors[name].at
+            self.sensor_setback = self.front - at.x
+            # A wall across the way is nearer than along the beam of a sensor that looks aside.
+            self.ahead_ratio = cos(at.heading)
         self.last_range_time = -1
         self.blocked_readings = 0  # in a row
         self.free_readings = 0  # in a row
@@ -156,7 +161,7 @@ class ObstacleStop(Block):
         if range is None:
             self._block(STALE, "no fresh distance comes from the sensor")
             return 0.0
-        free = range.distance - self.sensor_setback
+        free = range.distance * self.ahead_ratio - self.sensor_setback
         if range.time == self.last_range_time:
             return free
         self.last_range_time = range.time

@@ -22,6 +22,7 @@ S = TypeVar("S", bound=Section)
 Path = tuple[str, ...]
 
 PIN = re.compile(r"A?[0-9]{1,3}\Z")
+PRINTED_PIN = re.compile(r"(A|D|GP|GPIO|IO)[ _-]?([0-9]{1,3})\Z", re.IGNORECASE)
 BOOLEAN_WORDS = {
     "yes": "true",
     "on": "true",
@@ -319,9 +320,18 @@ def _pin(value: Value, declaration: Declaration) -> Pin:
     data = value.data
     name = str(data) if isinstance(data, int | str) and not isinstance(data, bool) else ""
     if not PIN.match(name):
-        fix = "write the number or name printed on the board, such as 5 or A0"
-        raise _ScalarTypeError(f"'{value.text}' is not a pin name", fix)
+        raise _ScalarTypeError(f"'{value.text}' is not a pin name", _pin_fix(value))
     return Pin(name)
+
+
+def _pin_fix(value: Value) -> str:
+    """What to write instead: boards have `D2` or `GP2` printed on them, too."""
+    if value.data is False:
+        return "write none where nothing is connected"
+    printed = PRINTED_PIN.match(value.text)
+    if printed is None:
+        return "write the number or name printed on the board, such as 5 or A0"
+    return f"write {'A' if printed[1].upper() == 'A' else ''}{int(printed[2])}"
 
 
 SCALAR_READERS: dict[Any, Any] = {float: _float, int: _int, bool: _bool, str: _str, Pin: _pin}

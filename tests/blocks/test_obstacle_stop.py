@@ -1,6 +1,6 @@
 """Obstacle stop: safe speeds, uncertain readings, and motions that stay allowed."""
 
-from math import inf
+from math import inf, pi
 
 import pytest
 from hypothesis import given
@@ -21,9 +21,11 @@ from diffbotctl.time import MILLISECOND as MS
 FORWARD = (0.3, 0.6)  # m/s, rad/s
 
 
-def guard(setback=0.0, **values):
-    """A guard with its sensor `setback` m behind the front of the robot; braking 1.5 m/s2."""
-    sensor = SensorSection(type="sharp_gp2y0a41sk0f", pin="A0", at=MountSection(x=0.08 - setback))
+def guard(setback=0.0, heading=0.0, **values):
+    """A guard with its sensor `setback` m behind the front of the robot, looking `heading` (rad)
+    aside; braking 1.5 m/s2."""
+    at = MountSection(x=0.08 - setback, heading=heading)
+    sensor = SensorSection(type="sharp_gp2y0a41sk0f", pin="A0", at=at)
     return ObstacleStop(
         **{"margin": 0.05, "reaction": 0.2, **values},
         braking=1.5,
@@ -112,6 +114,14 @@ def test_the_margin_is_measured_from_the_front():
     course = Course(guard(setback=0.04))
     course.see("measured", 0.18)
     assert course.see("measured", 0.18)[0] == pytest.approx(0.3)  # 14 cm before the front
+
+
+def test_a_wall_is_nearer_than_along_the_beam_of_a_sensor_that_looks_aside():
+    """At 60 degrees, half as far: 20 cm along the beam are a free way of 5 cm to the margin."""
+    course = Course(guard(heading=-pi / 3))
+    course.see("measured", 0.20)
+    linear = 1.5 * ((0.04 + 0.1 / 1.5) ** 0.5 - 0.2)
+    assert course.see("measured", 0.20)[0] == pytest.approx(linear)
 
 
 def test_two_readings_stop_and_two_release():

@@ -47,6 +47,8 @@ EDGE_TIME_UNCERTAINTY_RATIO = 0.5
 # Spread of a rosserial board's command delay; until then the robot follows the previous command.
 STOCK_DELAY_SPREAD_S = 0.025
 
+DEADMAN_MAX_S = 0.5  # of the robot file
+
 RATED = tuple(f"drive.{side}.motor.rated" for side in SIDES)
 DIAMETERS = tuple(f"drive.{side}.wheel.diameter" for side in SIDES)
 TYRE_WIDTHS = tuple(f"drive.{side}.wheel.width" for side in SIDES)
@@ -64,7 +66,9 @@ def check_deadman(context: CheckContext) -> None:
         f"the board stops {deadman * 1000:.0f} ms after the last one"
     )
     slowest = ceil(COMMANDS_PER_DEADMAN_MIN / deadman)
-    fix = f"set board.telemetry to at least {slowest} Hz, or raise board.deadman up to 500 ms"
+    fix = f"set board.telemetry to at least {slowest} Hz"
+    if deadman < DEADMAN_MAX_S and DEADMAN_MAX_S * rate > 1:
+        fix += f", or raise board.deadman up to {DEADMAN_MAX_S * 1000:.0f} ms"
     if deadman * rate <= 1:
         context.error("E-DEADMAN", place, f"{cause}, so it would stop between two commands", fix)
     elif deadman * rate < COMMANDS_PER_DEADMAN_MIN:

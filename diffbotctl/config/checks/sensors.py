@@ -147,10 +147,14 @@ def _check_views(context: CheckContext) -> None:
             fix = f"write with: {{sensor: {measuring}}}"
             context.error("E-SENSOR-PLACE", value.place if value else node, cause, fix)
             continue
-        mounted = context.values(f"sensors.{name}.at.x", f"sensors.{name}.at.heading", "body.front")
+        mounted = context.values(
+            *(f"sensors.{name}.at.{key}" for key in ("x", "y", "heading")),
+            "body.front",
+            "body.width",
+        )
         if mounted is None:
             continue
-        x, heading, front = mounted
+        x, y, heading, front, width = mounted
         aside = remainder(heading, 2 * pi)
         if abs(aside) > GUARD_ASIDE_MAX:
             cause = (
@@ -169,6 +173,14 @@ def _check_views(context: CheckContext) -> None:
             )
             place = context.error_place(f"sensors.{name}.at.x", "body.front")
             context.error("E-SENSOR-PLACE", place, cause, "correct at.x of it, or body.front")
+        elif abs(y) > 0.5 * width + BEYOND_OUTLINE_MAX:
+            side = "left" if y > 0.0 else "right"
+            cause = (
+                f"'{name}' stands {abs(y) * 1000:.0f} mm to the {side} of the middle, but the "
+                f"robot ends at {500 * width:.0f} mm: '{node}' would not see what is in the way"
+            )
+            place = context.error_place(f"sensors.{name}.at.y", "body.width")
+            context.error("E-SENSOR-PLACE", place, cause, "correct at.y of it, or body.width")
 
 
 def _measuring_sensor(context: CheckContext, guard: str) -> str | None:
