@@ -320,13 +320,13 @@ def _pin(value: Value, declaration: Declaration) -> Pin:
     data = value.data
     name = str(data) if isinstance(data, int | str) and not isinstance(data, bool) else ""
     if not PIN.match(name):
-        raise _ScalarTypeError(f"'{value.text}' is not a pin name", _pin_fix(value))
+        raise _ScalarTypeError(f"'{value.text}' is not a pin name", _pin_fix(value, declaration))
     return Pin(name)
 
 
-def _pin_fix(value: Value) -> str:
+def _pin_fix(value: Value, declaration: Declaration) -> str:
     """What to write instead: boards have `D2` or `GP2` printed on them, too."""
-    if value.data is False:
+    if value.data is False and declaration.none:
         return "write none where nothing is connected"
     printed = PRINTED_PIN.match(value.text)
     if printed is None:

@@ -20,6 +20,7 @@ from diffbotctl.estimation.lost_edges import (
     HALF,
     HALF_PROBABILITY,
     LEVEL_SD,
+    OTHER_PROBABILITY,
     FaultProbabilities,
     LostEdges,
     normalized,
@@ -49,9 +50,9 @@ SHARE_MIN = 0.1  # of the edges explained, left by friction and load; less is no
 GAIN_SD, FRICTION_SD, CURVE_SD, LAG_SD = 0.08, 0.4, 0.2, 0.2
 # A load on one of the wheels: its probability, and its standard deviation.
 LOAD_PROBABILITY, LOAD_SD = 0.1, 0.35
-# None of these: its probability, mean and standard deviation of what both logarithms share, and
-# standard deviation of what each has of its own.
-OTHER_PROBABILITY, OTHER_MEAN, OTHER_LEVEL_SD, OTHER_SD = 0.02, -0.4, 0.8, 0.4
+# None of these, with OTHER_PROBABILITY: mean and standard deviation of what both logarithms share,
+# and standard deviation of what each has of its own.
+OTHER_MEAN, OTHER_LEVEL_SD, OTHER_SD = -0.4, 0.8, 0.4
 # What undoes each of FaultProbabilities. Both encoders that count each edge twice are not among
 # them: motors that are quick at small duties look the same.
 SHIFTS = (HALF, 0.0), (0.0, HALF), (-HALF, 0.0), (0.0, -HALF), (HALF, HALF)

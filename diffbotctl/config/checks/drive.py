@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import ceil, degrees, floor, hypot, pi, sqrt
+from math import ceil, cos, degrees, floor, hypot, pi, remainder, sqrt
 
 from diffbotctl.block import outputs, robot_fields
 from diffbotctl.blocks.obstacle_stop import (
@@ -13,6 +13,7 @@ from diffbotctl.blocks.obstacle_stop import (
 )
 from diffbotctl.blocks.range_sensor import sensor_reach
 from diffbotctl.config.checks.context import CheckContext
+from diffbotctl.config.checks.sensors import GUARD_ASIDE_MAX
 from diffbotctl.config.robot import (
     SIDES,
     BoardSection,
@@ -47,8 +48,6 @@ EDGE_TIME_UNCERTAINTY_RATIO = 0.5
 # Spread of a rosserial board's command delay; until then the robot follows the previous command.
 STOCK_DELAY_SPREAD_S = 0.025
 
-DEADMAN_MAX_S = 0.5  # of the robot file
-
 RATED = tuple(f"drive.{side}.motor.rated" for side in SIDES)
 DIAMETERS = tuple(f"drive.{side}.wheel.diameter" for side in SIDES)
 TYRE_WIDTHS = tuple(f"drive.{side}.wheel.width" for side in SIDES)
@@ -67,8 +66,9 @@ def check_deadman(context: CheckContext) -> None:
     )
     slowest = ceil(COMMANDS_PER_DEADMAN_MIN / deadman)
     fix = f"set board.telemetry to at least {slowest} Hz"
-    if deadman < DEADMAN_MAX_S and DEADMAN_MAX_S * rate > 1:
-        fix += f", or raise board.deadman up to {DEADMAN_MAX_S * 1000:.0f} ms"
+    longest = declared(BoardSection)["deadman"].bounds["maximum"]
+    if deadman < longest and longest * rate > 1:
+        fix += f", or raise board.deadman up to {longest * 1000:.0f} ms"
     if deadman * rate <= 1:
         context.error("E-DEADMAN", place, f"{cause}, so it would stop between two commands", fix)
     elif deadman * rate < COMMANDS_PER_DEADMAN_MIN:
@@ -290,9 +290,13 @@ def _check_guard(context: CheckContext, name: str, block: type[ObstacleStop], sp
         context.error("E-STOP-REACH", place, cause, "remove `reaction`: it is then computed")
         return
     needed = stopping_distance(speed, robot["braking"], reaction)
-    mounted = context.values(f"sensors.{sensor}.at.x")
     seen = sensor_reach(robot["sensors"], sensor)
-    seen -= robot["front"] - mounted[0] if mounted else 0.0
+    mounted = context.values(f"sensors.{sensor}.at.x", f"sensors.{sensor}.at.heading")
+    if mounted:
+        x, heading = mounted
+        aside = remainder(heading, 2 * pi)  # one that looks farther aside is refused already
+        ahead = cos(aside) if abs(aside) <= GUARD_ASIDE_MAX else 1.0
+        seen = seen * ahead - (robot["front"] - x)
     if needed + margin <= seen:
         return
     cause = (
