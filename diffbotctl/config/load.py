@@ -139,7 +139,12 @@ def _kind_of(tree: Value) -> str:
         written = closest_match(kind.text, KINDS)
         if written is not None:
             return written
-    return "robot" if {"drive", "board"} & tree.entries.keys() else "pipeline"
+    kind_by_sections = _kind_by_sections(tree)
+    if kind_by_sections is not None:
+        return kind_by_sections
+    include = tree.entries.get("include")
+    is_robot = include is not None and not lookup.is_path(include.text) and _is_robot(include.text)
+    return "robot" if is_robot or {"drive", "board"} & tree.entries.keys() else "pipeline"
 
 
 class _Loader:

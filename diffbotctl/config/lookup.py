@@ -69,8 +69,7 @@ def find(name: str, kind: str) -> Path:
     """
     if is_path(name):
         return Path(name)
-    file_name = f"{name}.yaml"
-    for candidate in (Path(kind) / file_name, folder(kind) / file_name, Path(file_name)):
+    for candidate in _candidates(name, kind):
         if is_file(candidate):
             return candidate
     raise _not_found(name, kind)
@@ -118,6 +117,12 @@ def shipped_folder_error(path: Path, code: str) -> UsageError:
     return UsageError(Problem(code, str(path), cause, fix))
 
 
+def _candidates(name: str, kind: str) -> tuple[Path, Path, Path]:
+    """Where the file of folder `kind` may be, best first."""
+    file_name = f"{name}.yaml"
+    return Path(kind) / file_name, folder(kind) / file_name, Path(file_name)
+
+
 def _not_found(name: str, kind: str) -> UsageError:
     known = sorted({*names(kind), *_own_names(kind)})
     near = closest_match(name, known)
@@ -125,6 +130,13 @@ def _not_found(name: str, kind: str) -> UsageError:
     if is_file(Path(name)):
         cause = f"this file does not end in .yaml, as that of a {what} must"
         fix = f"name a {what} file, or one of {', '.join(known)}"
+        return UsageError(Problem("E-FILE-NAME", name, cause, fix))
+    other = "robots" if kind == "pipelines" else "pipelines"
+    if any(is_file(candidate) for candidate in _candidates(name, other)):
+        cause = f"'{name}' is a {other.removesuffix('s')}; a {what} is needed here"
+        fix = f"use one of {', '.join(known)}"
+        if kind == "pipelines":
+            fix += f"; a robot: `robot: {{use: {name}}}`, or `--robot {name}`"
         return UsageError(Problem("E-FILE-NAME", name, cause, fix))
     fix = f"did you mean {near}?" if near else f"use one of {', '.join(known)}, or a path"
     cause = f"there is no {what} '{name}' here, in ./{kind} or among the shipped files"

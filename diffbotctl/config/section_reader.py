@@ -339,8 +339,12 @@ SCALAR_READERS: dict[Any, Any] = {float: _float, int: _int, bool: _bool, str: _s
 
 def _not_a_choice(value: Value, declaration: Declaration) -> Problem:
     choices = [str(choice) for choice in declaration.choices]
+    hexadecimal = _hexadecimal(value.text) if declaration.kind is int else ""
     near = closest_match(value.text, choices) or closest_match(value.text.lower(), choices)
-    fix = f"did you mean {near}?" if near else f"use {join_words(choices)}"
+    if hexadecimal in choices:
+        fix = f"write {hexadecimal}, the decimal number of 0x{value.text}"
+    else:
+        fix = f"did you mean {near}?" if near else f"use {join_words(choices)}"
     allowed = (
         f"the only allowed value is {choices[0]}"
         if len(choices) == 1
@@ -348,6 +352,11 @@ def _not_a_choice(value: Value, declaration: Declaration) -> Problem:
     )
     cause = f"{declaration.key} cannot be '{value.text}'; {allowed}"
     return Problem("E-CHOICE", value.place, cause, fix)
+
+
+def _hexadecimal(text: str) -> str:
+    """The decimal number of `text`, such as an address copied without its 0x; empty for none."""
+    return str(int(text, 16)) if re.fullmatch("[0-9A-Fa-f]{1,8}", text) else ""
 
 
 def _about_part(problem: Problem, value: Value, declaration: Declaration, path: Path) -> Problem:
