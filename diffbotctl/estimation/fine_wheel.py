@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from math import exp, pi, radians
 
 from diffbotctl.estimation.count_faults import CountFaults
+from diffbotctl.estimation.rate_steps import RateSteps
 from diffbotctl.estimation.slot_errors import LEARNABLE_SLOTS_MAX
 from diffbotctl.estimation.wheel_side import LinkTiming, SideConfig, settled_speed
 
@@ -67,6 +68,7 @@ class FineWheelOdometer:
         # Two to four edges of a slot are not at equal distances: their times show less.
         is_even = counts == side.encoder.slots
         self.faults = CountFaults(timing.has_edge_times and is_even, counts > LEARNABLE_SLOTS_MAX)
+        self.steps = RateSteps(timing.has_edge_times)
         self.travel = self.start_correction = 0.0
         self.lost_share, self.lost_text = 0.0, ""  # of every second edge
         self.disagreement = 0.0
@@ -101,12 +103,13 @@ class FineWheelOdometer:
     @property
     def fault_share(self) -> float:
         """Share of the edges that were missed or counted twice."""
-        return max(self.faults.share, self.lost_share)
+        return max(self.faults.share, self.lost_share, self.steps.share)
 
     @property
     def fault(self) -> str:
         """Why its travel is known less well than usual, or an empty text."""
-        return "; ".join(filter(None, (self.pushed_text, self.lost_text, self.faults.text)))
+        texts = self.pushed_text, self.lost_text, self.steps.text, self.faults.text
+        return "; ".join(filter(None, texts))
 
     @property
     def pushed_text(self) -> str:
@@ -119,6 +122,7 @@ class FineWheelOdometer:
     def pose_is_set(self) -> None:
         """What happened before does not matter any more."""
         self.pushed_in_all = 0
+        self.steps.pose_is_set()
 
     def skipped_command(self, command: float, is_duty: bool, since: int) -> None:
         """A command that was replaced in the next frame: the counts show what it did."""
@@ -157,6 +161,10 @@ class FineWheelOdometer:
         if edges or not self.has_edge_times:
             self.edge_time = edge
             self.faults.add(edge_span, edges, self.direction if self.rolled_for == 0.0 else 0)
+            if sign == self.direction and self.rolled_for == 0.0:
+                self.steps.add(edge_span, edges, speed * self.pitches_per_rad)
+            else:
+                self.steps.restart()
         self._update_speed(predicted, mean, net, edges, span, edge_span)
         self._place_between_edges(time, edges, span)
         self.edges_before, self.rate_before = edges, self.rate
