@@ -17,8 +17,8 @@ LOG_TWO = log(2.0)
 BEFORE_S, BEFORE_MIN_S, AFTER_S = 0.2, 0.14, 0.08
 BEFORE_SPANS_MIN = 4
 # Edges after a step, twice, and in each half of the time before it.
-EDGES_MIN, TIMED_EDGES_MIN = 5, 4
-COMMAND_RATIO_MAX = 1.15  # of the greatest and the smallest command meanwhile
+EDGES_MIN, TIMED_EDGES_MIN = 5, 6
+COMMAND_RATIO_MAX = 1.6  # of the greatest and the smallest command meanwhile
 # Logarithms of ratios: of both halves of the time before; of the rate before and the commanded one,
 # which a wheel at its limit does not reach, and one whose edges are lost often does not.
 TREND_MAX, ABOVE_MAX, BELOW_MAX, BELOW_LOST_MAX = 0.2, 0.3, 0.3, 0.9
@@ -26,14 +26,16 @@ TREND_MAX, ABOVE_MAX, BELOW_MAX, BELOW_LOST_MAX = 0.2, 0.3, 0.3, 0.9
 # of the logarithm of a rate by the motion.
 ROUNDING_SD, SLOT_SD, MOTION_SD = 0.41, 0.07, 0.05
 RATE_SD_MAX = 0.2  # of the logarithm of the step; above it nothing is told
-STEP_SDS = 1.5  # by which a step may differ from a factor of two
+# Logarithm of the step against the rate just before: what extrapolation adds to it is uncertain.
+UNEXTRAPOLATED_MIN = 0.5
+STEP_SDS = 2.0  # by which a step may differ from a factor of two
 # The same logarithm for the edges after those: the board's loop drives a wheel whose edges are lost
 # faster, and one that shows all of them again slower; a load slows its wheel down further.
 LOST_AFTER, FOUND_AFTER = (-0.85, -0.35), (0.2, 0.85)
 FURTHER_MAX = 0.1
-# That the edges were lost: in simulated runs without such a fault one of some 100 has such a step,
-# nearly always with edges that are lost otherwise, or a load that sets in.
-PROBABILITY = 0.45
+# That the edges were lost. In simulated runs without such a fault one of 100 has such a step, nearly
+# always with edges that are lost otherwise, or with a load that sets in; an encoder fails as rarely.
+PROBABILITY = 0.25
 LOST_TEXT = (
     "its edges came at half the rate from one moment to the next: every second one is missing, or "
     "something held the wheel"
@@ -124,13 +126,21 @@ class RateSteps:
         trend, level = log(rate / early_rate), log(rate / change.commanded)
         if abs(trend) > TREND_MAX or not -BELOW_LOST_MAX <= level <= ABOVE_MAX:
             return ""
-        slope = (rate - early_rate) / (0.5 * (early.seconds + late.seconds))
-        ahead = 0.5 * late.seconds + change.seconds + 0.5 * first.seconds
-        step = _log_ratio(first, rate + slope * ahead, rate)
-        ahead += 0.5 * (first.seconds + last.seconds)
-        after = _log_ratio(last, rate + slope * ahead, rate)
-        before_sd, after_sd = self.count_sd / late.edges, self.count_sd / first.edges
-        sd = sqrt(2.0 * before_sd * before_sd + after_sd * after_sd + MOTION_SD * MOTION_SD)
+        # Steps of the rate from the early to the late half, until the edges after the step.
+        apart = 0.5 * (early.seconds + late.seconds)
+        ahead = (0.5 * late.seconds + change.seconds + 0.5 * first.seconds) / apart
+        change_of_rate = rate - early_rate
+        step = _log_ratio(first, rate + change_of_rate * ahead, rate)
+        if abs(_log_ratio(first, rate, rate)) < UNEXTRAPOLATED_MIN:
+            return ""
+        further = ahead + 0.5 * (first.seconds + last.seconds) / apart
+        after = _log_ratio(last, rate + change_of_rate * further, rate)
+        sd = sqrt(
+            ((1.0 + ahead) * self.count_sd / late.edges) ** 2
+            + (ahead * self.count_sd / early.edges) ** 2
+            + (self.count_sd / first.edges) ** 2
+            + MOTION_SD * MOTION_SD
+        )
         if sd > RATE_SD_MAX:
             return ""
         if abs(step + LOG_TWO) < STEP_SDS * sd and level > -BELOW_MAX:
