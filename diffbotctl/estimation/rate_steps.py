@@ -33,8 +33,8 @@ STEP_SDS = 2.0  # by which a step may differ from a factor of two
 # faster, and one that shows all of them again slower; a load slows its wheel down further.
 LOST_AFTER, FOUND_AFTER = (-0.85, -0.35), (0.2, 0.85)
 FURTHER_MAX = 0.1
-# That the edges were lost. In simulated runs without such a fault one of 100 has such a step, nearly
-# always with edges that are lost otherwise, or with a load that sets in; an encoder fails as rarely.
+# That the edges were lost. One of 100 simulated runs without such a fault has such a step, nearly
+# always by edges that are lost otherwise, or by a load that sets in. An encoder fails as rarely.
 PROBABILITY = 0.25
 LOST_TEXT = (
     "its edges came at half the rate from one moment to the next: every second one is missing, or "
