@@ -160,6 +160,9 @@ class OdometryBlock(Block):
             text = f"{self.gyro.fault}; {text}" if text else self.gyro.fault
         message = self.pose.message(time, left, right, text)
         probability = self._lost_edges.probability
+        for wheel in (left, right):
+            if isinstance(wheel, FineWheelOdometer):
+                probability = max(probability, wheel.steps.probability)
         return message._replace(lost_edges_probability=probability) if probability else message
 
     @property

@@ -67,9 +67,14 @@ class RateSteps:
         """what was seen since the pose was set, or an empty text"""
 
     @property
+    def probability(self) -> float:
+        """That edges have been lost, or counted twice, since the pose was set."""
+        return PROBABILITY if self.text else 0.0
+
+    @property
     def share(self) -> float:
         """Standard deviation of the travel by it, relative to the travel."""
-        return sqrt(PROBABILITY) if self.text else 0.0
+        return sqrt(self.probability)
 
     def pose_is_set(self) -> None:
         """What happened before does not matter any more."""
