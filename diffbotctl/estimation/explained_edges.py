@@ -16,6 +16,7 @@ from diffbotctl.estimation.wheel_side import SideConfig, lagged_motion, settled_
 MEMORY_S = 5.0  # of driving, after which an edge weighs 1/e
 # s; the commands within a longer frame are not all known, and a motor follows them within its lag.
 SPAN_MAX = 0.12
+TRACKING_S = 0.035  # time constant of the rate at which edges without times come
 # Of the dead band; with a smaller duty a wheel may stick and slip.
 DUTY_RATIO_MIN = 1.3
 # A duty. A line through the speeds of a motor that is quick at small duties may show no dead band,
@@ -34,6 +35,27 @@ class EdgeRatio(NamedTuple):
     """edges by which a load that takes all of a duty of 1 reduces `explained`"""
     transient: float
     """edges by which the lag of the motor may be wrong: speed changes times the frames' time"""
+
+
+class EdgeTracker:
+    """Times of edges of which frames tell the number only, from their rate over several frames.
+
+    Intervals of a whole number of frames would make the measured speeds too fast on average.
+    """
+
+    def __init__(self) -> None:
+        self.beyond = 0.5  # edges, from the last one on
+        self.rate = 0.0  # edges/s
+
+    def last_edge(self, time: int, edges: int, span: float) -> int:
+        """Time (ns) of the last of the `edges` of the frame of `span` (s) that ends at `time`."""
+        gain = 1.0 - exp(-span / TRACKING_S)
+        predicted = self.beyond + self.rate * span - edges
+        residual = 0.5 - predicted
+        self.beyond = min(max(predicted + gain * residual, 0.0), 1.0)
+        self.rate = max(self.rate + gain * gain / (2.0 - gain) * residual / span, 0.0)
+        age = min(self.beyond / self.rate, span) if self.rate > 0.0 else 0.5 * span
+        return time - int(age * 1e9)
 
 
 class ExplainedEdges:
@@ -55,6 +77,7 @@ class ExplainedEdges:
     def restart(self, time: int, count: int) -> None:
         """Go on at `time` (ns) with the board's `count`; what its loop did before is not known."""
         self.mirror = SpeedLoopMirror(self.gains, self.counts, time)
+        self.tracker = EdgeTracker()
         self.time, self.count = time, count
         self.speed = 0.0  # edges/s, explained
 
@@ -83,8 +106,8 @@ class ExplainedEdges:
             duty = command
         else:
             edge = edge_time
-            if edge is None:  # on average half an interval before the end of the frame
-                edge = time - (time - before) // (2 * edges) if edges else time
+            if edge is None:
+                edge = self.tracker.last_edge(time, edges, span)
             duty = self.mirror.update(time, edges, edge, changes)[-1]
         target = settled_speed(duty, self.static, self.rated) * self.edges_per_rad
         change = target - self.speed
