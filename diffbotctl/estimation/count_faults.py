@@ -21,6 +21,7 @@ from __future__ import annotations
 from itertools import pairwise
 from math import exp, log, sqrt
 from operator import mul
+from typing import NamedTuple
 
 from diffbotctl.estimation.likelihood import normal_density
 
@@ -51,8 +52,12 @@ RATE_SD = 0.1  # edges in a span; of the rate that is taken from five counts
 # squared differences of successive weights add up to 7.
 SLOT_VARIANCE = 7.0 * 0.03**2
 SLOPE_MAX = 0.3  # of the mean speed in all spans; a faster change is not smooth enough
-# Successive deviations have four of five spans in common: so many are worth one independent one.
-DEVIATIONS_PER_SAMPLE = 2.9
+# Without edge times, the rounding of the count at the end of a span hides much. Spans that end at
+# other frames are rounded otherwise: so many series of spans, each begun after so many edges.
+OFFSETS, OFFSET_EDGES = 4, 4
+# Successive deviations have four of five spans in common, and those of several series nearly all:
+# so many are worth one independent one, for each number of series.
+DEVIATIONS_PER_SAMPLE = (2.9, 2.9, 4.1, 5.1, 5.8)
 # Shares of faults that an encoder may have, and their probability before anything was counted.
 FAULTY = 0.06
 SHARES = (
@@ -112,51 +117,53 @@ RATES = 50  # in which a whole edge is divided
 ROUNDING_NOISE = tuple(_smoothed(place / RATES) for place in range(RATES))
 
 
-class CountFaults:
-    """Share of missed or additional edges of one encoder."""
+class Deviation(NamedTuple):
+    """What five successive spans show."""
 
-    def __init__(self, has_edge_times: bool, is_fine: bool = True) -> None:
-        """`is_fine`: edges come so densely that the speed changes little in the time of fifteen."""
-        self.has_edge_times = has_edge_times
-        self.may_be_short = has_edge_times and is_fine
+    square: float
+    """fourth difference of their edges, squared"""
+    edges: float
+    """in a span, on average"""
+    slope: float
+    """edges by which a span has more than the one before"""
+
+
+class CountSpans:
+    """Successive spans of time, and the edges in them."""
+
+    def __init__(self, has_edge_times: bool, may_be_short: bool) -> None:
+        self.has_edge_times, self.may_be_short = has_edge_times, may_be_short
         self.rates: list[tuple[float, int]] = []  # edges/s and edges of the last spans
-        self.direction = 0
         self.seconds = 0.0
         self.edges = self.frames = 0
         self.first_edges = self.first_frames = 0
         self.number = 0
-        self.sum_squares = self.sum_fourths = 0.0
-        self.sum_noise = 0.0
-        self.logs = [prior for _, _, prior in HYPOTHESES]
         self.edges_mean = 0.0  # in a span
-        self.share = SHARE_UNKNOWN
-        """standard deviation: missed or additional edges per edge"""
-        self.is_certain = False
 
-    def add(self, seconds: float, edges: int, direction: int) -> None:
-        """Take `edges` counted during `seconds` into account; direction 0: it is not known."""
-        if direction != self.direction:
-            self.direction = direction
-            self._restart()
-            return
+    def restart(self) -> None:
+        """Begin with the next frame."""
+        self.rates.clear()
+        self.seconds, self.edges, self.frames = 0.0, 0, 0
+
+    def add(self, seconds: float, edges: int) -> Deviation | None:
+        """Take the `edges` of a frame; a deviation when five spans are complete."""
         self.seconds += seconds
         self.edges += edges
         self.frames += 1
-        if not direction or not self._is_span_complete():
-            return
+        if not self._is_span_complete():
+            return None
         least = TIMED_SPAN_EDGES_MIN if self.may_be_short else SPAN_EDGES_MIN
         is_even = least <= self.edges <= SPAN_EDGES_RATIO_MAX * self.first_edges
         if not is_even or self.seconds > SPAN_SECONDS_MAX:
-            self._restart()
-            return
+            self.restart()
+            return None
         if not self.rates:
             self.first_frames = self.frames
         self.rates.append((self.edges / self.seconds, self.edges))
         self.seconds, self.edges, self.frames = 0.0, 0, 0
         if len(self.rates) > len(WEIGHTS):
             del self.rates[0]
-        if len(self.rates) == len(WEIGHTS):
-            self._add_deviation()
+        return self._deviation() if len(self.rates) == len(WEIGHTS) else None
 
     def _is_span_complete(self) -> bool:
         if self.seconds <= 0.0:
@@ -169,30 +176,85 @@ class CountFaults:
         is_slow = self.has_edge_times or self.seconds >= FIRST_SECONDS_MAX
         return self.edges >= (SLOW_FIRST_EDGES_MIN if is_slow else FIRST_EDGES_MIN)
 
-    def _restart(self) -> None:
-        self.rates.clear()
-        self.seconds, self.edges, self.frames = 0.0, 0, 0
-
-    def _add_deviation(self) -> None:
+    def _deviation(self) -> Deviation | None:
         rates = [rate for rate, _ in self.rates]
         number = len(rates)
         mean = sum(rates) / number
         # The slope of a straight line through five points (least squares).
         slope = (2.0 * (rates[4] - rates[0]) + rates[3] - rates[1]) / 10.0
         if abs(slope) * number > SLOPE_MAX * mean:
-            return
+            return None
         edges = sum(edges for _, edges in self.rates) / number
         scale = edges / mean  # seconds of a span
         square = (scale * sum(map(mul, WEIGHTS, rates))) ** 2
         self.number += 1
-        self.sum_squares += square
-        self.sum_fourths += square * square
         # The rate of many spans: an edge in excess also changes the rate of its own ones.
         predicted = self.edges_mean + slope * scale
         is_new = self.number == 1 or abs(edges - predicted) > EDGES_CHANGE_MAX
         self.edges_mean = edges if is_new else predicted + EDGES_GAIN * (edges - predicted)
-        self.sum_noise += self._noise(self.edges_mean, slope * scale)
-        self._weigh(self.edges_mean, slope * scale, square)
+        return Deviation(square, self.edges_mean, slope * scale)
+
+
+class CountFaults:
+    """Share of missed or additional edges of one encoder."""
+
+    def __init__(self, has_edge_times: bool, is_fine: bool = True) -> None:
+        """`is_fine`: edges come so densely that the speed changes little in the time of fifteen."""
+        self.has_edge_times = has_edge_times
+        may_be_short = has_edge_times and is_fine
+        offsets = 1 if has_edge_times else OFFSETS
+        self.spans = [CountSpans(has_edge_times, may_be_short) for _ in range(offsets)]
+        self.begun = 0  # of them, since the direction has changed
+        self.direction = 0
+        self.edges = 0  # since then
+        self.number = 0
+        self.sum_squares = self.sum_fourths = 0.0
+        self.sum_noise = 0.0
+        self.logs = [prior for _, _, prior in HYPOTHESES]
+        self.share = SHARE_UNKNOWN
+        """standard deviation: missed or additional edges per edge"""
+        self.is_certain = False
+
+    def add(self, seconds: float, edges: int, direction: int) -> None:
+        """Take `edges` counted during `seconds` into account; direction 0: it is not known."""
+        if direction != self.direction:
+            self.direction = direction
+            self._restart()
+            return
+        if not direction:
+            return
+        spans, begun = self.spans, self.begun
+        # Those that begin a frame later than the others before, within the first span.
+        if begun < len(spans) and self.edges >= begun * OFFSET_EDGES and self.is_in_first_span:
+            self.begun = begun = begun + 1
+        self.edges += edges
+        for index in range(begun):
+            deviation = spans[index].add(seconds, edges)
+            if deviation is not None:
+                if index == 0:
+                    self._sum(deviation)
+                self._weigh(deviation, DEVIATIONS_PER_SAMPLE[begun])
+
+    @property
+    def is_in_first_span(self) -> bool:
+        """Whether the first spans are not complete."""
+        return not self.spans[0].rates
+
+    def _restart(self) -> None:
+        self.begun = self.edges = 0
+        for spans in self.spans:
+            spans.restart()
+
+    def _sum(self, deviation: Deviation) -> None:
+        square = deviation.square
+        self.number += 1
+        self.sum_squares += square
+        self.sum_fourths += square * square
+        self.sum_noise += self._noise(deviation.edges, deviation.slope)
+        excess = self.sum_squares - UNEVEN_MAX * self.sum_noise
+        error = sqrt(max(self.sum_fourths - self.sum_squares**2 / self.number, 0.0))
+        is_enough = self.number >= DEVIATIONS_MIN
+        self.is_certain = is_enough and excess > CERTAIN_ERRORS_MIN * error
 
     def _noise(self, edges: float, slope: float) -> float:
         """Variance without faults of five successive counts: `edges` on average, `slope` more in
@@ -203,9 +265,10 @@ class CountFaults:
         high = round(RATES * (edges + SLOPE_SD * slope))
         return 0.5 * (ROUNDING_NOISE[low % RATES] + ROUNDING_NOISE[high % RATES])
 
-    def _weigh(self, edges: float, slope: float, square: float) -> None:
+    def _weigh(self, deviation: Deviation, deviations_per_sample: float) -> None:
         """Probability of each hypothesis. The deviations are normal with its variance; few faults
         are in few of them only, in any of five spans, and then each is a whole edge."""
+        square, edges, slope = deviation
         rough = self._noise(edges, slope) + (ROUGH_CHANGE * edges) ** 2
         other = ROUGH_SHARE * normal_density(square, rough)
         for index, (uneven, share, _) in enumerate(HYPOTHESES):
@@ -216,7 +279,7 @@ class CountFaults:
                 affected = 1.0 - exp(-len(WEIGHTS) * faults)
                 with_faults = normal_density(square, noise + SQUARES * faults / affected)
                 likely += affected * (with_faults - likely)
-            self.logs[index] += log(other + (1.0 - ROUGH_SHARE) * likely) / DEVIATIONS_PER_SAMPLE
+            self.logs[index] += log(other + (1.0 - ROUGH_SHARE) * likely) / deviations_per_sample
         best = max(self.logs)
         total = mean_square = 0.0
         for (_, share, _), value in zip(HYPOTHESES, self.logs, strict=True):
@@ -224,10 +287,6 @@ class CountFaults:
             total += weight
             mean_square += weight * share * share
         self.share = sqrt(mean_square / total)
-        excess = self.sum_squares - UNEVEN_MAX * self.sum_noise
-        error = sqrt(max(self.sum_fourths - self.sum_squares**2 / self.number, 0.0))
-        is_enough = self.number >= DEVIATIONS_MIN
-        self.is_certain = is_enough and excess > CERTAIN_ERRORS_MIN * error
 
     @property
     def shown_share(self) -> float:

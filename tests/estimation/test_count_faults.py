@@ -53,6 +53,22 @@ def test_the_share_is_told():
     assert "edges are missing or counted twice: about" in counted(1, missed=0.1).text
 
 
+def test_series_of_spans_end_at_different_frames():
+    # 3 edges a frame: the first span ends with the sixth frame, and four series fit into it.
+    faults = CountFaults(has_edge_times=False)
+    for _ in range(60):
+        faults.add(PERIOD, 3, 1)
+    assert faults.begun == 4
+    assert len({spans.frames for spans in faults.spans}) == 4
+
+
+def test_spans_of_one_frame_are_one_series():
+    faults = CountFaults(has_edge_times=False)
+    for _ in range(20):
+        faults.add(PERIOD, 16, 1)
+    assert faults.begun == 1
+
+
 def test_a_reversal_is_no_fault():
     faults = CountFaults(has_edge_times=False)
     for number in range(400):
