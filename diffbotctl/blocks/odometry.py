@@ -198,7 +198,8 @@ class OdometryBlock(Block):
         )
         if isinstance(left, WheelOdometer) and isinstance(right, WheelOdometer):
             share_response(left, right)
-            compare_gains(self.lost_by_gains, left, right)
+            are_even = self.lost_by_edges is not None and self.lost_by_edges.are_even
+            compare_gains(self.lost_by_gains, left, right, are_even)
         if (
             self.lost_by_edges is not None
             and isinstance(left, EncoderWheel)

@@ -95,6 +95,8 @@ class ExplainedLostEdges(LostEdges):
         super().__init__()
         self.left, self.right = ExplainedEdges(left), ExplainedEdges(right)
         self.driven = 0  # frames since the last comparison
+        self.are_even = False
+        """whether both wheels count as many edges as is explained, or both wrong alike"""
 
     def restart(self, encoders: Encoders) -> None:
         """Go on with a frame after a gap, or with the first one."""
@@ -118,9 +120,12 @@ class ExplainedLostEdges(LostEdges):
 
     def _compare_edges(self) -> None:
         left, right = self.left.ratio, self.right.ratio
+        self.are_even = False
         if min(left.explained, right.explained) < EXPLAINED_MIN:
             return
-        faults = ratio_probabilities(Ratio.of(left), Ratio.of(right))
+        ratios = Ratio.of(left), Ratio.of(right)
+        self.are_even = abs(ratios[0].value - ratios[1].value) < RATIO_LOG_MIN
+        faults = ratio_probabilities(*ratios)
         self._take(faults, EXPLAINED_PROBABILITY_MIN, COMPARE_FRAMES)
 
 

@@ -15,7 +15,7 @@ pose is set.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import log, sqrt
+from math import exp, log, sqrt
 from typing import NamedTuple, Protocol
 
 from diffbotctl.estimation.likelihood import normal_density
@@ -27,7 +27,10 @@ LOAD_SD, HALF_SD = 0.25, 0.15
 LEVEL_SD = 0.2  # of the logarithm of what both gains share: the battery, full to empty, and its sag
 # A robot may be heavy for its motors, which are calibrated with raised wheels: the probability, and
 # mean and standard deviation of the logarithm of what both gains share then.
-HEAVY_PROBABILITY, HEAVY_MEAN, HEAVY_SD = 0.4, -0.35, 0.3
+HEAVY_PROBABILITY, HEAVY_MEAN, HEAVY_SD = 0.4, -0.5, 0.6
+# By which the loads of both wheels differ, relative to the load. The less speed a load leaves, the
+# more the ratio of the gains depends on it.
+OWN_LOAD_SD = 0.2
 # None of these: its probability, and standard deviations of the ratio and of what they share.
 OTHER_PROBABILITY, OTHER_RATIO_SD, OTHER_LEVEL_SD = 0.02, 0.6, 1.0
 HALF_PROBABILITY = 0.005  # of each fault of each wheel, before anything was counted
@@ -135,9 +138,13 @@ class LostEdges:
         left, right = (f"at times {text}" if text else "" for text in self.lasting.texts)
         return left, right
 
-    def compare(self, left: MotorGain, right: MotorGain) -> None:
-        """Take the gains of both motors after a frame."""
-        self._take(gain_probabilities(left, right), PROBABILITY_MIN, 1)
+    def compare(self, left: MotorGain, right: MotorGain, are_even: bool = False) -> None:
+        """Take the gains of both motors after a frame. `are_even`: the edges that both wheels count
+        are as many as their duties explain, or both wrong alike."""
+        faults = gain_probabilities(left, right)
+        if are_even:
+            faults = FaultProbabilities(both_lost=faults.both_lost, both_twice=faults.both_twice)
+        self._take(faults, PROBABILITY_MIN, 1)
 
     def pose_is_set(self) -> None:
         """What happened before does not matter any more."""
@@ -177,7 +184,8 @@ def gain_probabilities(left: MotorGain, right: MotorGain) -> FaultProbabilities:
     variance = left.variance / left.value**2 + right.variance / right.value**2
 
     def likelihood(ratio_error: float, mean_error: float, sd: float) -> float:
-        own = sd * sd + variance
+        load = OWN_LOAD_SD * max(exp(-mean_error) - 1.0, 0.0)
+        own = sd * sd + load * load + variance
         heavy = mean_error - HEAVY_MEAN
         level = (1.0 - HEAVY_PROBABILITY) * normal_density(
             mean_error * mean_error, LEVEL_SD * LEVEL_SD + 0.25 * own

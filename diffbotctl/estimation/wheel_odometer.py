@@ -262,9 +262,12 @@ def share_response(left: WheelOdometer, right: WheelOdometer) -> None:
     right.filter.select_response(best)
 
 
-def compare_gains(lost_edges: LostEdges, left: WheelOdometer, right: WheelOdometer) -> None:
-    """Decide by the gains of both motors whether an encoder loses every second edge."""
-    lost_edges.compare(_motor_gain(left), _motor_gain(right))
+def compare_gains(
+    lost_edges: LostEdges, left: WheelOdometer, right: WheelOdometer, are_even: bool
+) -> None:
+    """Decide by the gains of both motors whether an encoder loses every second edge; see
+    `LostEdges.compare`."""
+    lost_edges.compare(_motor_gain(left), _motor_gain(right), are_even)
 
 
 def _motor_gain(wheel: WheelOdometer) -> MotorGain:
