@@ -43,7 +43,7 @@ CURVES = ((0.0, 0.3), (0.5, 0.15), (1.0, 0.15), (2.0, 0.15), (4.0, 0.15), (8.0, 
 # Duty that moving the robot takes of both motors, which are calibrated with raised wheels, and its
 # probability.
 LOADS = ((0.0, 0.4), (0.07, 0.2), (0.14, 0.15), (0.21, 0.15), (0.3, 0.1))
-COMMON_LOAD_SD = 0.2  # relative; what one of the wheels has to move
+COMMON_LOAD_SD = 0.15  # relative; what one of the wheels has to move
 SHARE_MIN = 0.1  # of the edges explained, left by friction and load; less is not told apart
 # Standard deviations of the logarithm of a ratio: of a calibrated motor; by its own friction,
 # relative to that of both, and to the error of the curve; of its lag.

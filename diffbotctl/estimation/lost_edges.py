@@ -26,8 +26,8 @@ HALF = log(2.0)
 LOAD_SD, HALF_SD = 0.25, 0.15
 LEVEL_SD = 0.2  # of the logarithm of what both gains share: the battery, full to empty, and its sag
 # A robot may be heavy for its motors, which are calibrated with raised wheels: the probability, and
-# mean and standard deviation of the logarithm of what both gains share then.
-HEAVY_PROBABILITY, HEAVY_MEAN, HEAVY_SD = 0.4, -0.5, 0.6
+# mean and standard deviations, below and above it, of the logarithm of what both gains share then.
+HEAVY_PROBABILITY, HEAVY_MEAN, HEAVY_SD, HEAVY_UPPER_SD = 0.4, -0.5, 0.6, 0.3
 # By which the loads of both wheels differ, relative to the load. The less speed a load leaves, the
 # more the ratio of the gains depends on it.
 OWN_LOAD_SD = 0.2
@@ -187,9 +187,11 @@ def gain_probabilities(left: MotorGain, right: MotorGain) -> FaultProbabilities:
         load = OWN_LOAD_SD * max(exp(-mean_error) - 1.0, 0.0)
         own = sd * sd + load * load + variance
         heavy = mean_error - HEAVY_MEAN
+        heavy_sd = HEAVY_SD if heavy < 0.0 else HEAVY_UPPER_SD
+        side = 2.0 * heavy_sd / (HEAVY_SD + HEAVY_UPPER_SD)  # twice the probability of that side
         level = (1.0 - HEAVY_PROBABILITY) * normal_density(
             mean_error * mean_error, LEVEL_SD * LEVEL_SD + 0.25 * own
-        ) + HEAVY_PROBABILITY * normal_density(heavy * heavy, HEAVY_SD * HEAVY_SD + 0.25 * own)
+        ) + HEAVY_PROBABILITY * side * normal_density(heavy * heavy, heavy_sd**2 + 0.25 * own)
         return normal_density(ratio_error * ratio_error, own) * level
 
     def one(ratio_shift: float, mean_shift: float) -> float:
