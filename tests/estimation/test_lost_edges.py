@@ -16,8 +16,18 @@ def compared(left, right, sd=0.05, frames=FRAMES_MIN):
 
 @pytest.mark.parametrize(
     "left, right",
-    [(1.0, 1.0), (0.8, 1.0), (0.6, 0.65), (1.1, 0.75), (0.74, 1.27), (0.45, 0.5), (0.35, 0.35)]
-    + [(0.22, 0.2), (0.42, 0.17)],  # a robot that is very heavy for its motors
+    [
+        *[
+            (1.0, 1.0),
+            (0.8, 1.0),
+            (0.6, 0.65),
+            (1.1, 0.75),
+            (0.74, 1.27),
+            (0.45, 0.5),
+            (0.35, 0.35),
+        ],
+        *[(0.22, 0.2), (0.42, 0.17)],  # a robot that is very heavy for its motors
+    ],
 )
 def test_other_motors_a_flat_battery_and_a_heavy_robot_are_no_faults(left, right):
     lost = compared(left, right)
