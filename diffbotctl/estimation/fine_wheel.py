@@ -30,8 +30,8 @@ MODEL_SD, DRIFT_SD = 0.3, 0.1  # of a change of the speed that is predicted, and
 ROUNDING_SD = 0.41  # pitches; of the difference of two counts
 EDGE_SD = 0.05  # pitches; the same with edge times
 ROUNDING_MAX = 1.5  # edges; of two counts
-# Edges and angle (rad) without a command that are told: a wheel that comes to rest later than
-# predicted, or trembles, makes less.
+REST_S = 0.3  # without a drive and without an edge, after which a wheel is at rest
+# Edges and angle (rad) of a wheel at rest that are told: one that trembles makes less.
 PUSHED_EDGES_MIN, PUSHED_ANGLE_MIN = 3, 0.1
 
 
@@ -52,6 +52,7 @@ class FineWheelOdometer:
         self.board_direction = 1
         self.span, self.decay = 0.0, 1.0  # s, of a frame; what remains of a speed after it
         self.rolled_for = 0.0  # s, against the drive
+        self.rested_for = REST_S  # s, without a drive and without an edge
         self.pushed = 0  # edges without a drive, since the wheel was at rest
         self.pushed_since = 0.0  # pitches2, their variance since the last report
         self.pushed_in_all = 0  # edges, since the pose was set
@@ -198,9 +199,11 @@ class FineWheelOdometer:
     ) -> float:
         """Signed travel of the edges of one frame."""
         if sign:
-            self.drive_direction, self.pushed = sign, 0
+            self.drive_direction, self.pushed, self.rested_for = sign, 0, 0.0
+        elif edges:
+            self._add_undriven(edges)
         else:
-            self._add_pushed(edges)
+            self.rested_for += span
         if not self.direction:
             if not self.drive_direction:
                 return float(edges)
@@ -210,13 +213,16 @@ class FineWheelOdometer:
             return float(self.direction * edges)
         return self._net_against(edges, span, predicted, is_signed_anew)
 
-    def _add_pushed(self, edges: int) -> None:
-        """Take edges without a drive into account: a wheel at rest is pushed by somebody, in either
-        direction."""
-        if self.pushed or abs(self.signed_speed) < self.creep:
+    def _add_undriven(self, edges: int) -> None:
+        """Take edges without a drive into account: a wheel that was at rest is pushed by somebody,
+        in either direction; any other one still rolls, perhaps from a kick against friction that
+        ended at once."""
+        if self.rested_for >= REST_S or self.pushed:
             before, self.pushed = self.pushed, self.pushed + edges
             self.pushed_since += pushed_variance(before, self.pushed)
             self.pushed_in_all += edges
+        else:
+            self.rested_for = 0.0
 
     def _net_against(
         self, edges: int, span: float, predicted: float, is_signed_anew: bool
