@@ -3,12 +3,14 @@
 Two limits hold. The first is that of a motor that is stronger than stated (GAIN_SPREAD_MAX), at any
 command: a motor without load runs at nearly its full speed at a low duty too. It is held for the
 delay from a command to telemetry that shows its effect, and decays with the motor's lag after a
-stop. The second, SPEED_RATIO times the command, holds for a wheel whose loop has settled. What the
-wheel turns beyond a limit is summed (a one-sided CUSUM). The sum stops the robot when it exceeds
-what the encoder cannot resolve, and for the second limit also what the strongest motor turns until
-the loop has settled. What a late frame does not use of the limits is left for those that queued up
-behind it. After a gap, the limits of its begin hold for all of it and decay from its end: a stop
-that was sent in the gap may reach the board only then.
+stop. The second, SPEED_RATIO times the command, holds for a wheel whose loop has settled; it is at
+least the command of the other wheel in the same direction, since an open bridge does not brake a
+wheel that the robot carries along in a curve. What the wheel turns beyond a limit is summed (a
+one-sided CUSUM). The sum stops the robot when it exceeds what the encoder cannot resolve, and for
+the second limit also what the strongest motor turns until the loop has settled. What a late frame
+does not use of the limits is left for those that queued up behind it. After a gap, the limits of
+its begin hold for all of it and decay from its end: a stop that was sent in the gap may reach the
+board only then.
 
 A wheel that was at rest and turns without a command is pushed by hand: that is told, and is no
 fault.
@@ -76,7 +78,7 @@ class OverspeedDetector:
         self.slowest_held = self.pitch / EDGE_INTERVAL_MAX_S
         self.counted_share = 1.0 - FALSE_COUNTS_SHARE
         self.resolution = RESOLUTION_COUNTS * self.pitch
-        self.target = 0.0
+        self.target = self.carrying = 0.0
         self.target_limit = self.settled_target_limit = 0.0  # what the target alone allows
         self.settled_speed = 0.0  # limit of the last motion that was commanded
         self.limit = self.settled_limit = 0.0
@@ -92,12 +94,13 @@ class OverspeedDetector:
         self.is_at_rest = True
         self.pushed = 0  # counts without a command since the wheel was at rest
 
-    def command(self, now: int, target: float) -> None:
-        """Take the speed (rad/s) that is sent at `now`."""
+    def command(self, now: int, target: float, carrying: float = 0.0) -> None:
+        """Take the speed (rad/s) that is sent at `now`, and that of the other wheel if it has the
+        same sign: without drive, a wheel is carried along by the robot."""
         self._decay(now)
-        target = abs(target)
-        if target != self.target:
-            self.target = target
+        target, carrying = abs(target), abs(carrying)
+        if (target, carrying) != (self.target, self.carrying):
+            self.target, self.carrying = target, carrying
             self.target_limit, self.settled_target_limit = self._limits_of(target)
         if target:
             self.is_at_rest, self.pushed = False, 0
@@ -205,4 +208,5 @@ class OverspeedDetector:
 
     def settled_limit_of(self, target: float) -> float:
         """Limit (rad/s) of a wheel whose loop has settled at `target`."""
-        return min(self.strongest, SPEED_RATIO * max(target, self.slowest_held))
+        limit = max(SPEED_RATIO * max(target, self.slowest_held), self.carrying)
+        return min(self.strongest, limit)

@@ -116,9 +116,10 @@ class Gate(Block):
     def note_command(self, now: int, outgoing: Wheels | None) -> None:
         """Pass what is sent to the detectors of wheels that turn too fast."""
         if outgoing is not None:
-            watched = self.wheels_watched
-            watched["left"].command(now, outgoing.left)
-            watched["right"].command(now, outgoing.right)
+            watched, (left, right) = self.wheels_watched, (outgoing.left, outgoing.right)
+            is_ahead = left * right > 0.0
+            watched["left"].command(now, left, right if is_ahead else 0.0)
+            watched["right"].command(now, right, left if is_ahead else 0.0)
 
     def update_stop(self, fault: Stop | None) -> None:
         """Set or clear the active stop; only `resume` clears a latched one."""

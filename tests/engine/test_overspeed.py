@@ -13,7 +13,7 @@ SLOTS = 20
 FRAME = 25 * MS
 
 
-def detected_at(command, speed, seconds=12.0, slots=SLOTS, host_loop=False):
+def detected_at(command, speed, seconds=12.0, slots=SLOTS, host_loop=False, carrying=0.0):
     """Seconds until the detector reports, inf if never.
 
     `command` and `speed` are functions of the time in s, in rad/s.
@@ -25,7 +25,7 @@ def detected_at(command, speed, seconds=12.0, slots=SLOTS, host_loop=False):
         angle += speed(now / 1e9) * FRAME / 1e9
         if detector.counts(now, int(angle * slots / (2 * pi)), 0) is not None:
             return now / 1e9
-        detector.command(now, command(now / 1e9))
+        detector.command(now, command(now / 1e9), carrying)
     return inf
 
 
@@ -48,6 +48,14 @@ def test_a_motor_at_full_speed_is_noticed(target, slots):
 def test_a_motor_that_keeps_turning_after_the_stop_is_noticed(speed):
     at = detected_at(lambda time: 3.0 if time < 2.0 else 0.0, lambda time: min(speed, 3.0 + time))
     assert 2.0 < at < 4.0
+
+
+def test_a_wheel_that_is_carried_along_in_a_curve_is_no_fault():
+    """A heavy robot on an open bridge, whose other wheel reaches 2.9 rad/s of 4."""
+    assert detected_at(constant(0.4), constant(2.5), 40.0, carrying=4.0) == inf
+    assert detected_at(constant(0.4), constant(2.5), 40.0) < 40.0
+    # Faster than both commands it is not carried.
+    assert detected_at(constant(0.4), constant(10.5), carrying=4.0) < 3.0
 
 
 def test_more_than_the_strongest_motor_is_noticed_within_half_a_second():
