@@ -88,9 +88,9 @@ def test_two_blocks_that_are_slow_together_stop_and_are_named():
     (stop,) = stops
     assert (stop.code, stop.latched) == ("block_overrun", True)
     # The time in which a busy machine ran something else is not that of a block.
-    took = re.search(r"\(first (0\.\d+) s, second (0\.\d+) s\)", stop.cause)
-    assert took is not None
-    assert all(float(seconds) == pytest.approx(0.4, abs=0.05) for seconds in took.groups())
+    took = re.findall(r"(?:first|second) (0\.\d+) s", stop.cause)
+    assert len(took) == 2
+    assert all(float(seconds) == pytest.approx(0.4, abs=0.05) for seconds in took)
     engine.monitor.begin()
     engine.deliver(10, [("a.b", Text(0, "0.1"))])
     engine._deliver_events(engine.monitor)
