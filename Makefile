@@ -19,7 +19,7 @@ HOURS ?= 24
 # Failures of each kind: of programs, and of nodes and bridge beside ROS 2. In full: 50 of each.
 FAILURES ?= 5
 BRIDGE ?= 3
-# Goals of each row of both plants, and runs of the matrix; in full: 3264 and more.
+# Goals of each row of both plants, and runs of the matrix; in full: 3648 and more.
 GOALS ?= 50
 MATRIX ?= 272
 # Sets of drives for `calibrate from-log`, and robots whose calibrated values are compared.

@@ -254,6 +254,15 @@ def _cogging(simulation: Tree, design: RobotDesign, rng: Random) -> None:
     simulation["motor"]["ripple"] = rng.uniform(0.1, 0.3)
 
 
+def _heavy(simulation: Tree, design: RobotDesign, rng: Random) -> None:
+    """The motors were calibrated with raised wheels, and now have to move the robot."""
+    factor, load = rng.uniform(1.0, 2.5), rng.uniform(0.0, 0.2)
+    motor = simulation["motor"]
+    motor["lag"] = [factor * lag for lag in motor["lag"]]
+    loads = {f"{side}_drag": load * rng.uniform(0.8, 1.2) for side in ("left", "right")}
+    simulation["disturbances"] = [{"start": 0.0, **loads}]
+
+
 PERTURBATIONS: dict[str, Perturbation] = {
     "none": Perturbation(_none),
     "missed_1": Perturbation(_missed(0.01)),
@@ -265,6 +274,7 @@ PERTURBATIONS: dict[str, Perturbation] = {
     "battery_step": Perturbation(_battery_step),
     "battery_dies": Perturbation(_battery_dies, fatal=True),
     "drag": Perturbation(_drag),
+    "heavy": Perturbation(_heavy),
     "blocked": Perturbation(_blocked, fatal=True),
     "sag": Perturbation(_sag, lasting=True),
     "gain": Perturbation(_gain, lasting=True),
