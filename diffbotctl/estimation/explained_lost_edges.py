@@ -36,6 +36,7 @@ RATIO_LOG_MIN = 0.3  # of the two ratios; less is no reason for a doubt about on
 LEVEL_LOG_MIN = 0.3  # by which both are low; less is no reason for a doubt about both
 # Edges that must be explained: two or three frames of a fine encoder.
 EXPLAINED_MIN = 20.0
+EVEN_MIN = 5.0  # the same for sums that are even: gains of few edges are known even less
 # Error of the typical curve from duty to speed, in edges that friction takes, with probabilities:
 # 0 is a linear motor with its dead band. Motors that are quick to coast between two pulses take
 # several times the speed of it at small duties.
@@ -120,11 +121,14 @@ class ExplainedLostEdges(LostEdges):
 
     def _compare_edges(self) -> None:
         left, right = self.left.ratio, self.right.ratio
+        explained = min(left.explained, right.explained)
         self.are_even = False
-        if min(left.explained, right.explained) < EXPLAINED_MIN:
+        if explained < EVEN_MIN:
             return
         ratios = Ratio.of(left), Ratio.of(right)
         self.are_even = abs(ratios[0].value - ratios[1].value) < RATIO_LOG_MIN
+        if explained < EXPLAINED_MIN:
+            return
         faults = ratio_probabilities(*ratios)
         self._take(faults, EXPLAINED_PROBABILITY_MIN, COMPARE_FRAMES)
 

@@ -35,12 +35,11 @@ OWN_LOAD_SD = 0.2
 OTHER_PROBABILITY, OTHER_RATIO_SD, OTHER_LEVEL_SD = 0.02, 0.6, 1.0
 HALF_PROBABILITY = 0.005  # of each fault of each wheel, before anything was counted
 BOTH_PROBABILITY = 0.002  # of each fault of both wheels alike
-# Below it such an encoder is not considered, as it is with hypotheses of the filter (1:20).
-PROBABILITY_MIN = 0.05
+# Below it such an encoder is not considered: what its wheel has to move may be the reason.
+PROBABILITY_MIN = 0.1
 FRAMES_MIN = 20  # in a row: a gain that changes suddenly needs some time to be found again
-# What has been as likely as this stays told: no working encoder of 70 simulated goals without a
-# disturbance has been.
-LASTING_PROBABILITY_MIN = 0.1
+# What has been as likely as this stays told.
+LASTING_PROBABILITY_MIN = 0.15
 TEXT = (
     "counts {counts} the edges that its motor explains: {fault}, or the wheel {motion} "
     "than the other one"
