@@ -150,8 +150,13 @@ def _plan(path: Path, change: Callable[[str], str]) -> tuple[FileChange, RobotFi
     except ConfigurationError as error:
         problems = [replace(problem, place=str(path)) for problem in error.problems]
         raise ConfigurationError(problems) from None
+    except OSError as error:
+        cause = f"its folder cannot be written: {error.strerror}"
+        fix = "copy the robot file into a folder of your own, and name it: --robot FILE"
+        raise _write_error(path, cause, fix) from error
     finally:
-        trial.unlink(missing_ok=True)
+        with suppress(OSError):
+            trial.unlink(missing_ok=True)
 
 
 def write_change(change: FileChange) -> Path:

@@ -151,6 +151,13 @@ def _drive_progress(
         raise click.UsageError("give one of --for, --distance, --angle")
     if (distance is not None and not linear) or (angle is not None and not angular):
         raise click.UsageError("--distance needs --speed, --angle needs --turn")
+    for end, name, speed, option in (
+        (distance, "--distance", linear, "--speed"),
+        (angle, "--angle", angular, "--turn"),
+    ):
+        if end is not None and end * speed < 0.0:
+            cause = f"{name} and {option} have opposite signs"
+            raise click.UsageError(f"{cause}: the sign of {option} is the direction")
     if distance is None and angle is None and duration is None:
         duration = DEFAULT_DURATION_S
     return DriveProgress(

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import signal
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
 
@@ -29,8 +29,18 @@ EXIT_POLL_PERIOD_S = 0.02
 REASON_MAX_CHARACTERS = 200
 
 
+class UnconfirmedStopError(Exception):
+    """The engine holds the robot, but its board does not answer."""
+
+
 @click.command()
-@click.option("--engine", metavar="NAME", help="Name of the engine; all of them without it.")
+@click.option(
+    "--engine",
+    "names",
+    multiple=True,
+    metavar="NAME",
+    help="Name of the engine; all of them without it. Repeatable.",
+)
 @click.option(
     "--at",
     "hosts",
@@ -41,7 +51,7 @@ REASON_MAX_CHARACTERS = 200
 @click.option("--all", "every_engine", is_flag=True, help="All engines; no error when none runs.")
 @click.argument("reason", nargs=-1)
 def stop(
-    engine: str | None, hosts: tuple[str, ...], every_engine: bool, reason: tuple[str, ...]
+    names: tuple[str, ...], hosts: tuple[str, ...], every_engine: bool, reason: tuple[str, ...]
 ) -> int:
     """Stop the robot until `diffbotctl resume`; REASON is shown to other users.
 
@@ -51,24 +61,41 @@ def stop(
     from diffbotctl.control_socket.address import engines
     from diffbotctl.control_socket.client import choose_engine
 
+    text, named = " ".join(reason), list(dict.fromkeys(names))
     if hosts:
-        return _stop_hosts(dict.fromkeys(hosts), engine, " ".join(reason))
-    addresses = engines() if engine is None else [choose_engine(engine)]
+        return _stop_hosts(dict.fromkeys(hosts), named or [None], text)
+    if len(named) > 1:
+        return max(_stop_named(name, text) for name in named)
+    addresses = [choose_engine(name) for name in named] or engines()
     if not addresses and not every_engine:
         choose_engine(None)  # raises the error that no engine runs
-    return max((_stop(address, " ".join(reason)) for address in addresses), default=0)
+    return max((_stop(address, text) for address in addresses), default=0)
 
 
-def _stop_hosts(hosts: Iterable[str], engine: str | None, reason: str) -> int:
+def _stop_named(name: str, reason: str) -> int:
+    """Stop one of several engines: a name that is wrong keeps no other from being stopped."""
+    from diffbotctl.control_socket.client import choose_engine
+    from diffbotctl.errors import UserError
+
+    try:
+        address = choose_engine(name)
+    except UserError as error:
+        click.echo(f"{name}: {error}", err=True)
+        return 1
+    return _stop(address, reason)
+
+
+def _stop_hosts(hosts: Iterable[str], engines: Sequence[str | None], reason: str) -> int:
     """Stop the engines on all these computers at once: one that is out of reach delays no other."""
     from diffbotctl.control_socket.far_engine import check_host
     from diffbotctl.errors import UsageError
 
-    hosts = list(hosts)
-    if len(hosts) == 1:
-        return _stop_far(hosts[0], engine, reason)
+    wanted = [(host, engine) for host in hosts for engine in engines]
+    if len(wanted) == 1:
+        return _stop_far(*wanted[0], reason)
 
-    def stop_one(at: str) -> int:
+    def stop_one(one: tuple[str, str | None]) -> int:
+        at, engine = one
         try:
             check_host(at)
             return _stop_far(at, engine, reason)
@@ -76,8 +103,8 @@ def _stop_hosts(hosts: Iterable[str], engine: str | None, reason: str) -> int:
             click.echo(f"{at}: {error}", err=True)
             return 1
 
-    with ThreadPoolExecutor(len(hosts)) as pool:
-        return max(pool.map(stop_one, hosts))
+    with ThreadPoolExecutor(len(wanted)) as pool:
+        return max(pool.map(stop_one, wanted))
 
 
 def _stop_far(at: str, engine: str | None, reason: str) -> int:
@@ -88,6 +115,8 @@ def _stop_far(at: str, engine: str | None, reason: str) -> int:
     deadline = time.monotonic() + FAR_STOP_TIMEOUT_S
     try:
         failure = _stop_by_socket(engine, reason, deadline, at)
+    except UnconfirmedStopError as error:
+        failure = str(error)
     except SeveralEnginesError as several:
         return max(_stop_far(at, name, reason) for name in several.engines)
     except UserError as error:
@@ -104,6 +133,9 @@ def _stop(engine: EngineAddress, reason: str) -> int:
 
     try:
         failure = _stop_by_socket(engine.name, reason)
+    except UnconfirmedStopError as error:
+        click.echo(str(error), err=True)
+        return 1
     except (UserError, OSError) as error:
         failure = str(error)
     if not failure:
@@ -118,14 +150,23 @@ def _stop(engine: EngineAddress, reason: str) -> int:
 def _stop_by_socket(
     name: str | None, reason: str, deadline: float | None = None, at: str = ""
 ) -> str:
-    """Request a stop and wait for it; returns what failed, or an empty text."""
+    """Request a stop and wait for it; returns what failed, or an empty text. Raises
+    UnconfirmedStopError."""
     with attached(name, "stop", deadline, at) as client:
         engine = str(client.about["engine"])
         name = f"{at}: {engine}" if at else engine
         client.request("stop", reason=reason[:REASON_MAX_CHARACTERS])
-        status = settled(client, _is_stopped)
+        status = settled(client, lambda status: _is_stopped(status) and _is_confirmed(status))
     if not _is_stopped(status):
         return f"{name}: accepted the stop, but still sends motion to the wheels"
+    if not _is_confirmed(status):
+        link = status["robot.link"]
+        cause = f" ({link['cause']})" if link["cause"] else ""
+        raise UnconfirmedStopError(
+            f"{name}: held, but NOT CONFIRMED: the board does not answer, the link is "
+            f"{link['state']}{cause}\nwatch the wheels: its dead-man stops them; switch off a "
+            "board that has none"
+        )
     click.echo(f"{name}: stopped; `diffbotctl resume` allows motion again")
     return ""
 
@@ -134,6 +175,14 @@ def _is_stopped(status: dict[str, Any]) -> bool:
     held, wheels = status["gate.stop"], status["gate.wheels"]
     is_still = wheels is None or (wheels["left"] == 0 and wheels["right"] == 0)
     return is_still and held is not None and bool(held["code"])
+
+
+def _is_confirmed(status: dict[str, Any]) -> bool:
+    """Whether the board has answered since the stop; where that is not known, it counts as such."""
+    link, frame, stop = status.get("robot.link"), status.get("frame_time"), status["gate.stop"]
+    if link is None or frame is None or stop is None:
+        return True
+    return bool(link["state"] == "up" and frame > stop["time"])
 
 
 def _stop_by_signal(name: str, process: Process) -> int:

@@ -105,6 +105,20 @@ def test_an_error_is_marked_and_goes_to_standard_error(words, code, cause):
     assert "\x1b" not in done.stderr and "Traceback" not in done.stderr
 
 
+@pytest.mark.parametrize(
+    ("words", "options"),
+    [
+        (("--distance", "-0.1m", "--speed", "0.1"), "--distance and --speed"),
+        (("--distance", "0.1m", "--speed", "-0.1"), "--distance and --speed"),
+        (("--angle", "-30deg", "--turn", "1"), "--angle and --turn"),
+    ],
+)
+def test_a_drive_whose_signs_contradict_each_other_is_refused(words, options):
+    done = run("drive", *words)
+    assert done.returncode == 2
+    assert f"{options} have opposite signs" in " ".join(done.stderr.split())
+
+
 @pytest.mark.parametrize("plain", [False, True])
 def test_the_mark_is_red_on_a_terminal_unless_no_color_is_set(plain):
     terminal, ours = os.openpty()

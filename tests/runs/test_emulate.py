@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from diffbotctl.flash.intel_hex import write_hex
-from diffbotctl.testing.command_process import command_line, start_in_pipe
+from diffbotctl.testing.command_process import children_of, command_line, start_in_pipe
+from diffbotctl.testing.running import PlainClient, cli, moves, running
 from diffbotctl.testing.virtual_board import LONGEST, diffbotctl, flat, run
 
 
@@ -45,6 +46,28 @@ def test_a_run_on_it_and_a_clean_end(how):
     assert "Traceback" not in rest
     assert not os.path.lexists(usb) and not os.path.lexists(radio)
     assert not Path(usb).parent.exists()
+
+
+def test_stop_says_so_when_the_board_does_not_answer(tmp_path):
+    """As a radio out of range: the engine holds the robot, but nobody knows what the board does."""
+    drive = ("goal", "--stay", "--goal", "30 0", "--port")
+    with (
+        emulated("book_2wd") as (process, _, _usb, radio),
+        running(tmp_path, *drive, radio),
+    ):
+        client = PlainClient(tmp_path)
+        client.until(moves)
+        pids = [process.pid, *children_of(process.pid)]
+        for pid in pids:
+            os.kill(pid, signal.SIGSTOP)
+        try:
+            for _ in range(2):  # at once, and when the link is known to be lost
+                code, out, err = cli(tmp_path, "stop")
+                assert code == 1 and "NOT CONFIRMED: the board does not answer" in err, out
+                client.until(lambda status: status["robot.link"]["state"] != "up")
+        finally:
+            for pid in pids:
+                os.kill(pid, signal.SIGCONT)
 
 
 def test_a_blank_board_is_flashed():

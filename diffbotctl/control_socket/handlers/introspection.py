@@ -78,9 +78,11 @@ def handle_explain_stop(context: RequestContext, request: requests.ExplainStopRe
 
 def handle_status(context: RequestContext, request: requests.StatusRequest) -> Fields:
     state, info = context.state, context.info
-    wires = ("gate.wheels", "gate.stop", "operator.goal")
+    wires = ("gate.wheels", "gate.stop", "operator.goal", "robot.link")
+    frame = state.newest.get("robot.encoders")
     return {
         "time": state.now,
+        "frame_time": None if frame is None else frame.time,
         "engine": info.name,
         "pid": info.pid,
         "pipeline": info.pipeline,
