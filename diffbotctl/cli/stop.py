@@ -36,7 +36,6 @@ class UnconfirmedStopError(Exception):
 @click.command()
 @click.option(
     "--engine",
-    "names",
     multiple=True,
     metavar="NAME",
     help="Name of the engine; all of them without it. Repeatable.",
@@ -51,7 +50,7 @@ class UnconfirmedStopError(Exception):
 @click.option("--all", "every_engine", is_flag=True, help="All engines; no error when none runs.")
 @click.argument("reason", nargs=-1)
 def stop(
-    names: tuple[str, ...], hosts: tuple[str, ...], every_engine: bool, reason: tuple[str, ...]
+    engine: tuple[str, ...], hosts: tuple[str, ...], every_engine: bool, reason: tuple[str, ...]
 ) -> int:
     """Stop the robot until `diffbotctl resume`; REASON is shown to other users.
 
@@ -61,7 +60,7 @@ def stop(
     from diffbotctl.control_socket.address import engines
     from diffbotctl.control_socket.client import choose_engine
 
-    text, named = " ".join(reason), list(dict.fromkeys(names))
+    text, named = " ".join(reason), list(dict.fromkeys(engine))
     if hosts:
         return _stop_hosts(dict.fromkeys(hosts), named or [None], text)
     if len(named) > 1:
