@@ -10,8 +10,9 @@ from __future__ import annotations
 import os
 import signal
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -60,50 +61,46 @@ def stop(
     from diffbotctl.control_socket.address import engines
     from diffbotctl.control_socket.client import choose_engine
 
-    text, named = " ".join(reason), list(dict.fromkeys(engine))
+    text, names = " ".join(reason), dict.fromkeys(engine)
+    stops: dict[str, Callable[[], int]]
     if hosts:
-        return _stop_hosts(dict.fromkeys(hosts), named or [None], text)
-    if len(named) > 1:
-        return max(_stop_named(name, text) for name in named)
-    addresses = [choose_engine(name) for name in named] or engines()
-    if not addresses and not every_engine:
-        choose_engine(None)  # raises the error that no engine runs
-    return max((_stop(address, text) for address in addresses), default=0)
+        wanted = [(host, name) for host in dict.fromkeys(hosts) for name in names or (None,)]
+        stops = {
+            f"{host}: {name}" if name else host: partial(_stop_far, host, name, text)
+            for host, name in wanted
+        }
+    elif names:
+        stops = {name: partial(_stop_named, name, text) for name in names}
+    else:
+        stops = {address.name: partial(_stop, address, text) for address in engines()}
+        if not stops and not every_engine:
+            choose_engine(None)  # raises the error that no engine runs
+    return _stop_at_once(stops)
+
+
+def _stop_at_once(stops: Mapping[str, Callable[[], int]]) -> int:
+    """Run the stops of all these engines or computers: one that does not answer, or has a wrong
+    name, delays and prevents no other."""
+    from diffbotctl.errors import UserError
+
+    if len(stops) <= 1:
+        return max((stop() for stop in stops.values()), default=0)
+
+    def run(name: str) -> int:
+        try:
+            return stops[name]()
+        except UserError as error:
+            click.echo(f"{name}: {error}", err=True)
+            return 1
+
+    with ThreadPoolExecutor(len(stops)) as pool:
+        return max(pool.map(run, stops))
 
 
 def _stop_named(name: str, reason: str) -> int:
-    """Stop one of several engines: a name that is wrong keeps no other from being stopped."""
     from diffbotctl.control_socket.client import choose_engine
-    from diffbotctl.errors import UserError
 
-    try:
-        address = choose_engine(name)
-    except UserError as error:
-        click.echo(f"{name}: {error}", err=True)
-        return 1
-    return _stop(address, reason)
-
-
-def _stop_hosts(hosts: Iterable[str], engines: Sequence[str | None], reason: str) -> int:
-    """Stop the engines on all these computers at once: one that is out of reach delays no other."""
-    from diffbotctl.control_socket.far_engine import check_host
-    from diffbotctl.errors import UsageError
-
-    wanted = [(host, engine) for host in hosts for engine in engines]
-    if len(wanted) == 1:
-        return _stop_far(*wanted[0], reason)
-
-    def stop_one(one: tuple[str, str | None]) -> int:
-        at, engine = one
-        try:
-            check_host(at)
-            return _stop_far(at, engine, reason)
-        except UsageError as error:
-            click.echo(f"{at}: {error}", err=True)
-            return 1
-
-    with ThreadPoolExecutor(len(wanted)) as pool:
-        return max(pool.map(stop_one, wanted))
+    return _stop(choose_engine(name), reason)
 
 
 def _stop_far(at: str, engine: str | None, reason: str) -> int:

@@ -187,10 +187,10 @@ def gain_probabilities(left: MotorGain, right: MotorGain) -> FaultProbabilities:
         own = sd * sd + load * load + variance
         heavy = mean_error - HEAVY_MEAN
         heavy_sd = HEAVY_SD if heavy < 0.0 else HEAVY_UPPER_SD
-        side = 2.0 * heavy_sd / (HEAVY_SD + HEAVY_UPPER_SD)  # twice the probability of that side
+        weight = 2.0 * heavy_sd / (HEAVY_SD + HEAVY_UPPER_SD)  # twice that side's probability
         level = (1.0 - HEAVY_PROBABILITY) * normal_density(
             mean_error * mean_error, LEVEL_SD * LEVEL_SD + 0.25 * own
-        ) + HEAVY_PROBABILITY * side * normal_density(heavy * heavy, heavy_sd**2 + 0.25 * own)
+        ) + HEAVY_PROBABILITY * weight * normal_density(heavy * heavy, heavy_sd**2 + 0.25 * own)
         return normal_density(ratio_error * ratio_error, own) * level
 
     def one(ratio_shift: float, mean_shift: float) -> float:

@@ -58,7 +58,6 @@ class RateSteps:
     """Steps of one wheel's rate of edges."""
 
     def __init__(self, has_edge_times: bool) -> None:
-        self.has_edge_times = has_edge_times
         self.edges_min = TIMED_EDGES_MIN if has_edge_times else EDGES_MIN
         self.count_sd = SLOT_SD if has_edge_times else ROUNDING_SD
         self.spans: deque[Span] = deque(maxlen=64)

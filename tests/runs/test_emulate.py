@@ -11,7 +11,7 @@ import pytest
 
 from diffbotctl.flash.intel_hex import write_hex
 from diffbotctl.testing.command_process import children_of, command_line, start_in_pipe
-from diffbotctl.testing.running import PlainClient, cli, moves, running
+from diffbotctl.testing.running import PlainClient, cli, moves, running, stands
 from diffbotctl.testing.virtual_board import LONGEST, diffbotctl, flat, run
 
 
@@ -54,9 +54,11 @@ def test_stop_says_so_when_the_board_does_not_answer(tmp_path):
     with (
         emulated("book_2wd") as (process, _, _usb, radio),
         running(tmp_path, *drive, radio),
+        running(tmp_path, *drive, "sim", name="other"),
     ):
-        client = PlainClient(tmp_path)
+        client, other = PlainClient(tmp_path), PlainClient(tmp_path, "other")
         client.until(moves)
+        other.until(moves)
         pids = [process.pid, *children_of(process.pid)]
         for pid in pids:
             os.kill(pid, signal.SIGSTOP)
@@ -64,6 +66,7 @@ def test_stop_says_so_when_the_board_does_not_answer(tmp_path):
             for _ in range(2):  # at once, and when the link is known to be lost
                 code, out, err = cli(tmp_path, "stop")
                 assert code == 1 and "NOT CONFIRMED: the board does not answer" in err, out
+                assert "other: stopped" in out and stands(other.request("status"))
                 client.until(lambda status: status["robot.link"]["state"] != "up")
         finally:
             for pid in pids:
