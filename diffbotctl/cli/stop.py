@@ -253,8 +253,7 @@ def resume_result(before: dict[str, Any], after: dict[str, Any]) -> tuple[bool, 
     """Whether `resume` ended anything, and the text to print: from the status before and after."""
     held_before, held_after = held_by(before), held_by(after)
     if held_after and (after["held"]["latched"] or held_after == held_before):
-        end = "" if after["held"]["latched"] else "; the stop ends by itself when its cause is gone"
-        return False, f"still stopped by {held_after}{end}"
+        return False, f"still stopped by {held_after}; {_remedy(after)}"
     effects = [f"released from {held_before}"] if held_before else []
     if has_waiting_goal(before) and not has_waiting_goal(after):
         effects.append(f"goal {after['operator.goal']['number']} continues")
@@ -263,6 +262,16 @@ def resume_result(before: dict[str, Any], after: dict[str, Any]) -> tuple[bool, 
     if effects:
         return True, "; ".join(effects)
     return False, f"nothing is stopped and no goal waits; {_goal_text(after)}"
+
+
+def _remedy(status: dict[str, Any]) -> str:
+    """What ends the stop in force."""
+    if not status["held"]["latched"]:
+        return "the stop ends by itself when its cause is gone"
+    link = status.get("robot.link")
+    if link is not None and link["state"] != "up":
+        return f"the link to the board is {link['state']}: call `resume` again when it is up"
+    return "its cause is still there: `diffbotctl why` explains it"
 
 
 def _goal_text(status: dict[str, Any]) -> str:

@@ -161,7 +161,7 @@ class EventLogger:
         self.operator.info(f"goal {goal.number} accepted: {pose}")
 
     def _resume(self, now: int, resume: Resume) -> None:
-        self.operator.info("resume: the robot may move again")
+        self.operator.info("resume: the operator allows motion")
 
     def _setting(self, now: int, change: Setting) -> None:
         value = change.text if change.number is None else f"{change.number:g}"

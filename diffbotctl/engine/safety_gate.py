@@ -99,8 +99,8 @@ class Gate(Block):
         resume: Resume | None,
     ) -> tuple[Wheels | None, Stop | None]:
         before = self.active_stop
-        if resume is not None and self.is_new("resume", resume) and encoders is not None:
-            self.active_stop = None
+        if resume is not None and self.is_new("resume", resume):
+            self.end_stop(encoders)
         fresh = self.is_new("encoders", encoders)
         self.update_stop(self.find_fault(now, command, encoders, fresh, link, board, operator))
         outgoing = self.outgoing_command(now, command)
@@ -112,6 +112,16 @@ class Gate(Block):
             outgoing = Wheels(now, 0.0, 0.0)
         self.note_command(now, outgoing)
         return outgoing, changed
+
+    def end_stop(self, encoders: Encoders | None) -> None:
+        """End the active stop, unless nothing is heard from the board."""
+        if encoders is not None:
+            self.active_stop = None
+        elif self.active_stop is not None:
+            self.log.warning(
+                "`resume` ends no stop now: no telemetry comes from the board; call it again when "
+                "the link is up"
+            )
 
     def note_command(self, now: int, outgoing: Wheels | None) -> None:
         """Pass what is sent to the detectors of wheels that turn too fast."""

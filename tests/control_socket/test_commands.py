@@ -60,6 +60,13 @@ LATCHED = {"code": "operator_stop", "cause": "the cat", "latched": True}
 PASSING = {"code": "obstacle", "cause": "a wall", "latched": False}
 
 
+def test_resume_before_the_link_is_up_says_when_to_call_it_again():
+    status = {"held": LATCHED, "operator.goal": GOAL, "goal_state": None}
+    down = {**status, "robot.link": {"state": "negotiating", "cause": ""}}
+    is_done, text = resume_result(status, down)
+    assert not is_done and "the link to the board is negotiating: call `resume` again" in text
+
+
 @pytest.mark.parametrize(
     "before, after, done, words",
     [

@@ -140,7 +140,7 @@ TURNING, DRIVING = GoalState(0, 1, "turning", 1.0, 0.5), GoalState(0, 1, "drivin
                 ("operator.log", LogLine(0, "warning", "engine", "the disk is full")),
             ],
             [
-                ("info", "operator", "resume: the robot may move again"),
+                ("info", "operator", "resume: the operator allows motion"),
                 ("info", "operator", "guard.margin = 0.08"),
                 ("info", "operator", "robot.teleport(0.5, 0) called"),
                 ("info", "robot", "hello from the board"),

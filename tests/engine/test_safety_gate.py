@@ -98,6 +98,15 @@ def test_resume_ends_a_latched_stop():
     assert held.at(4, command=Wheels(4, 1.0, 1.0))[0] == Wheels(4, 1.0, 1.0)
 
 
+def test_resume_without_telemetry_ends_nothing():
+    held = started()
+    held.at(2, command=Wheels(2, nan, 0.0))
+    _, stop = held.at(300 * MS, command=Wheels(300 * MS, 1.0, 1.0), encoders=None, resume=Resume(3))
+    assert stop is None and held.gate.active_stop.code == "gate_limit"
+    held.at(400 * MS, encoders=Encoders(400 * MS, 0, 0))
+    assert held.gate.active_stop.code == "gate_limit"  # that `resume` is not kept for later
+
+
 def test_stale_telemetry_stops_at_once_and_ends_by_itself():
     held = started()
     held.at(2, command=Wheels(2, 1.0, 1.0))

@@ -38,6 +38,7 @@ OUTPUT_POLL_PERIOD_S = 0.05
 AFTER_S = 1.5  # of the board's time, during which the run has to go on driving
 UNPLUGGED_S = (0.5, 3.0)
 HOST_FROZEN, FROZEN_MAX = "STOP host_frozen", 2
+LINK_UP = "robot: link up"
 FAR = ("--goal", "30 0", "--set", "world.walls=[]")
 
 
@@ -185,9 +186,9 @@ def emulator_fault(number: int, seed: int) -> FaultOutcome:
             run.kill()
 
 
-def _wait_for_text(run: DrivingRun, text: str) -> None:
+def _wait_for_text(run: DrivingRun, text: str, times: int = 1) -> None:
     deadline = time.monotonic() + START_TIMEOUT_S
-    while text not in run.output:
+    while run.output.count(text) < times:
         assert time.monotonic() < deadline, f"it never printed '{text}'"
         time.sleep(OUTPUT_POLL_PERIOD_S)
 
@@ -212,6 +213,7 @@ def unplugged(seed: int) -> FaultOutcome:
             port.wait_for(lambda board: len(board.commands) > before + 20, START_TIMEOUT_S)
             values = {value for _, _, value in port.board.commands[before:]}
             faults = [] if values == {0} else [f"commands before resume: {values}"]
+            _wait_for_text(run, LINK_UP, 2)  # until then `resume` fails, and says so
             code, text, complaint = cli(Path(name), "resume")
             faults += [] if code == 0 else [f"resume failed: {text} {complaint}"]
             _drive(port, None)
