@@ -156,12 +156,10 @@ def _stop_by_socket(
     if not _is_stopped(status):
         return f"{name}: accepted the stop, but still sends motion to the wheels"
     if not _is_confirmed(status):
-        link = status["robot.link"]
-        cause = f" ({link['cause']})" if link["cause"] else ""
         raise UnconfirmedStopError(
-            f"{name}: held, but NOT CONFIRMED: the board does not answer, the link is "
-            f"{link['state']}{cause}\nwatch the wheels: its dead-man stops them; switch off a "
-            "board that has none"
+            f"{name}: held, but NOT CONFIRMED: the board does not answer, "
+            f"{_link_text(status['robot.link'])}\n"
+            "watch the wheels: its dead-man stops them; switch off a board that has none"
         )
     click.echo(f"{name}: stopped; `diffbotctl resume` allows motion again")
     return ""
@@ -174,11 +172,20 @@ def _is_stopped(status: dict[str, Any]) -> bool:
 
 
 def _is_confirmed(status: dict[str, Any]) -> bool:
-    """Whether the board has answered since the stop; where that is not known, it counts as such."""
-    link, frame, stop = status.get("robot.link"), status.get("frame_time"), status["gate.stop"]
-    if link is None or frame is None or stop is None:
+    """Whether the board has answered since the stop; an engine of version 0.1 does not tell."""
+    if "frame_time" not in status or status["gate.stop"] is None:
         return True
-    return bool(link["state"] == "up" and frame > stop["time"])
+    link, frame = status["robot.link"], status["frame_time"]
+    if link is None or frame is None:
+        return False
+    return bool(link["state"] == "up" and frame > status["gate.stop"]["time"])
+
+
+def _link_text(link: dict[str, Any] | None) -> str:
+    """The state of the link in words, with its cause."""
+    if link is None:
+        return "there is no link yet"
+    return f"the link is {link['state']}" + (f" ({link['cause']})" if link["cause"] else "")
 
 
 def _stop_by_signal(name: str, process: Process) -> int:

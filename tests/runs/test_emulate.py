@@ -73,6 +73,18 @@ def test_stop_says_so_when_the_board_does_not_answer(tmp_path):
                 os.kill(pid, signal.SIGCONT)
 
 
+def test_stop_says_so_when_the_board_never_answered(tmp_path):
+    master, slave = os.openpty()
+    try:
+        port = os.ttyname(slave)
+        with running(tmp_path, "goal", "--stay", "--goal", "30 0", "--port", port):
+            code, out, err = cli(tmp_path, "stop")
+            assert code == 1 and "NOT CONFIRMED: the board does not answer" in err, out
+    finally:
+        os.close(master)
+        os.close(slave)
+
+
 def test_a_blank_board_is_flashed():
     with emulated("book_2wd", "--blank") as (_, said, usb, _radio):
         assert "nothing but its bootloader" in said
