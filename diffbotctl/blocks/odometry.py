@@ -60,6 +60,7 @@ class OdometryBlock(Block):
     stamp_jitter: float = FromRobot("link.stamp_jitter")
     telemetry: float = FromRobot("board.telemetry")
     edge_times: bool = FromRobot("board.edge_times")
+    protocol: str = FromRobot("link.protocol")
     track: float = FromRobot("drive.track")
     slip: float = FromRobot("drive.slip")
     wheelbase: float | None = FromRobot("drive.wheelbase")
@@ -242,7 +243,10 @@ class OdometryBlock(Block):
         if self.lost_by_edges is not None:
             self.lost_by_edges.restart(encoders)
         timing = LinkTiming(
-            RESIDUAL_JITTER_RATIO * self.stamp_jitter, self.command_jitter, self.edge_times
+            RESIDUAL_JITTER_RATIO * self.stamp_jitter,
+            self.command_jitter,
+            self.edge_times,
+            zero_is_forward=self.protocol == "rosserial",
         )
         return (
             self._wheel_kind(self.left_side)(self.left_side, time, encoders.left, timing),

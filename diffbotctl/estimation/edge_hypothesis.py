@@ -33,6 +33,9 @@ ROLLING_CREEP_RATIO = 3.0
 EXPECTED_MAX = 0.4
 FAULT_LOG_RATIO_MAX = 6.0  # natural log; less likely explanations are not followed (about 1:400)
 OVERDUE_LOG_RATIO_MAX = 5.0  # the same of an edge that is overdue, in each frame
+# Edges that cancel in a count of both signs, and the log probability of each pair: the change of the
+# sign comes anywhere between the edges.
+CANCELLED_MAX, LOG_CANCELLED = 6, log(0.5)
 MISSED_MAX = 2  # in a row; a wheel without edges for longer is held
 EXTRA_MAX = 4  # in a frame
 # An additional edge mostly bounces, soon after the edge: log density in the pitch, and beyond.
@@ -73,6 +76,8 @@ class WheelFrame(NamedTuple):
     """of that command"""
     skipped: DriveChange | None = None
     """the command before, where no frame showed it"""
+    is_mixed: bool = False
+    """whether edges of both signs may have been counted, of which pairs cancel"""
 
 
 class _Branch(NamedTuple):
@@ -164,9 +169,22 @@ class EdgeHypothesis:
 
     def update(self, frame: WheelFrame) -> list[EdgeHypothesis]:
         """Apply one frame. Returns this hypothesis, or those into which it has split."""
-        time, count, edge_time = frame.time, frame.edge_count, frame.edge_time
-        steps = abs(count - self.count)
-        self.count = count
+        steps = abs(frame.edge_count - self.count)
+        self.count = frame.edge_count
+        if not frame.is_mixed or not self.motion.is_rolling(ROLLING_CREEP_RATIO):
+            return self._update(frame, steps)
+        span = (frame.time - self.time) * 1e-9
+        most = self.motion.largest_speed(COAST_SDS) * span + 1.0
+        branches = []
+        for number in range(steps + 2, min(int(most), steps + CANCELLED_MAX) + 1, 2):
+            twin = self.copy()
+            twin.motion.log_likelihood += (number - steps) // 2 * LOG_CANCELLED
+            branches += twin._update(frame, number)
+        return self._update(frame, steps) + branches
+
+    def _update(self, frame: WheelFrame, steps: int) -> list[EdgeHypothesis]:
+        """Apply one frame with `steps` edges."""
+        time, edge_time = frame.time, frame.edge_time
         if not steps and frame.skipped is None:
             return self._update_without_edge(frame)
         begin = self.time

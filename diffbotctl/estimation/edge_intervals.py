@@ -41,6 +41,10 @@ class EdgeIntervals:
                 self._judge(*self.recent)
         self.edge, self.direction = time, direction
 
+    def restart(self) -> None:
+        """Judge no interval that begins before the next edge."""
+        self.edge = None
+
     def _judge(self, before: int, between: int, after: int) -> None:
         if min(before, after) <= 0:  # frames that queued up have one time
             return

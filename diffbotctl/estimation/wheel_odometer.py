@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import copysign, pi, sqrt
 
 from diffbotctl.control.speed_loop import SpeedLoopMirror, speed_gains
+from diffbotctl.estimation.count_sign import CountSign
 from diffbotctl.estimation.edge_hypothesis import DriveChange, WheelFrame
 from diffbotctl.estimation.edge_intervals import EdgeIntervals
 from diffbotctl.estimation.fine_wheel import (
@@ -62,6 +63,7 @@ class WheelOdometer:
         self.mirror = SpeedLoopMirror(speed_gains(motor), slots, time)
         self.counting = FineWheelOdometer(side, time, count, timing)
         self.intervals = EdgeIntervals()
+        self.count_sign = CountSign(timing.command_time, timing.zero_is_forward)
         self.skipped: tuple[int, float] | None = None  # command in the next frame: ns, value
         self.travel = 0.0  # m, since the last report
         # Variances in m2: of that travel; of all travel, if the best hypothesis is right; of the
@@ -121,7 +123,11 @@ class WheelOdometer:
         """Apply one frame. `command`, in effect since `command_since` (ns), is a duty or rad/s."""
         before = self.counting.time
         self.counting.update(time, count, edge_time, command, is_duty, command_since)
-        if count != self.count:
+        is_mixed = self.count_sign.update(before, command, command_since, count - self.count)
+        is_mixed = is_mixed and edge_time is None
+        if is_mixed:
+            self.intervals.restart()
+        elif count != self.count:
             if edge_time is None:
                 self.intervals.add(time, count - self.count, time - before)
             else:
@@ -143,7 +149,9 @@ class WheelOdometer:
             skipped = DriveChange(self.skipped[0], self._drive(duties[0]), duties[0])
             self.skipped = None
         drive, duty = self._drive(duties[-1]), duties[-1]
-        self.filter.update(WheelFrame(time, count, edge_time, drive, command_since, duty, skipped))
+        self.filter.update(
+            WheelFrame(time, count, edge_time, drive, command_since, duty, skipped, is_mixed)
+        )
 
     def _drive(self, duty: float) -> float:
         """Pitches/s at which the motor settles."""

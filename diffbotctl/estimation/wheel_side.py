@@ -47,11 +47,13 @@ class SideConfig(Protocol):
 
 class LinkTiming(NamedTuple):
     """Accuracy of the times: standard deviations (s) of a frame's time and of the time at which a
-    command takes effect, and whether the board reports edge times."""
+    command takes effect, whether the board reports edge times, and whether it counts forward at a
+    command of zero."""
 
     frame_time: float
     command_time: float
     has_edge_times: bool
+    zero_is_forward: bool = False
 
 
 def settled_speed(duty: float, static: float, rated: float) -> float:
