@@ -33,8 +33,8 @@ ROLLING_CREEP_RATIO = 3.0
 EXPECTED_MAX = 0.4
 FAULT_LOG_RATIO_MAX = 6.0  # natural log; less likely explanations are not followed (about 1:400)
 OVERDUE_LOG_RATIO_MAX = 5.0  # the same of an edge that is overdue, in each frame
-# Edges that cancel in a count of both signs, and the log probability of each pair: the change of the
-# sign comes anywhere between the edges.
+# Edges that cancel in a count of both signs, and the log probability of each pair: the sign changes
+# anywhere between the edges.
 CANCELLED_MAX, LOG_CANCELLED = 6, log(0.5)
 MISSED_MAX = 2  # in a row; a wheel without edges for longer is held
 EXTRA_MAX = 4  # in a frame

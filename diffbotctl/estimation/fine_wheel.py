@@ -9,9 +9,10 @@ turned. Lengths are pitches, times seconds.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import exp, pi, radians
+from math import exp, pi, radians, sqrt
 
 from diffbotctl.estimation.count_faults import CountFaults
+from diffbotctl.estimation.count_sign import CountSign
 from diffbotctl.estimation.rate_steps import RateSteps
 from diffbotctl.estimation.slot_errors import LEARNABLE_SLOTS_MAX
 from diffbotctl.estimation.wheel_side import LinkTiming, SideConfig, settled_speed
@@ -29,6 +30,7 @@ CREEP = 0.094  # rad/s; without drive, friction stops a slower wheel
 MODEL_SD, DRIFT_SD = 0.3, 0.1  # of a change of the speed that is predicted, and of the speed
 ROUNDING_SD = 0.41  # pitches; of the difference of two counts
 EDGE_SD = 0.05  # pitches; the same with edge times
+HIDDEN_SDS = 2.0  # of the speed; fewer edges than its uncertainty explains have cancelled
 ROUNDING_MAX = 1.5  # edges; of two counts
 REST_S = 0.3  # without a drive and without an edge, after which a wheel is at rest
 # Edges and angle (rad) of a wheel at rest that are told: one that trembles makes less.
@@ -49,7 +51,7 @@ class FineWheelOdometer:
         self.edge_time = time  # ns, of the last edge
         self.has_edge_times = timing.has_edge_times
         self.direction = self.drive_direction = 0
-        self.board_direction = 1
+        self.count_sign = CountSign(timing.command_time, timing.zero_is_forward)
         self.span, self.decay = 0.0, 1.0  # s, of a frame; what remains of a speed after it
         self.rolled_for = 0.0  # s, against the drive
         self.rested_for = REST_S  # s, without a drive and without an edge
@@ -148,15 +150,15 @@ class FineWheelOdometer:
         span = (time - self.time) * 1e-9
         sign = (command > 0.0) - (command < 0.0)
         speed = settled_speed(command, self.static, self.rated) if is_duty else command
-        is_signed_anew = sign not in (0, self.board_direction)
-        edges = abs(steps)
-        if is_signed_anew:
-            self.board_direction = sign
-            if command_since > self.time:
-                edges += self._hidden_edges(edges, span)
+        board_sign = self.count_sign.sign
+        is_mixed = self.count_sign.update(self.time, command, command_since, steps)
+        is_signed_anew = self.count_sign.sign != board_sign
         edge = time if edge_time is None or not steps else edge_time
         edge_span = (edge - self.edge_time) * 1e-9
         predicted, mean = self._predicted(speed * self.pitches_per_rad, sign, span)
+        edges = abs(steps)
+        if is_mixed:
+            edges += self._hidden_edges(edges, abs(mean) * span, span)
         net = self._net(edges, sign, span, predicted, is_signed_anew)
         self.position += net
         if edges or not self.has_edge_times:
@@ -171,9 +173,12 @@ class FineWheelOdometer:
         self.edges_before, self.rate_before = edges, self.rate
         self.rate = edges / span if span > 0.0 else self.rate
 
-    def _hidden_edges(self, edges: int, span: float) -> int:
+    def _hidden_edges(self, edges: int, expected: float, span: float) -> int:
         """Edges that cancel in the board's count of a frame in which it has changed the sign."""
-        pairs = int(0.5 * max(abs(self.signed_speed) * span - edges, 0.0))
+        missing = expected - edges
+        if missing < HIDDEN_SDS * sqrt(self.speed_variance) * span:
+            return 0
+        pairs = int(0.5 * missing)
         self.added_since += (0.5 * pairs) ** 2
         return 2 * pairs
 
