@@ -33,6 +33,22 @@ def check_terminal(has_socket: bool) -> None:
         raise click.UsageError("--dash needs the control socket: leave out --fast and --no-socket")
     if not sys.stdin.isatty() or not sys.stdout.isatty():
         raise click.UsageError("--dash needs a terminal; without one run prints lines")
+    check_can_draw("--dash")
+
+
+def check_can_draw(name: str) -> None:
+    """Raises click.UsageError for a terminal on which `name` cannot draw."""
+    if is_dumb_terminal():
+        kind = os.environ.get("TERM", "")
+        raise click.UsageError(
+            f"{name} needs a terminal that can draw (TERM is '{kind}'): use another one, or "
+            "set TERM to what it is, such as TERM=xterm-256color"
+        )
+
+
+def is_dumb_terminal() -> bool:
+    """Whether TERM names a terminal that prints lines and nothing else."""
+    return os.environ.get("TERM", "").lower() in ("", "dumb", "unknown")
 
 
 class SavedTerminal:
