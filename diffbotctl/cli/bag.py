@@ -143,6 +143,8 @@ def export(
 
     A rosbag2 has the topics of `diffbotctl ros2`, and /cmd_vel: `ros2 bag play FOLDER`.
     """
+    if fields and not file.exists() and Path(fields[-1]).is_file():  # as `bag plot` has it
+        file, fields = Path(fields[-1]), (str(file), *fields[:-1])
     if kind != "rosbag2" and robot is not None:
         raise click.UsageError(
             "--robot has no effect without --format rosbag2: a table has no robot"

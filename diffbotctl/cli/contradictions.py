@@ -52,8 +52,12 @@ def refuse_pair(one: str, other: str, reason: str) -> None:
 
 def check_span(begin: float | None, end: float | None) -> None:
     """Raises click.UsageError for a span from `begin` to `end` (s) without anything in it."""
-    if end is not None and (begin or 0.0) >= end:
-        raise click.UsageError(f"--from {begin or 0.0:g} s is not before --until {end:g} s")
+    if begin is not None and begin < 0.0:
+        raise click.UsageError(f"--from {begin:g} s is before the start, which is 0 s")
+    if end is not None and end <= 0.0:
+        raise click.UsageError(f"--until {end:g} s is not after the start, which is 0 s")
+    if begin is not None and end is not None and begin >= end:
+        raise click.UsageError(f"--from {begin:g} s is not before --until {end:g} s")
 
 
 def is_typed(context: click.Context, name: str) -> bool:
@@ -83,7 +87,9 @@ def _checked_first(check: Callable[[click.Context], None]) -> Callable[[Command]
     def decorate(command: Command) -> Command:
         @wraps(command)
         def checked(*arguments: Any, **values: Any) -> Any:
-            check(click.get_current_context())
+            context = click.get_current_context(silent=True)
+            if context is not None:  # another module may call the function: nothing was typed
+                check(context)
             return command(*arguments, **values)
 
         return checked

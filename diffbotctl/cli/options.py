@@ -44,7 +44,11 @@ class CommandGroup(click.Group):
     def unknown_command(self, word: str) -> str:
         """What is said of a command that this group does not have."""
         known = sorted(name for name, command in self.commands.items() if not command.hidden)
-        return f"there is no command '{word}' here; use one of {', '.join(known)}"
+        from diffbotctl.errors import closest_match
+
+        near = closest_match(word, known)
+        fix = f"use one of {', '.join(known)}" if near is None else f"did you mean {near}?"
+        return f"there is no command '{word}' here; {fix}"
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """The section `Commands`: names and sentences."""

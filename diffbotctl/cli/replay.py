@@ -66,10 +66,14 @@ def command(
     check_span(begin, until)
     _check_record(file, record, force)
     run = recorded_run.read_run(file)
+    if begin is not None and begin * SECOND > run.last:
+        end = f"the last message is at {run.last / SECOND:.2f} s"
+        raise click.UsageError(f"--from {begin:g} s has nothing to show: {end}")
     if dash:
-        from diffbotctl.cli.run_dash import check_terminal
+        from diffbotctl.cli.run_dash import SavedTerminal, check_terminal
 
         check_terminal(has_socket=True)
+        click.get_current_context().call_on_close(SavedTerminal().end)
         rate = rate or 1.0
     options = ReplayOptions(
         check,

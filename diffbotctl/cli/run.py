@@ -226,10 +226,12 @@ def _run_with_dashboard(
     terminal = SavedTerminal()
     screen = partial(show, view=view)
     run = Run(configuration, options, screen, terminal.words.append, signals, terminal.give_back)
-    code = _finish(run, NonBlockingStderr(), as_json=False)
-    for text in terminal.words:
-        click.echo(text, err=True)
-    return code
+    try:
+        return _finish(run, NonBlockingStderr(), as_json=False)
+    finally:
+        terminal.end()
+        for text in terminal.words:
+            click.echo(text, err=True)
 
 
 def _run_with_page(

@@ -63,8 +63,16 @@ class SavedTerminal:
 
     def give_back(self) -> None:
         """Make the terminal usable again: its Ctrl-C is the only key left to end the run."""
+        self._restore(f"{TERMINAL_BACK}{GONE}\r\n")
+
+    def end(self) -> None:
+        """After the run: restore what a dashboard left that was interrupted while it started."""
+        if termios.tcgetattr(sys.stdin.fileno()) != self.settings:
+            self._restore(TERMINAL_BACK)
+
+    def _restore(self, text: str) -> None:
         termios.tcsetattr(sys.stdin.fileno(), termios.TCSANOW, self.settings)
-        os.write(sys.stdout.fileno(), f"{TERMINAL_BACK}{GONE}\r\n".encode())
+        os.write(sys.stdout.fileno(), text.encode())
 
 
 def show(pictures: Iterator[RunSnapshot], view: ViewSettings | None = None) -> None:

@@ -258,6 +258,7 @@ class SetupGuide:
     def _run_pipeline(self, pipeline: str, port: str) -> None:
         from diffbotctl.cli import run
         from diffbotctl.cli.options import VIRTUAL_PORTS
+        from diffbotctl.engine.loop import INTERRUPTED
         from diffbotctl.messages import REACHED_UNSURE
 
         is_watched = sys.stdout.isatty() and self.prompter.answers is None
@@ -266,6 +267,8 @@ class SetupGuide:
         words += [] if is_watched else ["--quiet"]
         words += ["--fast"] if port in VIRTUAL_PORTS and not is_watched else []
         code = _run_command(run.command, *words)
+        if code == INTERRUPTED:
+            raise click.Abort
         if code == REACHED_UNSURE:
             _print("  That is usual before the wheels are calibrated.")
         elif code:

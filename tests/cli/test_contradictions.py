@@ -134,7 +134,8 @@ def test_an_option_that_has_no_effect_alone(command, option, needed, tmp_path):
         (("log", "--at", "pi@robot", "level", "guard", "debug"), "--at has no effect before"),
         (("blocks", "--json", "show", "odometry"), "--json has no effect before 'show'"),
         (("replay", "a.mcap", "--from", "3s", "--until", "2s"), "--from 3 s is not before --until"),
-        (("bag", "plot", "x", "a.mcap", "--until", "0s"), "--from 0 s is not before --until 0 s"),
+        (("bag", "plot", "x", "a.mcap", "--until", "0s"), "--until 0 s is not after the start"),
+        (("bag", "plot", "x", "a.mcap", "--from", "-1s"), "--from -1 s is before the start"),
         (("ros2", "--at", "pi@robot"), "name it with --socket"),
     ],
 )

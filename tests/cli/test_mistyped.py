@@ -69,8 +69,9 @@ def test_a_mistyped_command_names_what_to_write(words, said, tmp_path):
         (("--port", "SIM"), "did you mean sim?"),
         (("--port", "simulated"), "did you mean sim?"),
         (("--port", "emulator"), "did you mean emulated?"),
-        (("--group", "nobody_of_this_name"), "--group E-SOCKET there is no group"),
+        (("--group", "nobody_"), "--group E-SOCKET there is no group 'nobody_'"),
     ],
+    ids=["upper", "longer", "other", "group"],
 )
 def test_no_such_port(words, said, tmp_path):
     code, text = told(tmp_path, "run", "goal", *words)
@@ -116,6 +117,26 @@ def test_a_replay_whose_recording_is_incomplete_says_so(tmp_path):
     for more in ((), ("--set", "follower.tolerance=20 mm")):
         code, text = told(tmp_path, "replay", "a.mcap", "--record", "/dev/full", *more)
         assert code == 1 and "/dev/full E-RECORD cannot record there: No space left" in text
+
+
+def test_a_replay_from_beyond_the_end_is_refused(tmp_path):
+    words = ("--for", "1s", "--record", "a.mcap")
+    assert told(tmp_path, "run", "hello", "--fast", *words)[0] == 0
+    code, text = told(tmp_path, "replay", "a.mcap", "--from", "100s")
+    assert code == 2 and "--from 100 s has nothing to show: the last message is at 0.90 s" in text
+
+
+def test_fields_and_file_are_exported_in_either_order(tmp_path):
+    words = ("--for", "1s", "--record", "a.mcap")
+    assert told(tmp_path, "run", "hello", "--fast", *words)[0] == 0
+    code, text = told(
+        tmp_path, "bag", "export", "a.mcap", "talker.text.text", "listener.heard.text"
+    )
+    assert code == 0 and text.startswith("time,talker.text.text,listener.heard.text ")
+    assert told(tmp_path, "bag", "export", "talker.text.text", "listener.heard.text", "a.mcap") == (
+        0,
+        text,
+    )
 
 
 def test_a_device_is_not_replaced_by_a_file(tmp_path):
