@@ -6,7 +6,7 @@ import subprocess
 import pytest
 
 from diffbotctl.testing.command_process import command_line
-from diffbotctl.testing.running import cli
+from diffbotctl.testing.running import cli, running
 from diffbotctl.testing.terminal import Terminal
 
 ROBOT_FILE = "format: 1\nkind: robot\ninclude: book_2wd\nwheels: 3\n"
@@ -76,6 +76,13 @@ def test_a_mistyped_command_names_what_to_write(words, said, tmp_path):
 def test_no_such_port(words, said, tmp_path):
     code, text = told(tmp_path, "run", "goal", *words)
     assert code == 1 and said in text
+
+
+@pytest.mark.parametrize("command", ["web", "foxglove", "blocks", "why"])
+def test_the_engine_of_another_computer_is_never_taken_for_one_here(command, tmp_path):
+    with running(tmp_path, "standby", "--stay"):
+        code, text = told(tmp_path, command, "--at", "nobody@computer.invalid")
+        assert code == 1 and "nobody@computer.invalid E-SSH" in text
 
 
 def test_a_problem_of_two_files_is_told_once(tmp_path):
