@@ -182,6 +182,11 @@ def _read(text: str, unit: str) -> float:
     return number * factor
 
 
+def is_number(text: str) -> bool:
+    """Whether `text` is a number without a unit."""
+    return re.fullmatch(NUMBER, text) is not None
+
+
 def plain_number(number: float, unit: str, text: str = "") -> float:
     """A number without a unit, in SI `unit`; `text` is the number as it was written.
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from diffbotctl.cli.bag_live import record, save
+from diffbotctl.cli.contradictions import check_span, exclusive, needs
 from diffbotctl.cli.options import CommandGroup, Quantity, force_option, json_option, output_option
 from diffbotctl.cli.output import (
     CSV_MARK,
@@ -103,6 +104,8 @@ def _write_attachment(file: Path, name: str, output: Path | None, force: bool) -
 
 
 @command.command()
+@exclusive("--attachment", ("FIELD", "--format", "--robot"), "an attached file is written as it is")
+@needs(("--force",), ("--output",), "it overwrites a file")
 @recording_argument
 @click.argument("fields", nargs=-1, metavar="[FIELD]...")
 @click.option("--attachment", metavar="NAME", help="Write this attached file: layout.json.")
@@ -140,6 +143,12 @@ def export(
 
     A rosbag2 has the topics of `diffbotctl ros2`, and /cmd_vel: `ros2 bag play FOLDER`.
     """
+    if fields and not file.exists() and Path(fields[-1]).is_file():  # as `bag plot` has it
+        file, fields = Path(fields[-1]), (str(file), *fields[:-1])
+    if kind != "rosbag2" and robot is not None:
+        raise click.UsageError(
+            "--robot has no effect without --format rosbag2: a table has no robot"
+        )
     if kind == "rosbag2":
         from diffbotctl.cli.bag_rosbag2 import export_rosbag2
 
@@ -188,6 +197,8 @@ def _cell(value: object) -> object:
 
 
 @command.command()
+@exclusive("--output", ("--ascii",), "a picture has no characters")
+@needs(("--force",), ("--output",), "it overwrites a file")
 @click.argument("fields", nargs=-1, metavar="FIELD...")
 @recording_argument
 @click.option("--from", "begin", metavar="TIME", type=Quantity("s"), help="Start, such as 3s.")
@@ -216,6 +227,7 @@ def plot(
         )
     if not file.exists() and Path(fields[0]).is_file():  # as `bag export` has it
         file, fields = Path(fields[0]), (*fields[1:], str(file))
+    check_span(begin, until)
     first = 0 if begin is None else round(begin * SECOND)
     last = NEVER if until is None else round(until * SECOND)
     curves = read_series(file, fields, first, last)

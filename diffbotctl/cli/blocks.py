@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from diffbotctl.cli.engine_client import attached, rate_text
+from diffbotctl.cli.contradictions import refuse_before_subcommand
+from diffbotctl.cli.engine_client import attached, host, rate_text
 from diffbotctl.cli.options import CommandGroup, engine_option, json_option
 from diffbotctl.cli.output import print_json
 
@@ -32,8 +33,9 @@ POLL_PERIOD_S = 0.1
 def command(ctx: click.Context, running: bool, as_json: bool, engine: str | None) -> int:
     """List the available blocks and drivers; `blocks show NAME` describes one."""
     if ctx.invoked_subcommand is not None:
+        refuse_before_subcommand(ctx)
         return 0
-    if running or engine is not None:
+    if running or engine is not None or host():
         return _list_running(engine, as_json)
     return _list_available(as_json)
 

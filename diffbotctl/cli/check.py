@@ -12,6 +12,8 @@ from diffbotctl.cli.output import print_json, problem_record
 if TYPE_CHECKING:
     from diffbotctl.errors import Problem
 
+SIMILAR_CODES_MAX = 12  # that are listed for a part of a code
+
 
 @click.command()
 @click.argument("files", nargs=-1, required=True, metavar="FILE...")
@@ -29,9 +31,11 @@ def check(
     from diffbotctl.errors import rendered
 
     problems: list[Problem] = []
+    told: set[str] = set()
     for file in files:
         file_problems = _problems(file, robot, sets, real)
-        new_problems = [problem for problem in file_problems if problem not in problems]
+        new_problems = [problem for problem in file_problems if problem.render() not in told]
+        told |= {problem.render() for problem in new_problems}
         problems += new_problems
         if as_json:
             for problem in new_problems:
@@ -39,7 +43,8 @@ def check(
         else:
             for text in rendered(new_problems):
                 click.echo(f"{text}\n")
-            click.echo(f"{file}: {_verdict(file_problems)}")
+            above = ", told above" if file_problems and not new_problems else ""
+            click.echo(f"{file}: {_verdict(file_problems)}{above}")
     if problems and not as_json:
         click.echo(f"`diffbotctl explain {problems[0].code}` explains more.")
     return 2 if any(problem.severity == "error" for problem in problems) else 0
@@ -86,13 +91,16 @@ def explain(code: str | None, as_json: bool) -> int:
 
 def _explain_one(code: str, as_json: bool) -> int:
     from diffbotctl.codes import code_texts
-    from diffbotctl.errors import Problem, UsageError, closest_match
+    from diffbotctl.errors import Problem, UsageError, closest_match, join_words
 
     by_name = {name.upper(): name for name in code_texts()}
     name = by_name.get(code.upper())
     if name is None:
         near = by_name.get(closest_match(code.upper(), by_name) or "")
+        with_word = [name for upper, name in by_name.items() if code.upper() in upper]
         fix = f"did you mean {near}?" if near else "`diffbotctl explain` lists all codes"
+        if 0 < len(with_word) <= SIMILAR_CODES_MAX:
+            fix = f"did you mean {join_words(with_word)}?"
         raise UsageError(Problem("E-CODE", "explain", f"there is no code '{code}'", fix))
     entry = code_texts()[name]
     if as_json:

@@ -10,8 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from diffbotctl.cli.contradictions import is_typed, refuse_pair
 from diffbotctl.cli.engine_client import attached, held_by
-from diffbotctl.cli.options import NEGATIVE_NUMBERS, Quantity, engine_option, for_option
+from diffbotctl.cli.options import (
+    NEGATIVE_NUMBERS,
+    NumbersCommand,
+    Quantity,
+    engine_option,
+    for_option,
+)
 
 if TYPE_CHECKING:
     from diffbotctl.control_socket.client import ControlClient
@@ -64,7 +71,7 @@ def braking_ratio(remaining: float, speed: float, braking: float) -> float:
     return min(1.0, max(SPEED_RATIO_MIN, sqrt(2.0 * braking * remaining) / speed))
 
 
-@click.command(context_settings=NEGATIVE_NUMBERS)
+@click.command(cls=NumbersCommand, context_settings=NEGATIVE_NUMBERS)
 @click.option(
     "--speed",
     "--v",
@@ -102,7 +109,8 @@ def drive(
     Ctrl-C stops the robot, and so does the end of this process. A goal that was under way waits for
     `diffbotctl resume`.
     """
-    progress = _drive_progress(linear, angular, duration, distance, angle)
+    context = click.get_current_context()
+    progress = _drive_progress(context, linear, angular, duration, distance, angle)
     with attached(engine, "drive") as client:
         _subscribe_odometry(client)
         progress.start_time = time.monotonic()  # ssh may have taken a second to connect
@@ -141,16 +149,27 @@ def _drive_once(client: ControlClient, late_allowed: int, fields: dict[str, Any]
 
 
 def _drive_progress(
+    context: click.Context,
     linear: float,
     angular: float,
     duration: float | None,
     distance: float | None,
     angle: float | None,
 ) -> DriveProgress:
-    if sum(end is not None for end in (duration, distance, angle)) > 1:
-        raise click.UsageError("give one of --for, --distance, --angle")
-    if (distance is not None and not linear) or (angle is not None and not angular):
-        raise click.UsageError("--distance needs --speed, --angle needs --turn")
+    ends = {"--for": duration, "--distance": distance, "--angle": angle}
+    given = [name for name, end in ends.items() if end is not None]
+    if len(given) > 1:
+        refuse_pair(given[0], given[1], "each tells where the drive ends")
+    for name, end in ends.items():
+        if end == 0.0:
+            raise click.UsageError(f"{name} 0 is no drive: give another value")
+    if distance is not None and not linear:
+        raise click.UsageError("--distance needs a --speed other than 0, such as --speed 0.1")
+    if angle is not None and not angular:
+        raise click.UsageError("--angle needs a --turn other than 0, such as --turn 45deg/s")
+    if not is_typed(context, "--speed") and not is_typed(context, "--turn"):
+        fix = "give --speed, such as --speed 0.1, or --turn, such as --turn 45deg/s"
+        raise click.UsageError(f"without a speed the robot does not move: {fix}")
     for end, name, speed, option in (
         (distance, "--distance", linear, "--speed"),
         (angle, "--angle", angular, "--turn"),
@@ -179,11 +198,14 @@ def _follow_odometry(client: ControlClient, progress: DriveProgress) -> None:
             progress.update(event["message"])
 
 
-class GotoCommand(click.Command):
+class GotoCommand(NumbersCommand):
     """`goto left 4 4` is `goto 4 4 --engine left`: no position begins with a letter."""
 
     def parse_args(self, context: click.Context, args: list[str]) -> list[str]:
         """Move the name of an engine from the arguments to its option."""
+        if len(args) == 1 and len(words := re.split(r"[,;\s]+", args[0].strip("()[], "))) in (2, 3):
+            fix = f"diffbotctl goto {' '.join(words)}"
+            raise click.UsageError(f"'{args[0]}' is one word; write {len(words)}: {fix}", context)
         if args and ENGINE_NAME.fullmatch(args[0]) and args[0].lower() not in NO_NUMBERS:
             if any(word.partition("=")[0] == "--engine" for word in args):
                 raise click.UsageError(f"give either '{args[0]}' or --engine", context)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl.cli.contradictions import exclusive
 from diffbotctl.cli.options import FILE, robot_object, seed_option
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ Ctrl-C ends the board."""
 
 
 @click.command()
+@exclusive("--blank", ("--hex",), "a blank board has no program")
 @click.option("--blank", is_flag=True, help="Start with the stock bootloader only.")
 @click.option(
     "--hex", "image", metavar="FILE", type=FILE, help="Run this program instead of the firmware."

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl.cli.engine_client import host
 from diffbotctl.cli.options import engine_option
 from diffbotctl.cli.tcp_server import require_packages, tcp_port_option
 
@@ -53,7 +54,7 @@ def command(allow: str, origins: tuple[str, ...], tcp_port: int, engine: str | N
     from diffbotctl.foxglove.server import KNOWN_ORIGINS, FoxgloveServer, ViewerRules
     from diffbotctl.web.connections import listen
 
-    address = choose_engine(engine)
+    address = choose_engine(engine, host())
     listener = listen("127.0.0.1", tcp_port, "E-FOXGLOVE-LISTEN", "viewers")
     rules = ViewerRules(allowed, KNOWN_ORIGINS | {origin.rstrip("/") for origin in origins})
     server = FoxgloveServer(address, listener, rules, _report)

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from diffbotctl.cli.engine_client import attached, rate_text
+from diffbotctl.cli.contradictions import exclusive, needs
+from diffbotctl.cli.engine_client import attached, host, rate_text
 from diffbotctl.cli.options import (
     engine_option,
     json_option,
@@ -26,11 +27,19 @@ if TYPE_CHECKING:
 
     from diffbotctl.graph import Graph
 
+OF_FILES = ("PIPELINE", "--robot", "--set", "--mermaid", "--output")
+OF_AN_ENGINE = "the graph of a running engine comes from the engine, and is a list"
 TREE_COLUMNS_MAX = 1000  # more than a pipeline has levels and names
 SILENCE_MESSAGES_MIN = 20  # after so many messages, a wire without a rate is marked as silent
 
 
 @click.command()
+@exclusive("--running", OF_FILES, OF_AN_ENGINE)
+@exclusive("--engine", OF_FILES, OF_AN_ENGINE)
+@exclusive("--at", OF_FILES, OF_AN_ENGINE)
+@exclusive("--output", ("--json", "--mermaid"), "each is another form of the graph")
+@exclusive("--json", ("--mermaid",), "each is another form of the graph")
+@needs(("--force",), ("--output",), "it overwrites a file")
 @click.argument("pipeline", required=False)
 @click.option(
     "--running", "--live", is_flag=True, help="The graph of a running engine, with rates."
@@ -53,9 +62,7 @@ def command(
     as_json: bool,
 ) -> int:
     """Draw the blocks and wires of PIPELINE, with the nodes that are added to it."""
-    if running or engine is not None:
-        if output is not None:
-            raise click.UsageError("--output draws a pipeline's files; give its name")
+    if running or engine is not None or host():
         return _draw_running(engine, as_json)
     if pipeline is None:
         raise click.UsageError("give a pipeline, such as goal, or --running")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from diffbotctl.cli.contradictions import exclusive, refuse_before_subcommand
 from diffbotctl.cli.engine_client import WATCHER_NICENESS, attached
 from diffbotctl.cli.options import CommandGroup, engine_option, for_option, json_option
 from diffbotctl.cli.output import print_json
@@ -23,6 +24,7 @@ COLOURS = {"debug": "bright_black", "warning": "yellow", "error": "red"}
 
 
 @click.group(cls=CommandGroup, invoke_without_command=True)
+@exclusive("--once", ("--for",), "the earlier lines need no time limit")
 @click.option(
     "--level",
     type=click.Choice(LOG_LEVELS),
@@ -59,6 +61,7 @@ def command(
     Blocks log from level info; `log level guard debug` lowers that of one block.
     """
     if ctx.invoked_subcommand is not None:
+        refuse_before_subcommand(ctx)
         return 0
     until = None if duration is None else time.monotonic() + duration
     os.nice(WATCHER_NICENESS)

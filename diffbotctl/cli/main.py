@@ -18,6 +18,18 @@ if TYPE_CHECKING:
 
     from diffbotctl.errors import UserError
 
+OTHER_WORDS = {  # that people try -> the command
+    "continue": "resume",
+    "halt": "stop",
+    "move": "drive",
+    "play": "replay",
+    "setup": "start",
+    "sim": "run",
+    "simulate": "run",
+    "status": "engines",
+    "upload": "flash",
+    "version": "--version",
+}
 INTERRUPTED = 130  # exit code, as shells use it
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
 
@@ -177,6 +189,17 @@ class LazyGroup(click.Group):
         return super().resolve_command(ctx, args)
 
 
+def _commands_in_groups(name: str) -> list[str]:
+    """The commands called `name` of all groups, such as `topic echo`."""
+    found = []
+    context = click.Context(program)
+    for group_name in COMMANDS:
+        group = program.get_command(context, group_name)
+        if isinstance(group, click.Group) and name in group.commands:
+            found.append(f"{group_name} {name}")
+    return found
+
+
 def _unknown_command(words: list[str]) -> Exception:
     from difflib import get_close_matches
 
@@ -185,8 +208,12 @@ def _unknown_command(words: list[str]) -> Exception:
     error = ros_error(words)
     if error is not None:
         return error
-    near = get_close_matches(words[0], COMMANDS, n=1)
-    hint = f"Did you mean '{near[0]}'?" if near else "See diffbotctl --help."
+    meant = OTHER_WORDS.get(words[0].lower())
+    near = [meant] if meant else get_close_matches(words[0], COMMANDS, n=1)
+    inside = _commands_in_groups(words[0])
+    hint = "See diffbotctl --help."
+    if near or inside:
+        hint = f"Did you mean {' or '.join(repr(name) for name in [*near, *inside])}?"
     return click.UsageError(f"There is no command '{words[0]}'. {hint}")
 
 
@@ -313,8 +340,10 @@ def _print_usage_error(error: click.ClickException) -> None:
         return
     if context is not None:
         print(context.get_usage(), file=sys.stderr)
+    from diffbotctl.cli.extra_words import explained
+
     print_error_mark()
-    print(f" {error.format_message()}", file=sys.stderr)
+    print(f" {explained(error, sys.argv[1:])}", file=sys.stderr)
 
 
 def _unexpected(error: Exception) -> UserError:

@@ -5,8 +5,10 @@ Also the class of groups of commands.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from functools import wraps
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -42,7 +44,11 @@ class CommandGroup(click.Group):
     def unknown_command(self, word: str) -> str:
         """What is said of a command that this group does not have."""
         known = sorted(name for name, command in self.commands.items() if not command.hidden)
-        return f"there is no command '{word}' here; use one of {', '.join(known)}"
+        from diffbotctl.errors import closest_match
+
+        near = closest_match(word, known)
+        fix = f"use one of {', '.join(known)}" if near is None else f"did you mean {near}?"
+        return f"there is no command '{word}' here; {fix}"
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """The section `Commands`: names and sentences."""
@@ -57,6 +63,28 @@ class CommandGroup(click.Group):
 
 
 NEGATIVE_NUMBERS = {"ignore_unknown_options": True}  # -0.2 is a number here, not an option
+OPTION_MIN_LIKENESS = 0.7  # of 1
+UNKNOWN_OPTION = re.compile(r"--?[A-Za-z]")
+
+
+class NumbersCommand(click.Command):
+    """A command with NEGATIVE_NUMBERS: an option that it does not have is refused all the same."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """As click does; raises click.NoSuchOption."""
+        known = [name for parameter in self.get_params(ctx) for name in parameter.opts]
+        options = [name for name in known if name.startswith("-")]
+        values = {  # that follow an option of their own
+            after for word, after in pairwise(args) if word in options and word.startswith("--")
+        }
+        for word in args[: args.index("--")] if "--" in args else args:
+            name = word.partition("=")[0]
+            if UNKNOWN_OPTION.match(word) and name not in options and word not in values:
+                from diffbotctl.errors import closest_match
+
+                near = closest_match(name, options, OPTION_MIN_LIKENESS)
+                raise click.NoSuchOption(name, possibilities=[near] if near else None, ctx=ctx)
+        return super().parse_args(ctx, args)
 
 
 class Quantity(FloatType):

@@ -62,10 +62,21 @@ def check_output(output: Path, suffixes: Iterable[str], force: bool) -> str:
 
 
 def check_overwrite(output: Path, force: bool) -> None:
-    """Raises UsageError when `output` exists and diffbotctl did not write it, without `force`."""
-    from diffbotctl.errors import Problem, UsageError
+    """Raises UsageError when `output` exists and diffbotctl did not write it, without `force`.
 
-    if force or not output.is_file():
+    Also, with or without `force`, when a run is recorded to it at this time.
+    """
+    from diffbotctl.errors import Problem, UsageError
+    from diffbotctl.recording.recording_file import IN_USE, is_being_written
+
+    if not output.is_file():
+        return
+    if is_being_written(output):
+        fix = (
+            "choose another name, or end the other one first (`diffbotctl engines` lists the runs)"
+        )
+        raise UsageError(Problem("E-OUTPUT", str(output), IN_USE, fix))
+    if force:
         return
     try:
         with output.open("rb") as file:

@@ -9,11 +9,13 @@ from typing import Any
 
 import click
 
+from diffbotctl.cli.contradictions import needs
 from diffbotctl.cli.engine_client import attached
 from diffbotctl.cli.options import (
     FILE,
     NEGATIVE_NUMBERS,
     CommandGroup,
+    NumbersCommand,
     Quantity,
     engine_option,
     force_option,
@@ -54,13 +56,15 @@ def get(parameter: str, as_json: bool, engine: str | None) -> int:
         from diffbotctl.errors import closest_match
 
         near = closest_match(parameter, rows)
+        own = [name for name in rows if name.startswith(f"{parameter}.")]
         hint = f" Did you mean {near}?" if near else ""
+        hint = f" The block has {', '.join(own)}." if own else hint
         raise click.UsageError(f"there is no parameter '{parameter}'.{hint}")
     _print_parameter(rows[parameter], as_json)
     return 0
 
 
-@param.command("set", context_settings=NEGATIVE_NUMBERS)
+@param.command("set", cls=NumbersCommand, context_settings=NEGATIVE_NUMBERS)
 @click.argument("parameter")
 @click.argument("value")
 @engine_option
@@ -101,6 +105,7 @@ def _value_text(row: dict[str, Any]) -> str:
 
 
 @param.command()
+@needs(("--force",), ("--output",), "it overwrites a file")
 @click.argument("parameters", nargs=-1)
 @click.option(
     "--output",
@@ -148,6 +153,9 @@ def _write_parameters(pipeline: Path, new: Path | None, rows: list[dict[str, Any
         cause = "this file ships with diffbotctl and is not written"
         raise UsageError(Problem("E-SAVE", str(pipeline), cause, "add --output mine.yaml"))
     path = new or pipeline
+    if path.exists() and not path.is_file():
+        cause, fix = "this is a device or a folder, not a file", "choose another name"
+        raise UsageError(Problem("E-SAVE", str(path), cause, fix))
     try:
         text = (
             NEW_PIPELINE.format(json.dumps(str(pipeline)))

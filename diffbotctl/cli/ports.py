@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from diffbotctl.cli.contradictions import exclusive, needs
 from diffbotctl.cli.options import force_option, json_option, robot_option
 from diffbotctl.cli.output import check_output, print_json, problem_record, write_output
 
@@ -38,6 +39,9 @@ root_option = click.option(
 
 
 @click.command()
+@exclusive("--ask", ("--json",), "what a board answers is printed as text")
+@exclusive("--ask", ("--root",), "the boards of a copied folder cannot be asked")
+@needs(("--robot",), ("--ask",), "it tells how to ask the board")
 @click.argument("port", required=False)
 @click.option("--ask", is_flag=True, help="Ask the board on each port; resets boards on USB.")
 @robot_option
@@ -143,6 +147,9 @@ def _ask_boards(devices: list[str], robot: str | None) -> bool:
 
 
 @click.command()
+@exclusive("--fix", ("--bundle", "--json"), "it prints commands only")
+@exclusive("--bundle", ("--json",), "it prints what is packed, as text")
+@needs(("--with", "--force"), ("--bundle",), "it is for the file that is packed")
 @click.option("--fix", is_flag=True, help="Print the commands that fix the problems; run none.")
 @click.option(
     "--bundle",
@@ -177,8 +184,6 @@ def doctor(
     files of its run. It first lists them. Names of users and computers, home folders, addresses,
     serial numbers and access codes are removed.
     """
-    if added and bundle is None:
-        raise click.UsageError("--with needs --bundle")
     if bundle is not None:
         check_output(bundle, BUNDLE_SUFFIXES, force)
     from diffbotctl.diagnostics.doctor import Verdict

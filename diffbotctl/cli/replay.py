@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl.cli.contradictions import check_span, exclusive, needs
 from diffbotctl.cli.options import FILE, Quantity, force_option, json_option, set_option
 from diffbotctl.cli.output import check_overwrite, print_json
 from diffbotctl.time import NEVER, SECOND
@@ -17,6 +18,10 @@ if TYPE_CHECKING:
 
 
 @click.command()
+@exclusive("--check", ("--set", "--from", "--until"), "it compares the whole, unchanged recording")
+@exclusive("--json", ("--dash", "--rate"), "JSON is printed in place of a screen")
+@needs(("--same-motion",), ("--set",), "an unchanged replay always has the recorded motion")
+@needs(("--force",), ("--record",), "it overwrites a recording")
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--check", is_flag=True, help="Compare every message with the recorded one.")
 @click.option(
@@ -58,14 +63,17 @@ def command(
     from diffbotctl.replay import recorded_run
     from diffbotctl.replay.replay import ReplayOptions, replay_run
 
-    if check and (sets or begin or until):
-        raise click.UsageError("--check compares the whole, unchanged recording")
+    check_span(begin, until)
     _check_record(file, record, force)
     run = recorded_run.read_run(file)
+    if begin is not None and begin * SECOND > run.last:
+        end = f"the last message is at {run.last / SECOND:.2f} s"
+        raise click.UsageError(f"--from {begin:g} s has nothing to show: {end}")
     if dash:
-        from diffbotctl.cli.run_dash import check_terminal
+        from diffbotctl.cli.run_dash import SavedTerminal, check_terminal
 
         check_terminal(has_socket=True)
+        click.get_current_context().call_on_close(SavedTerminal().end)
         rate = rate or 1.0
     options = ReplayOptions(
         check,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl.cli.contradictions import needs
 from diffbotctl.cli.options import CommandGroup, json_option, output_option, robot_object
 from diffbotctl.cli.output import load_robot_file, print_json, write_output
 from diffbotctl.printable import keep_lines
@@ -25,6 +26,7 @@ MOTION_TEXTS = {
 
 
 @click.command()
+@needs(("--force",), ("--output",), "it overwrites a file")
 @output_option("Write an SVG picture: FILE.svg.")
 @robot_object
 def show(robot: str | None, output: Path | None, force: bool) -> int:
@@ -107,6 +109,7 @@ def export() -> None:
 
 
 @export.command()
+@needs(("--force",), ("--output",), "it overwrites a file")
 @click.option("--name", help="Name of the robot in the model; default: the file's name.")
 @output_option("Write to FILE.urdf instead of standard output.")
 @robot_object

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl.cli.contradictions import exclusive
+from diffbotctl.cli.engine_client import host
 from diffbotctl.cli.options import FILE, engine_option, robot_option
 
 if TYPE_CHECKING:
@@ -17,6 +19,12 @@ if TYPE_CHECKING:
 
 # After the first word of a command of ROS 2, such as `ros2 topic echo --once`, its options follow.
 @click.command(context_settings={"allow_interspersed_args": False})
+@exclusive("--socket", ("--engine",), "each names the engine")
+@exclusive(
+    "--check",
+    ("--drive", "--engine", "--namespace", "--frame-prefix", "--peer", "--robot", "--socket"),
+    "it starts no node",
+)
 @engine_option
 @click.option(
     "--socket",
@@ -57,6 +65,11 @@ def command(
         from diffbotctl.cli.ros_aliases import ros_error
 
         raise ros_error(["ros2", *words]) or click.UsageError(f"unknown word '{words[0]}'")
+    if host():
+        raise click.UsageError(
+            "--at: the node needs a control socket on this computer. Forward it with ssh -L, and "
+            "name it with --socket (docs/ros2.md)"
+        )
     found = find_python(python)
     if check:
         return _report(found, python)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from diffbotctl.cli.contradictions import exclusive, needs
 from diffbotctl.cli.nonblocking_stderr import NonBlockingStderr
 from diffbotctl.cli.options import (
     FILE,
@@ -22,14 +23,24 @@ from diffbotctl.cli.options import (
     set_option,
     view_option,
 )
-from diffbotctl.cli.output import check_overwrite, print_json
+from diffbotctl.cli.output import print_json
 from diffbotctl.cli.program_consent import allowed_programs
+from diffbotctl.cli.run_arguments import (
+    SCREENS,
+    SOCKET_OPTIONS,
+    check_fast,
+    check_files,
+    check_has_end,
+    check_simulated,
+    check_used,
+    read_goal,
+    read_log_level,
+)
 from diffbotctl.cli.web import CLOSED, check_options, lan_option, page_port_option, show_page
 
 if TYPE_CHECKING:
     from diffbotctl.config.configuration import Configuration
     from diffbotctl.config.saved_view import ViewSettings
-    from diffbotctl.messages import Goal
     from diffbotctl.processes.screen import RunSnapshot
     from diffbotctl.runs.options import RunOptions, RunResult, SocketOptions
     from diffbotctl.runs.run import Run
@@ -37,6 +48,12 @@ if TYPE_CHECKING:
 
 
 @click.command()
+@exclusive("--dash", ("--web",), "both are screens: give one, and attach the other")
+@exclusive("--json", SCREENS, "JSON is printed in place of a screen")
+@exclusive("--quiet", SCREENS, "only the summary is printed in place of a screen")
+@exclusive("--no-socket", SOCKET_OPTIONS, "without a control socket no client can connect")
+@needs(("--lan", "--tcp-port"), ("--web",), "it is for the page")
+@needs(("--force",), ("--record",), "it overwrites a recording")
 @click.argument("pipeline")
 @robot_option
 @port_option("sim")
@@ -107,21 +124,21 @@ def command(
 ) -> int:
     """Run PIPELINE: a name (goal) or a file (./mine.yaml). Simulated unless --port names a board.
 
-    Exit code: 0 all goals reached, 1 not all reached or the run failed, 2 wrong files or usage, 3
-    reached, but not surely or not exactly, 130 interrupted.
+    Exit code: 0 all goals reached, 1 not all reached, the run failed, or its recording or log is
+    incomplete, 2 wrong files or usage, 3 reached, but not surely or not exactly, 130 interrupted.
     """
     from diffbotctl.runs.signals import Signals
 
-    if dash and web:
-        raise click.UsageError("--dash and --web are both screens: give one, and attach the other")
-    if lan and not web:
-        raise click.UsageError("--lan is for the page: give --web")
-    if record is not None:
-        check_overwrite(record, force)
+    context = click.get_current_context()
+    check_fast(context)
+    if port != "auto":
+        check_simulated(context, port)
+    check_files(record, force, log)
     if port == "auto":
         from diffbotctl.cli.choose_port import choose_port
 
         port = choose_port(radio=True, simulates=True)
+        check_simulated(context, port)
     view = None if view_file is None else _read_view(view_file)
     dash = dash or (view is not None and not web)
     signals = Signals()  # from here on a signal is remembered, and ends the run when it has started
@@ -133,8 +150,9 @@ def command(
     from diffbotctl.runs.options import RunOptions
     from diffbotctl.runs.run import Run
 
-    run_goals = tuple(_goal(text) for text in goals)
+    run_goals = tuple(read_goal(text) for text in goals)
     configuration = load(pipeline, robot, sets, real=port not in VIRTUAL_PORTS)
+    check_used(context, configuration)
     problems = list(configuration.warnings)
     for text, goal in zip(goals, run_goals, strict=True):
         is_simulated = port in VIRTUAL_PORTS
@@ -145,8 +163,7 @@ def command(
         raise UsageError(problems)
     for warning in problems:
         click.echo(warning.render(), err=True)
-    log_levels = tuple(_log_level(text, configuration) for text in levels)
-    fast = fast and port in VIRTUAL_PORTS
+    log_levels = tuple(read_log_level(text, configuration) for text in levels)
     is_unseen = no_socket or (fast and name is None)  # a fast run usually ends at once
     socket = None if is_unseen else _socket(name, group)
     stay = stay or dash or web
@@ -167,6 +184,8 @@ def command(
         flights,
         None if fast else allowed_programs(configuration, allow_programs),
     )
+    if fast:
+        check_has_end(configuration, options)
     if not as_json:
         _print_header(configuration, port, seed)
     if configuration.robots and (dash or web):
@@ -207,10 +226,12 @@ def _run_with_dashboard(
     terminal = SavedTerminal()
     screen = partial(show, view=view)
     run = Run(configuration, options, screen, terminal.words.append, signals, terminal.give_back)
-    code = _finish(run, NonBlockingStderr(), as_json=False)
-    for text in terminal.words:
-        click.echo(text, err=True)
-    return code
+    try:
+        return _finish(run, NonBlockingStderr(), as_json=False)
+    finally:
+        terminal.end()
+        for text in terminal.words:
+            click.echo(text, err=True)
 
 
 def _run_with_page(
@@ -234,7 +255,7 @@ def _finish(run: Run, stderr: NonBlockingStderr, as_json: bool) -> int:
         result = run.go()
     finally:
         stderr.end()
-    code = result.ending.code or int(result.ending.stopped is False)  # it may still be moving
+    code = _result_code(result)
     if as_json:
         print_json(_result_record(result, code))
     else:
@@ -244,6 +265,17 @@ def _finish(run: Run, stderr: NonBlockingStderr, as_json: bool) -> int:
             click.echo(line)
     if result.failure is not None:
         raise result.failure
+    return code
+
+
+def _result_code(result: RunResult) -> int:
+    """The exit code: 1 also for a robot that may still be moving, and for incomplete files."""
+    from diffbotctl.messages import REACHED_UNSURE
+
+    code = result.ending.code
+    is_whole = result.recording is None and result.log is None
+    if code in (0, REACHED_UNSURE) and (result.ending.stopped is False or not is_whole):
+        return 1
     return code
 
 
@@ -260,6 +292,7 @@ def _result_record(result: RunResult, code: int) -> dict[str, Any]:
         "stops": [{"code": stop.code, "cause": stop.cause} for stop in result.stops],
         "stop_confirmed": result.ending.stopped,
         "incomplete_recording": result.recording,
+        "incomplete_log": result.log,
         "digest": result.digest,
     }
 
@@ -287,8 +320,10 @@ def screen(
     `duration`: time limit in s of logical time, for its progress.
     """
 
+    from diffbotctl.cli.run_dash import is_dumb_terminal
+
     def show(snapshots: Iterator[RunSnapshot]) -> None:
-        if configuration.robots or not sys.stdout.isatty():
+        if configuration.robots or not sys.stdout.isatty() or is_dumb_terminal():
             from diffbotctl.ui import run_text
 
             run_text.print_log(snapshots)
@@ -300,33 +335,3 @@ def screen(
         live_view.show_live(scene, snapshots, duration)
 
     return partial(show)
-
-
-def _log_level(text: str, configuration: Configuration) -> tuple[str, str]:
-    """Source and level from `guard=debug`, or `debug` for all sources."""
-    from diffbotctl.config.node_ports import RESERVED
-    from diffbotctl.errors import closest_match
-    from diffbotctl.log import ALL
-    from diffbotctl.messages import LOG_LEVELS
-
-    source, _, level = text.rpartition("=")
-    parts = {f"{name}.": part for name, part in configuration.robots.items()} or {"": configuration}
-    sources = [f"{name}{use.name}" for name, part in parts.items() for use in part.blocks]
-    sources += [f"{name}{node}" for name in parts for node in RESERVED if node != "log"]
-    if level not in LOG_LEVELS:
-        raise click.UsageError(f"--log-level {text}: the levels are {', '.join(LOG_LEVELS)}")
-    if source and source not in sources:
-        near = closest_match(source, sources) or ", ".join(sources)
-        raise click.UsageError(f"--log-level: there is no block '{source}'; did you mean {near}?")
-    return source or ALL, level
-
-
-def _goal(text: str) -> Goal:
-    from diffbotctl.messages import Goal
-    from diffbotctl.units import UnitError, parse_pose
-
-    try:
-        x, y, heading = parse_pose(text)
-    except UnitError as error:
-        raise click.UsageError(f"--goal '{text}': {error}") from error
-    return Goal(0, 0, x, y, heading)

@@ -33,6 +33,22 @@ def check_terminal(has_socket: bool) -> None:
         raise click.UsageError("--dash needs the control socket: leave out --fast and --no-socket")
     if not sys.stdin.isatty() or not sys.stdout.isatty():
         raise click.UsageError("--dash needs a terminal; without one run prints lines")
+    check_can_draw("--dash")
+
+
+def check_can_draw(name: str) -> None:
+    """Raises click.UsageError for a terminal on which `name` cannot draw."""
+    if is_dumb_terminal():
+        kind = os.environ.get("TERM", "")
+        raise click.UsageError(
+            f"{name} needs a terminal that can draw (TERM is '{kind}'): use another one, or "
+            "set TERM to what it is, such as TERM=xterm-256color"
+        )
+
+
+def is_dumb_terminal() -> bool:
+    """Whether TERM names a terminal that prints lines and nothing else."""
+    return os.environ.get("TERM", "").lower() in ("", "dumb", "unknown")
 
 
 class SavedTerminal:
@@ -47,8 +63,16 @@ class SavedTerminal:
 
     def give_back(self) -> None:
         """Make the terminal usable again: its Ctrl-C is the only key left to end the run."""
+        self._restore(f"{TERMINAL_BACK}{GONE}\r\n")
+
+    def end(self) -> None:
+        """After the run: restore what a dashboard left that was interrupted while it started."""
+        if termios.tcgetattr(sys.stdin.fileno()) != self.settings:
+            self._restore(TERMINAL_BACK)
+
+    def _restore(self, text: str) -> None:
         termios.tcsetattr(sys.stdin.fileno(), termios.TCSANOW, self.settings)
-        os.write(sys.stdout.fileno(), f"{TERMINAL_BACK}{GONE}\r\n".encode())
+        os.write(sys.stdout.fileno(), text.encode())
 
 
 def show(pictures: Iterator[RunSnapshot], view: ViewSettings | None = None) -> None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from diffbotctl.cli.contradictions import exclusive
 from diffbotctl.cli.engine_client import host
 from diffbotctl.cli.options import (
     Quantity,
@@ -18,6 +19,7 @@ from diffbotctl.cli.options import (
     number_option,
     view_option,
 )
+from diffbotctl.cli.run_dash import check_can_draw
 
 if TYPE_CHECKING:
     from diffbotctl.ui.engine_app import EngineApp, ScreenOptions
@@ -90,6 +92,11 @@ def launch(app: EngineApp) -> int:
 
 
 @click.command()
+@exclusive(
+    "--once",
+    ("--keys", "--mode", "--hz", "--speed", "--turn"),
+    "it prints the panels and takes no keys",
+)
 @click.option("--once", is_flag=True, help="Print the panels once and end, as in a pipe.")
 @click.option("--plot", "fields", multiple=True, metavar="FIELD", help="What to plot. Repeatable.")
 @view_option
@@ -120,6 +127,8 @@ def dash(
     view = ViewSettings() if view_file is None else read_view(str(view_file))
     if fields:
         view = view._replace(fields=fields)
+    if not once and sys.stdout.isatty():
+        check_can_draw("dash")
     if once or not sys.stdout.isatty():
         from diffbotctl.ui.dash.print_once import print_once
 
@@ -155,6 +164,7 @@ def teleop(
             "teleop needs a terminal for its keys; a program uses the control socket, or "
             "`diffbotctl drive --speed 0.1 --for 1s`"
         )
+    check_can_draw("teleop")
     from diffbotctl.ui.teleop.app import Teleop
 
     options = screen_options_of(keys, mode, hz, speed, turn, ascii_only)

@@ -75,7 +75,10 @@ def command(
     from getpass import getuser
 
     from diffbotctl.config.load import load
+    from diffbotctl.control_socket.address import NAME
 
+    if not NAME.fullmatch(name):
+        raise click.UsageError(f"--name {name}: use letters, digits, - and _ only, such as mower")
     configuration = load(pipeline, robot)
     _refuse_goals(configuration, pipeline)
     words = [*_program(), "run", pipeline, "--port", port, "--stay", "--quiet", "--group", group]

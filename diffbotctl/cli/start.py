@@ -6,10 +6,12 @@ from pathlib import Path
 
 import click
 
+from diffbotctl.cli.contradictions import exclusive
 from diffbotctl.cli.options import answers_option, port_option
 
 
 @click.command()
+@exclusive("--status", ("--again", "--answers"), "it prints the state and changes nothing")
 @click.option(
     "--robot",
     metavar="ROBOT",

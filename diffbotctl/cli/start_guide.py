@@ -257,13 +257,18 @@ class SetupGuide:
 
     def _run_pipeline(self, pipeline: str, port: str) -> None:
         from diffbotctl.cli import run
+        from diffbotctl.cli.options import VIRTUAL_PORTS
+        from diffbotctl.engine.loop import INTERRUPTED
         from diffbotctl.messages import REACHED_UNSURE
 
         is_watched = sys.stdout.isatty() and self.prompter.answers is None
         words = [pipeline, "--port", port]
         words += [] if self.robot is None else ["--robot", self.robot]
-        words += [] if is_watched else ["--fast", "--quiet"]
+        words += [] if is_watched else ["--quiet"]
+        words += ["--fast"] if port in VIRTUAL_PORTS and not is_watched else []
         code = _run_command(run.command, *words)
+        if code == INTERRUPTED:
+            raise click.Abort
         if code == REACHED_UNSURE:
             _print("  That is usual before the wheels are calibrated.")
         elif code:

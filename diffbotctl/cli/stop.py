@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from diffbotctl.cli.contradictions import exclusive
 from diffbotctl.cli.engine_client import attached, held_by, settled
 from diffbotctl.cli.options import engine_option, json_option
 from diffbotctl.cli.output import print_json
@@ -35,6 +36,7 @@ class UnconfirmedStopError(Exception):
 
 
 @click.command()
+@exclusive("--all", ("--engine",), "--all means every engine")
 @click.option(
     "--engine",
     multiple=True,

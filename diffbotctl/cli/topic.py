@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from diffbotctl.cli.contradictions import exclusive
 from diffbotctl.cli.engine_client import WATCHER_NICENESS, attached, rate_text
 from diffbotctl.cli.options import CommandGroup, engine_option, for_option, json_option
 from diffbotctl.cli.output import print_json
@@ -92,7 +93,8 @@ def _print_event(event: dict[str, Any], path: list[str], with_topic: bool, as_js
         try:
             value = value[int(step)] if isinstance(value, list) else value[step]
         except (KeyError, ValueError, IndexError, TypeError):
-            raise click.UsageError(f"the message has no field '{step}': {value}") from None
+            has = f"it has {', '.join(value)}" if isinstance(value, dict) else f"it is {value}"
+            raise click.UsageError(f"there is no field '{step}' here: {has}") from None
     if as_json:
         print_json({"topic": event["topic"], "message": value} if with_topic else value)
         return
@@ -116,6 +118,7 @@ def _short_text(value: object) -> str:
 
 
 @command.command()
+@exclusive("--once", ("--for",), "one line needs no time limit")
 @click.argument("topic")
 @click.option("--once", is_flag=True, help="Print one line and end.")
 @for_option
@@ -176,7 +179,9 @@ def pub(topic: str, message: str, rate: float | None, engine: str | None) -> int
     try:
         fields = json.loads(message, parse_constant=_refuse_constant)
     except ValueError as error:
-        raise click.UsageError(f"MESSAGE is not JSON: {error}") from error
+        raise click.UsageError(
+            f"""MESSAGE is not JSON, such as '{{"linear": 0.1}}': {error}"""
+        ) from error
     except RecursionError:
         raise click.UsageError("MESSAGE is nested too deeply") from None
     with attached(engine, "topic pub") as client:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl.cli.engine_client import host
 from diffbotctl.cli.options import engine_option, view_option
 from diffbotctl.cli.tcp_server import require_packages, tcp_port_option
 
@@ -55,7 +56,7 @@ def web(lan: bool, tcp_port: int, view_file: Path | None, engine: str | None) ->
     os.nice(DRIVING_NICENESS)
     _require_library()
     view = None if view_file is None else read_view(str(view_file))
-    _serve(choose_engine(engine), lan, tcp_port, view)
+    _serve(choose_engine(engine, host()), lan, tcp_port, view)
     click.echo("the run has ended")
     return 0
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl.cli.contradictions import exclusive, needs
 from diffbotctl.cli.options import json_option, output_option, robot_object
 from diffbotctl.cli.output import print_json, write_output
 
@@ -19,6 +20,9 @@ WIDTH = 80  # columns of the narrowest terminal in common use
 
 
 @click.command()
+@exclusive("--output", ("--table", "--json"), "a picture has no table")
+@exclusive("--json", ("--table",), "each is another form of the same rows")
+@needs(("--force",), ("--output",), "it overwrites a file")
 @output_option("Write an SVG picture to print or for a browser: FILE.svg.")
 @click.option("--table", is_flag=True, help="Print the table only.")
 @json_option

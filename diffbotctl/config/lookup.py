@@ -68,11 +68,21 @@ def find(name: str, kind: str) -> Path:
     UsageError.
     """
     if is_path(name):
-        return Path(name)
+        path = Path(name)
+        if not os.path.lexists(path) and is_shipped_name(path.stem, kind):
+            cause = "there is no such file"
+            fix = f"did you mean {path.stem}, without .yaml? That one ships with diffbotctl"
+            raise UsageError(Problem("E-FILE-READ", name, cause, fix))
+        return path
     for candidate in _candidates(name, kind):
         if is_file(candidate):
             return candidate
     raise _not_found(name, kind)
+
+
+def is_shipped_name(name: str, kind: str) -> bool:
+    """Whether a file of folder `kind` that ships with diffbotctl is called `name`."""
+    return name in names(kind)
 
 
 def is_path(name: str) -> bool:

@@ -95,6 +95,8 @@ def read_robot(
         if not steps or steps[0] in FIXED_KEYS:
             cause = f"{'.'.join(override.steps)} cannot be changed by --set"
             problems.append(Problem("E-SET", override.place, cause, OTHER_ROBOT))
+        elif missing := _missing_item(tree, steps, override):
+            problems.append(missing)
         else:
             tree = tree.with_entry(steps, override.value)
     tree = _substitute(tree, problems)
@@ -112,16 +114,17 @@ def read_pipeline(
     sources = list(devices.entries) if devices else []
     for override in overrides:
         first, *rest = _without_sections(override.steps)
+        steps: Sequence[str] = ()
         if first in ("goals", "world") or (first == "vars" and rest):
-            tree = tree.with_entry(override.steps, override.value)
+            steps = override.steps
         elif not rest:
             if first != "robot":  # `read_robot` reports that
                 cause = "--set requires block.parameter=value"
                 problems.append(Problem("E-SET", override.place, cause, OVERRIDE_SHAPE))
         elif first in names:
-            tree = tree.with_entry(("blocks", first, "with", *rest), override.value)
+            steps = ("blocks", first, "with", *rest)
         elif first in sources:
-            tree = tree.with_entry(("sources", first, "with", *rest), override.value)
+            steps = ("sources", first, "with", *rest)
         elif first != "robot":
             near = closest_match(first, [*names, *sources, "robot", "vars"])
             has = ", ".join([*names, *sources, "robot", "vars"])
@@ -130,8 +133,36 @@ def read_pipeline(
                 fix = f"write robot.{'.'.join(override.steps)}, for a value of the robot file"
             cause = f"the pipeline has no block '{first}'"
             problems.append(Problem("E-SET", override.place, cause, fix))
+        missing = _missing_item(tree, steps, override)
+        if missing is not None:
+            problems.append(missing)
+        elif steps:
+            tree = tree.with_entry(steps, override.value)
     tree = _substitute(tree, problems)
     return renamed_keys.update_tree(tree, renamed_keys.PIPELINE_CHANGES, problems), paths
+
+
+def _missing_item(tree: Value, steps: Sequence[str], override: Override) -> Problem | None:
+    """The problem of a path that names an item which a list of `tree` does not have."""
+    value: Value | None = tree
+    for number, step in enumerate(steps):
+        if value is None:
+            return None
+        if not isinstance(value.data, list):
+            value = value.entries.get(step)
+            continue
+        count = len(value.items)
+        if step.isdecimal() and int(step[:9]) < count:
+            value = value.items[int(step)]
+            continue
+        name = ".".join(steps[:number])
+        has = f"{name} has {count} items" if count != 1 else f"{name} has one item"
+        cause = f"{has}, and none is called {step}" if count else f"{name} is an empty list"
+        last = "" if count < 2 else f" to {name}.{count - 1}"
+        whole = f"write the whole list: --set {name}='[...]'"
+        fix = f"items count from 0: {name}.0{last}; or {whole}" if count else whole
+        return Problem("E-SET", override.place, cause, fix)
+    return None
 
 
 def _without_sections(steps: Sequence[str]) -> Sequence[str]:

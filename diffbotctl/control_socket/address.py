@@ -134,9 +134,12 @@ def listen_on(name: str | None, fallback: str, group: str | None) -> tuple[socke
             path = folder / f"{candidate}.socket"
             with suppress(_TakenError):
                 return _listen(path, group), path
-    except (OSError, KeyError) as error:
-        text = error.strerror if isinstance(error, OSError) else f"there is no group '{group}'"
-        cause = f"cannot make the control socket: {text}"
+    except KeyError as error:
+        fix = "name one of yours, which `groups` lists"
+        problem = Problem("E-SOCKET", "--group", f"there is no group '{group}'", fix)
+        raise RunError(problem) from error
+    except OSError as error:
+        cause = f"cannot make the control socket: {error.strerror}"
         fix = "correct the folder, or run with --no-socket"
         raise RunError(Problem("E-SOCKET", str(folder), cause, fix)) from error
     cause = f"an engine called '{name}' is already running"

@@ -82,6 +82,9 @@ class RunState:
         self.counts = dict.fromkeys(self.wires, 0)
         self.times: dict[str, deque[int]] = {wire: deque(maxlen=TIMES_MAX) for wire in self.wires}
         self.stops: deque[StopEpisode] = deque(maxlen=STOPS_MAX)
+        # Of those, the ones since the robot was last free to move: each began while an earlier one
+        # was in force.
+        self.standstill: deque[StopEpisode] = deque(maxlen=STOPS_MAX)
         self.history = RunHistory(self.wires)
         self.lines: deque[LogLine] = deque(maxlen=LOG_LINES_MAX)
         self.errors: dict[str, LogLine] = {}
@@ -101,12 +104,16 @@ class RunState:
         for wire, message in zip(self.wires, instant[1:], strict=True):
             if message is None:
                 continue
+            was_stopped = type(message) is Stop and self.stop_in_force() is not None
             self.newest[wire] = message
             self.counts[wire] += 1
             self.times[wire].append(now)
             if type(message) is Stop and message.code:
                 if not wire.startswith("operator."):  # the gate reports those too
+                    if not was_stopped:
+                        self.standstill.clear()
                     self.stops.append(StopEpisode(now, wire, message, dict(self.newest)))
+                    self.standstill.append(self.stops[-1])
             elif type(message) is Setting:
                 self.changes.set(now, message)
                 self.changed.add((message.block, message.name))
@@ -139,14 +146,17 @@ class RunState:
 
     def stop_in_force(self) -> tuple[str, Stop] | None:
         """A stop in force and its wire, a latched one first; None when nothing stops the robot."""
-        stops = [
+        return min(self.stops_in_force(), key=lambda item: not item[1].latched, default=None)
+
+    def stops_in_force(self) -> list[tuple[str, Stop]]:
+        """Every stop in force, with its wire."""
+        return [
             (wire, stop)
             for wire in self.stop_wires
             if isinstance(stop := self.newest.get(wire), Stop)
             and stop.code
             and not wire.startswith("operator.")
         ]
-        return min(stops, key=lambda item: not item[1].latched, default=None)
 
 
 # The last part of a ROS name: the wire here, or the message class with the same content.

@@ -23,6 +23,9 @@ from diffbotctl.messages import (
 from diffbotctl.time import SECOND
 
 STANDSTILL_MAX = 0.005  # m/s and rad/s; slower is between two slots of an encoder
+MOTION_MAX_AGE_S = 0.5  # of odometry, for a sentence about now; a link is silent for longer
+# A lost link first: the stops of silent sensors and of old telemetry follow from it.
+LINK_CODES = ("link_lost", "telemetry_stale")
 SENSOR_MESSAGES = (Volts, Range, Encoders, Link)
 
 
@@ -31,9 +34,19 @@ def explain_stop(state: RunState, graph: Graph) -> str:
     if not state.stops:
         nothing = f"Nothing has stopped the robot in {state.now / SECOND:.1f} s."
         return " ".join([nothing, _goal(state), *_imu(state)])
-    episode = state.stops[-1]
+    episode = _explained_stop(state)
     sentences = [_stop(episode), *_sensors(episode, graph), *_commands(episode, state)]
     return " ".join([*sentences, _motion(state), *_imu(state), _how_it_ends(episode, state)])
+
+
+def _explained_stop(state: RunState) -> StopEpisode:
+    """The last stop; of several at the same time the link's, from which others follow."""
+    in_force = {stop.code for _, stop in state.stops_in_force()}
+    for code in LINK_CODES:
+        for episode in reversed(state.standstill):
+            if episode.stop.code == code and (not in_force or code in in_force):
+                return episode
+    return state.stops[-1]
 
 
 def _stop(episode: StopEpisode) -> str:
@@ -84,8 +97,11 @@ def _commands(episode: StopEpisode, state: RunState) -> list[str]:
 
 
 def _motion(state: RunState) -> str:
-    for message in state.newest.values():
+    for wire, message in state.newest.items():
         if isinstance(message, Odometry):
+            age = state.age(wire)
+            if age is not None and age > MOTION_MAX_AGE_S:
+                return f"Of the wheels nothing is known: the last odometry is {age:.1f} s old."
             is_moving = hypot(message.linear, message.angular) > STANDSTILL_MAX
             return "The wheels are still turning." if is_moving else "The wheels are at rest."
     return ""

@@ -301,7 +301,8 @@ def missing_problem(survey: PortSurvey, name: str, words: Sequence[str] = ()) ->
         cause = "no Bluetooth module is bound to it"
         return _port_problem(name, "E-PORT-OPEN", cause, "use --port bluetooth:ADDRESS")
     devices = [report.port.device for report in survey.reports if report.usable]
-    near = closest_match(name, [*words, *devices])
+    meant = [word for word in words if name.lower().startswith(word)]  # `SIM`, `simulated`
+    near = meant[0] if meant else closest_match(name, [*words, *devices])
     if near is not None:
         fix = f"did you mean {near}?"
     elif devices:

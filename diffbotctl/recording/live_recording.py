@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from diffbotctl.recording.recording_file import RecordingFile
+from diffbotctl.recording.recording_file import RecordingFile, open_locked
 from diffbotctl.recording.run_metadata import LIVE
 
 
@@ -32,7 +32,7 @@ class LiveRecording(RecordingFile):
     """Writes messages as they come to a new file."""
 
     def __init__(self, path: Path, about: Mapping[str, str], topics: Sequence[LiveTopic]) -> None:
-        file = open(path, "wb")  # noqa: SIM115 - closed by `close`
+        file = open_locked(path)
         super().__init__(file, {**about, LIVE: "1"})
         self.channels: dict[str, int] = {}
         schemas: dict[str, int] = {}

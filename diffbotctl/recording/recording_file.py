@@ -2,11 +2,58 @@
 
 from __future__ import annotations
 
+import errno
+import fcntl
 import os
+import stat
 from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
 from typing import IO
 
 CHUNK_BYTES = 256 << 10  # an unpaced run fills it in a few ms, a paced one flushes each second
+IN_USE = "another run or `bag record` is writing this file now"
+
+
+def open_locked(path: Path) -> IO[bytes]:
+    """Open `path`, empty, for a process that writes it alone.
+
+    The lock lasts until that process closes the file or ends, also when it is killed. Raises
+    OSError, with IN_USE as its text while another process has the lock.
+    """
+
+    def lock(name: str, flags: int) -> int:
+        # Emptied once it is locked: until then it may be the recording of another run.
+        number = os.open(name, flags & ~os.O_TRUNC, 0o666)
+        try:
+            _lock(number)
+            if stat.S_ISREG(os.fstat(number).st_mode):
+                os.truncate(number, 0)
+        except OSError:
+            os.close(number)
+            raise
+        return number
+
+    return open(path, "wb", opener=lock)
+
+
+def _lock(number: int) -> None:
+    try:
+        fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise OSError(errno.EWOULDBLOCK, IN_USE) from error
+    except OSError:
+        return  # a file system without locks, such as some of a network
+
+
+def is_being_written(path: Path) -> bool:
+    """Whether a process has the file open as `open_locked` does; False where that is not known."""
+    with suppress(OSError), path.open("rb") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+    return False
 
 
 class RecordingFile:

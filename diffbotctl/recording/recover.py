@@ -100,6 +100,9 @@ def recover(source: Path, target: Path) -> RecoveryResult:
     A recording without an end stays without one: messages may be missing, so that `replay --check`
     refuses it. Raises RunError when `source` is not a recording, or `target` cannot be written.
     """
+    if target.exists() and not target.is_file():
+        cause, fix = "this is a device or a folder, not a file", "choose another name"
+        raise RunError(Problem("E-RECORD", str(target), cause, fix))
     draft = target.with_name(target.name + ".part")
     damaged_file = ReadableRecords()
     try:

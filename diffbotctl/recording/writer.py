@@ -26,7 +26,7 @@ from diffbotctl.processes.child_process import (
 from diffbotctl.recording.foxglove import ViewerMessages, schema
 from diffbotctl.recording.json_codec import message_encoder
 from diffbotctl.recording.message_schema import json_schema
-from diffbotctl.recording.recording_file import RecordingFile
+from diffbotctl.recording.recording_file import RecordingFile, open_locked
 from diffbotctl.recording.viewer_layout import viewer_layout
 from diffbotctl.recording.viewer_model import ViewerModel
 from diffbotctl.time import SECOND
@@ -111,7 +111,7 @@ def start_recorder(
     A paced run has priority over its writer; an unpaced one waits for it. Raises OSError when the
     file cannot be opened: in the engine, before anything has started.
     """
-    file = open(path, "wb")  # noqa: SIM115 - the child closes it
+    file = open_locked(path)
 
     def serve(channel: socket.socket) -> int:
         if is_paced:

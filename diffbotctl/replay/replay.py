@@ -151,6 +151,8 @@ class _ReplayRun:
         if self.options.check:
             self.checker.finish()
         self._close(outcome)
+        if self.recorder is not None and self.recorder.lost is not None:
+            raise recording_lost(self.options.record, self.recorder.lost)
         is_complete = self.options.until > self.run.last
         return ReplayResult(
             outcome,
@@ -180,9 +182,13 @@ class _ReplayRun:
         sets = json.dumps(configuration.settings)
         facts = {**self.run.about, "replayed": str(self.run.path), "sets": sets}
         facts.pop("flight", None)  # this recording has the blocks' messages too
-        recorder, pid = record_to(
-            self.options.record, configuration, self.assembly, facts, True, _raise_loss
-        )
+        path = self.options.record
+
+        def end(cause: str) -> None:
+            """A recorder that fails ends the replay: no robot depends on it."""
+            self.engine.end(1, cause)
+
+        recorder, pid = record_to(path, configuration, self.assembly, facts, True, end)
         self.children.append(pid)
         return recorder
 
@@ -290,6 +296,6 @@ def _require_checkable(run: RecordedRun) -> None:
         raise RunError(Problem("E-RECORDING-CUT", str(run.path), cause, fix))
 
 
-def _raise_loss(text: str) -> None:
-    """A recorder that fails ends the replay: no robot depends on it."""
-    raise RunError(Problem("E-RECORD", "replay", text))
+def recording_lost(path: Path | None, cause: str) -> RunError:
+    """The error of a replay whose recording at `path` is incomplete."""
+    return RunError(Problem("E-RECORD", str(path), f"cannot record there: {cause}"))

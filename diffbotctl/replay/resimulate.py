@@ -8,7 +8,7 @@ from pathlib import Path
 
 from diffbotctl.recording.metrics import recorded_metrics
 from diffbotctl.replay.recorded_run import RecordedRun, recorded_configuration
-from diffbotctl.replay.replay import ReplayOptions, ReplayResult
+from diffbotctl.replay.replay import ReplayOptions, ReplayResult, recording_lost
 from diffbotctl.runs.options import RunOptions, SocketOptions
 from diffbotctl.runs.run import Run
 from diffbotctl.time import NEVER, SECOND
@@ -52,6 +52,8 @@ def resimulate(run: RecordedRun, options: ReplayOptions) -> ReplayResult:
             result = Run(configuration, run_options, options.show).go()
         if result.failure is not None:
             raise result.failure
+        if result.recording is not None:
+            raise recording_lost(path, result.recording)
         until = options.until if options.until < NEVER else None
         metrics = recorded_metrics(path, options.begin, until)
     version = run.about.get("version", "")

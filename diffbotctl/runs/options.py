@@ -60,3 +60,4 @@ class RunResult(NamedTuple):
     link: Link | None  # the last state of the link
     digest: str | None
     recording: str | None  # why the recording is incomplete
+    log: str | None = None  # why the log file is incomplete

@@ -94,8 +94,14 @@ class RunOutputs:
     ) -> BlackBoxStore | None:
         """Start the recording; without one the black box, whose store is returned."""
         if options.record is not None:
+            path = options.record
+
+            def lost(cause: str) -> None:
+                text = f"RECORDING STOPPED: {path}: {cause}"
+                reports.loss(f"{text}; the run continues, the file is incomplete")
+
             self.recorder, pid = record_to(
-                options.record, configuration, assembly, reports.facts, options.fast, reports.loss
+                path, configuration, assembly, reports.facts, options.fast, lost
             )
             self.children.append(pid)
         elif options.flights is not None and (configuration.robot or configuration.robots):
@@ -281,7 +287,10 @@ def record_to(
     waits: bool,
     loss: Report,
 ) -> tuple[Recorder, int]:
-    """Start recording to `path`. Returns the engine's end and the child's pid. Raises RunError."""
+    """Start recording to `path`. Returns the engine's end and the child's pid.
+
+    `loss` is called once, with the cause, when no more can be written. Raises RunError.
+    """
     graph = assembly.graph
     try:
         model = viewer_model(configuration, describe_scene(configuration, graph, facts["port"]))
@@ -291,10 +300,7 @@ def record_to(
         cause = f"cannot record there: {error.strerror}"
         raise RunError(Problem("E-RECORD", str(path), cause, "give another file")) from error
 
-    def lost(cause: str) -> None:
-        loss(f"RECORDING STOPPED: {path}: {cause}; the run continues, the file is incomplete")
-
-    return Recorder(channel, waits, lost), pid
+    return Recorder(channel, waits, loss), pid
 
 
 def start_black_box(

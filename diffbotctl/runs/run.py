@@ -191,6 +191,7 @@ class Run:
             link=robot.monitor.link if is_alone else None,
             digest=outputs.digest.text() if outputs.digest else None,
             recording=outputs.recorder.lost if outputs.recorder else None,
+            log=outputs.log_file.lost if outputs.log_file else None,
         )
 
     def _limit_code(self) -> int:

@@ -6,7 +6,15 @@ from collections.abc import Iterator, Sequence
 from math import hypot
 from typing import TYPE_CHECKING
 
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    Progress,
+    Task,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.text import Text as StyledText
 
 from diffbotctl.calibrate.step import CurvePlot
 from diffbotctl.errors import WIDTH
@@ -20,6 +28,16 @@ if TYPE_CHECKING:
     from diffbotctl.calibrate.step import CurvePlot, ScatterPlot, StepProgress
 
 SPEED_ESTIMATE_S = 600.0  # of the past from which the time left is estimated: some drives
+
+
+class RemainingColumn(TimeRemainingColumn):
+    """The time that is left, and nothing while it is not known."""
+
+    def render(self, task: Task) -> StyledText:
+        """`0:00:12 left`."""
+        if task.time_remaining is None:
+            return StyledText("")
+        return super().render(task).append(" left")
 
 
 class CalibrationScreen:
@@ -44,8 +62,7 @@ class CalibrationScreen:
                 TextColumn("{task.description}"),
                 BarColumn(),
                 TimeElapsedColumn(),
-                TimeRemainingColumn(),
-                TextColumn("left"),
+                RemainingColumn(),
             )
             self.bar = Progress(
                 *columns,

@@ -196,6 +196,8 @@ def _summary(result: RunResult, last_goal: Goal | None) -> Iterator[tuple[str, s
         )
     if result.recording is not None:
         yield "recording", f"INCOMPLETE: {result.recording}"
+    if result.log is not None:
+        yield "log file", f"INCOMPLETE: {result.log}"
     if result.digest is not None:
         yield "digest", result.digest
 

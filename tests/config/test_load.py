@@ -174,11 +174,24 @@ def test_set_changes_goals_and_items_of_lists():
         ("vars=5", "--set requires block.parameter=value", "follower.tolerance"),
         ("follower.tolerance", "--set requires path=value", "follower.tolerance"),
         ("=5", "--set requires path=value", "follower.tolerance"),
+        (
+            "goals.5.x=1 m",
+            "goals has one item, and none is called 5",
+            "items count from 0: goals.0",
+        ),
+        ("goals.x=1 m", "goals has one item, and none is called x", "--set goals='[...]'"),
+        ("goals.-1.x=1 m", "goals has one item, and none is called -1", "goals.0"),
+        ("world.walls.1.to=[1 m, 2 m]", "world.walls has one item, and none is called 1", ".0"),
     ],
 )
 def test_set_that_is_refused(words, cause, fix):
     (problem,) = check("goal", "book_2wd", [words])
     assert problem.code == "E-SET" and problem.cause == cause and fix in problem.fix
+
+
+def test_an_item_of_an_empty_list_is_refused():
+    (problem,) = check("standby", "book_2wd", ["goals.0.x=1 m"])
+    assert (problem.code, problem.cause) == ("E-SET", "goals is an empty list")
 
 
 def test_set_changes_a_variable():

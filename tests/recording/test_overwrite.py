@@ -1,10 +1,20 @@
 """Output files: what diffbotctl wrote may be overwritten, and only that."""
 
+import signal
+import subprocess
+
 import pytest
 
-from diffbotctl.cli import bag, robot_model
+from diffbotctl.cli import bag, replay, robot_model
+from diffbotctl.cli import run as run_command
 from diffbotctl.cli.output import check_overwrite, has_mark
-from diffbotctl.errors import UsageError
+from diffbotctl.config.load import load
+from diffbotctl.errors import RunError, UsageError
+from diffbotctl.recording.reader import recording_info
+from diffbotctl.recording.recording_file import is_being_written, open_locked
+from diffbotctl.runs.options import RunOptions
+from diffbotctl.runs.run import Run
+from diffbotctl.testing.command_process import command_line, start_in_pipe
 from tests.command_result import invoke
 
 FIELD = "odometry.odometry.x"
@@ -76,3 +86,52 @@ def test_a_goal_is_not_recovered_onto_itself(goal):
     with pytest.raises(Exception, match="must not overwrite"):
         run(bag.command, "recover", goal, "--output", goal, "--force")
     assert goal.read_bytes() == before
+
+
+@pytest.mark.parametrize("force", [(), ("--force",)])
+@pytest.mark.parametrize(
+    ("command", "words", "option"),
+    [
+        (run_command.command, ("goal", "--fast", "--quiet"), "--record"),
+        (replay.command, ("GOAL",), "--record"),
+        (bag.command, ("recover", "GOAL"), "--output"),
+    ],
+)
+def test_a_recording_that_is_being_written_is_not_overwritten(
+    command, words, option, force, goal, tmp_path
+):
+    path = tmp_path / "same.mcap"
+    words = [goal if word == "GOAL" else word for word in words]
+    with open_locked(path) as file:
+        file.write(goal.read_bytes()[:1000])
+        file.flush()
+        with pytest.raises(UsageError, match="is writing this file now") as error:
+            run(command, *words, option, path, *force)
+        assert "end the other one first" in str(error.value)
+        assert path.read_bytes() == goal.read_bytes()[:1000]
+    run(command, *words, option, path, *force)  # it is free when its writer has ended
+    assert len(path.read_bytes()) > 1000
+
+
+def test_a_run_that_opens_a_recording_of_another_run_is_refused(tmp_path):
+    path = tmp_path / "same.mcap"
+    with open_locked(path), pytest.raises(RunError, match="is writing this file now"):
+        Run(load("goal"), RunOptions(fast=True, record=path))
+    assert Run(load("goal"), RunOptions(fast=True, record=path)).go().ending.code == 0
+
+
+def test_the_recording_of_a_killed_run_is_free_again(tmp_path):
+    path = tmp_path / "same.mcap"
+    words = command_line("run", "hello", "--record", path)
+    process = start_in_pipe(words, cwd=tmp_path)
+    assert "hello" in process.stdout.readline()
+    while not is_being_written(path):
+        assert process.poll() is None
+    second = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
+    assert second.returncode == 2 and "is writing this file now" in second.stderr
+    process.send_signal(signal.SIGKILL)
+    process.communicate()  # its children too have ended, which have the other end of the pipe
+    assert not is_being_written(path)
+    done = subprocess.run([*words, "--for", "0.1s"], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert recording_info(path).complete
