@@ -16,7 +16,7 @@ from pathlib import Path
 from statistics import median
 
 from diffbotctl.testing.matrix_case import EQUATIONS, Case, CaseResult, run_case
-from diffbotctl.testing.random_robots import ENCODER_FAULTS, PERTURBATIONS
+from diffbotctl.testing.random_robots import ENCODER_FAULTS, PERTURBATIONS, STOCK_FIRST
 from diffbotctl.testing.trials.row import Row, printed
 
 ROBOTS = 24
@@ -28,11 +28,17 @@ HEADING_TARGET, POSITION_TARGET = (0.62, 0.89, 0.98), (0.33, 0.80, 0.97)
 FALSE_SIGMAS, FALSE_MIN, FALSE_WORST = 4.0, 0.020, 0.100
 TRAVEL_MAX_S, STANDING_MAX_S = 1.0, 5.0
 MODESTY_MAX = 1.5
+STOCK_DIVISOR, STOCK_TEXT = 4, "the book's firmware, "
 WORST = 5  # cases that are named with a row
 
 
-def cases(seed: int, runs: int, plants: Iterable[int], robots: int = ROBOTS) -> Iterator[Case]:
-    """`runs` cases, with all robots, perturbations and plants as evenly as the number allows."""
+def cases(
+    seed: int, runs: int, plants: Iterable[int], robots: int = ROBOTS, first: int = 0
+) -> Iterator[Case]:
+    """`runs` cases, with all robots, perturbations and plants as evenly as the number allows.
+
+    The robots are numbered from `first` on.
+    """
     plants = tuple(plants)
     names = tuple(PERTURBATIONS)
     for index in range(runs):
@@ -42,7 +48,7 @@ def cases(seed: int, runs: int, plants: Iterable[int], robots: int = ROBOTS) -> 
         number, place = divmod(rest, robots * len(names))
         robot = place % robots
         name = names[(place // robots + robot) % len(names)]
-        yield Case(seed, robot, name, plant, number)
+        yield Case(seed, first + robot, name, plant, number)
 
 
 def run_all(todo: list[Case], processes: int = 1) -> Iterator[CaseResult]:
@@ -54,12 +60,17 @@ def run_all(todo: list[Case], processes: int = 1) -> Iterator[CaseResult]:
         yield from pool.imap(run_case, todo, chunksize=4)
 
 
-def rows(results: list[CaseResult]) -> Iterator[Row]:
-    """The rows of both plants, one after the other."""
+def rows(results: list[CaseResult], what: str = "") -> Iterator[Row]:
+    """The rows of both plants, one after the other; `what` is said of all of them."""
     for plant, equations in EQUATIONS.items():
         of_plant = [result for result in results if result.case.plant == plant]
         if of_plant:
-            yield from _plant_rows(f"plant {plant} ({equations})", of_plant)
+            yield from _plant_rows(f"{what}plant {plant} ({equations})", of_plant)
+
+
+def stock_cases(seed: int, runs: int, plants: Iterable[int]) -> list[Case]:
+    """Cases of robots with the book's firmware, a quarter as many as `runs`."""
+    return [*cases(seed, ceil(runs / STOCK_DIVISOR), plants, first=STOCK_FIRST)]
 
 
 def _plant_rows(name: str, results: list[CaseResult]) -> Iterator[Row]:
@@ -368,6 +379,7 @@ def sample(seed: int, runs: int) -> Iterator[Row]:
     """The rows of `runs` runs on both plants, for `make prove`."""
     if runs:
         yield from rows(matrix(seed, runs, EQUATIONS))
+        yield from rows([*map(run_case, stock_cases(seed, runs, EQUATIONS))], STOCK_TEXT)
         faults = ceil(runs / len(PERTURBATIONS) / len(EQUATIONS))
         yield from encoder_rows([*map(run_case, encoder_cases(seed, faults, EQUATIONS))])
 
@@ -389,7 +401,14 @@ def main() -> int:
     plants = [options.plant] if options.plant else list(EQUATIONS)
     results = matrix(options.seed, options.runs, plants, options.processes, options.output)
     faults = encoder_cases(options.seed, ceil(options.runs / len(PERTURBATIONS)), plants)
-    missed = printed([*rows(results), *encoder_rows([*run_all(faults, options.processes)])])
+    stock = run_all(stock_cases(options.seed, options.runs, plants), options.processes)
+    missed = printed(
+        [
+            *rows(results),
+            *rows([*stock], STOCK_TEXT),
+            *encoder_rows([*run_all(faults, options.processes)]),
+        ]
+    )
     print("\n".join(summary(results)))
     return 1 if missed else 0
 

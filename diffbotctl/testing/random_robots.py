@@ -16,7 +16,20 @@ from diffbotctl.config.checks.drive import resolution
 from diffbotctl.config.robot import default_glitch
 
 Tree = dict[str, Any]
-PERIODS = {"edges": 40, "counts": 50}  # Hz
+PERIODS = {"edges": 40, "counts": 50, "stock": 16.5}  # Hz
+LINKS = {
+    "diffbot": {"protocol": "diffbot", "uart": 1, "baud": 9600},
+    # Delays as measured with the book's firmware.
+    "rosserial": {
+        "protocol": "rosserial",
+        "uart": 1,
+        "baud": 9600,
+        "command_delay": 0.1,
+        "command_jitter": 0.012,
+        "stamp_jitter": 0.008,
+    },
+}
+STOCK_FIRST = 1000  # robots with this number and beyond have the book's firmware
 EDGE_RATE_MAX = 20_000  # per second, of one encoder
 PITCH_TRACK_RATIO_MAX = 0.2
 DIAMETER_TRACK_RATIO_MAX = 1.2
@@ -26,7 +39,7 @@ class RobotDesign(NamedTuple):
     """What a person knows of a robot, and how its parts spread. Lengths m, speeds rad/s."""
 
     number: int
-    board: str  # edges or counts
+    board: str  # edges, counts, or stock: the book's firmware
     track: float
     diameter: float
     slots: int
@@ -48,9 +61,15 @@ class RobotDesign(NamedTuple):
     @property
     def tolerances(self) -> tuple[float, float]:
         """Tolerances (m, rad) of a goal, as coarse as `check` asks for."""
-        stddev = resolution(self.diameter, self.slots, self.speed, self.board == "edges", "diffbot")
+        is_timed = self.board == "edges"
+        stddev = resolution(self.diameter, self.slots, self.speed, is_timed, self.protocol)
         position = max(0.01, 2.5 * stddev)
         return position, max(2.0 * pi / 180, 2.0 * sqrt(2.0) * stddev / self.track)
+
+    @property
+    def protocol(self) -> str:
+        """What its board speaks."""
+        return "rosserial" if self.board == "stock" else "diffbot"
 
     def tree(self) -> Tree:
         """The robot file without a calibration."""
@@ -61,9 +80,9 @@ class RobotDesign(NamedTuple):
                 "type": "mega2560",
                 "telemetry": PERIODS[self.board],
                 "edge_times": self.board == "edges",
-                "deadman": 0.3,
+                **({} if self.board == "stock" else {"deadman": 0.3}),
             },
-            "link": {"protocol": "diffbot", "uart": 1, "baud": 9600},
+            "link": LINKS[self.protocol],
             "drive": {
                 "type": "differential",
                 "polarity": "checked_by_hand",
@@ -104,9 +123,12 @@ def draw_design(seed: int, number: int) -> RobotDesign:
     speed = min(rng.uniform(0.35, 0.85) * top_speed, 1.0)
     lag = _log_uniform(rng, 0.04, 0.2)
     acceleration = min(_log_uniform(rng, 0.2, 2.0), 4.0 * speed / lag)
+    board = rng.choice(("edges", "counts"))
+    if number >= STOCK_FIRST:
+        board, acceleration = "stock", 0.5 * acceleration  # as late as its commands come
     return RobotDesign(
         number=number,
-        board=rng.choice(("edges", "counts")),
+        board=board,
         track=round(track, 4),
         diameter=round(diameter, 4),
         slots=slots,
