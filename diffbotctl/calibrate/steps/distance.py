@@ -9,7 +9,12 @@ from math import hypot
 from diffbotctl.calibrate.autonomous_drive import drive_to, reach_of
 from diffbotctl.calibrate.confidence import RobustMean, robust_mean
 from diffbotctl.calibrate.contradiction import ask_checked, scale_contradiction
-from diffbotctl.calibrate.known_lengths import known_difference_sd, known_sd, rest_sd
+from diffbotctl.calibrate.known_lengths import (
+    known_difference_sd,
+    known_track_sd,
+    rest_sd,
+    with_scale,
+)
 from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, TRACK, Finding
 from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.step import Message, Outcome, StepProgress, StepRun
@@ -19,6 +24,7 @@ from diffbotctl.prompts.question import MarkFloor, MotionNotice, Question
 REPEATS = 5
 TAPE_SD_RATIO = 0.001  # of the distance
 READING_ERROR_RATIO_MAX = 0.35  # of the distance; more is a mistake in writing
+SCALED = "+distance"  # behind the method that found a track, whose scale this step replaces
 MM = 1000.0
 
 
@@ -93,14 +99,18 @@ def _findings(robot: Robot, scale: RobustMean) -> list[Finding]:
     """
     drive = robot.drive
     lengths = {RIGHT_DIAMETER: drive.right.wheel.diameter, LEFT_DIAMETER: drive.left.wheel.diameter}
-    if TRACK in robot.calibration:
-        lengths[TRACK] = drive.track
-    findings = []
-    for field, length in lengths.items():
-        sd = length * scale.sd
-        if field == TRACK:
-            sd = hypot(sd, known_sd(robot, TRACK))
-        else:
-            sd = hypot(sd, length * known_difference_sd(robot, field))
-        findings.append(Finding(field, length * scale.value, sd))
+    findings = [
+        Finding(
+            field,
+            length * scale.value,
+            *with_scale(length * scale.value, known_difference_sd(robot, field), scale.sd),
+        )
+        for field, length in lengths.items()
+    ]
+    entry = robot.calibration.get(TRACK)
+    if entry is not None:
+        track = drive.track * scale.value
+        sds = with_scale(track, known_track_sd(robot) / drive.track, scale.sd)
+        method = (entry.method or "").removesuffix(SCALED)
+        findings.append(Finding(TRACK, track, *sds, method=f"{method}{SCALED}" if method else ""))
     return findings

@@ -9,11 +9,11 @@ from typing import Any
 
 from diffbotctl.blocks.odometry import OdometryBlock
 from diffbotctl.calibrate.confidence import robust_mean
-from diffbotctl.calibrate.known_lengths import known_scale_sd, rest_sd
+from diffbotctl.calibrate.known_lengths import known_scale_sd, rest_sd, with_scale
 from diffbotctl.calibrate.result import TRACK, Finding
 from diffbotctl.calibrate.session import RobotSession, WheelCommand
 from diffbotctl.calibrate.step import Event, Outcome, StepProgress, StepRun
-from diffbotctl.calibrate.steps.squares import FACING
+from diffbotctl.calibrate.steps.squares import FACING, scale_report
 from diffbotctl.config.robot import Robot
 from diffbotctl.drivers.robot_ports import wheel_command
 from diffbotctl.messages import Encoders
@@ -59,8 +59,9 @@ class SpinStep:
         # Turns determine the track in multiples of the mean diameter.
         rolled = pi * track * self.turns
         rest = rest_sd(session.file.robot) / rolled
-        sd = track * hypot(ratio.sd, rest, known_scale_sd(session.file.robot))
-        return Outcome("spin", [Finding(TRACK, track * ratio.value, sd)], [line])
+        robot, found = session.file.robot, track * ratio.value
+        sds = with_scale(found, hypot(ratio.sd, rest), known_scale_sd(robot))
+        return Outcome("spin", [Finding(TRACK, found, *sds)], [line, *scale_report(robot)])
 
     def _spin(self, session: RobotSession, direction: int) -> Generator[Event, Any, float]:
         """The ratio of the actual track to the present one, by one spin; 1 is counter-clockwise."""

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from dataclasses import dataclass
-from math import degrees, hypot, isnan, nan, pi, sqrt
+from math import degrees, isnan, nan, pi, sqrt
 from typing import Any, Literal
 
 from diffbotctl.calibrate import umbmark
 from diffbotctl.calibrate.autonomous_drive import Waypoint, drive_to
 from diffbotctl.calibrate.dead_reckoning import EndError, Geometry, wrap_angle
-from diffbotctl.calibrate.known_lengths import known_scale_sd
+from diffbotctl.calibrate.known_lengths import is_scale_measured, known_scale_sd, with_scale
 from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, SLIP, TRACK, Finding
 from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.slip_fit import SLIP_USABLE, SlipFit, fit_slip
@@ -88,7 +88,7 @@ class SquaresStep:
             pictures[f"ends-{number}.svg"] = end_error_svg(plot.title, plot.points)
             yield plot
             session.try_findings(findings)
-        return Outcome("umbmark", findings, report, pictures=pictures)
+        return Outcome("umbmark", findings, [*report, *scale_report(before)], pictures=pictures)
 
     def _drive_squares(
         self, session: RobotSession, side: float
@@ -176,13 +176,28 @@ def _findings(robot: Robot, result: UmbmarkResult, side: float) -> list[Finding]
     geometry = result.geometry
     # A quarter turn misses alpha of pi/2; along a side, beta changes the heading by b/L of the
     # ratio.
-    track_sd = geometry.track * result.sd.alpha / (pi / 2)
     ratio_sd = geometry.track / side * result.sd.beta
     scale_sd = known_scale_sd(robot)
+    own_sds = {
+        RIGHT_DIAMETER: (geometry.right, ratio_sd / 2),
+        LEFT_DIAMETER: (geometry.left, ratio_sd / 2),
+        TRACK: (geometry.track, result.sd.alpha / (pi / 2)),
+    }
     return [
-        Finding(RIGHT_DIAMETER, geometry.right, geometry.right * hypot(ratio_sd / 2, scale_sd)),
-        Finding(LEFT_DIAMETER, geometry.left, geometry.left * hypot(ratio_sd / 2, scale_sd)),
-        Finding(TRACK, geometry.track, hypot(track_sd, geometry.track * scale_sd)),
+        Finding(field, length, *with_scale(length, own, scale_sd))
+        for field, (length, own) in own_sds.items()
+    ]
+
+
+def scale_report(robot: Robot) -> list[str]:
+    """A line where nobody measured the mean diameter."""
+    if is_scale_measured(robot):
+        return []
+    percent = 100 * known_scale_sd(robot)
+    return [
+        "The mean wheel diameter is kept as it was: nobody measured it, so all lengths have a "
+        f"common standard deviation of {percent:.0f} %. `diffbotctl calibrate distance` measures "
+        "it with a tape."
     ]
 
 

@@ -9,16 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from dataclasses import dataclass
-from math import hypot
 from typing import Any
 
 from diffbotctl.calibrate.autonomous_drive import drive_to, reach_of
 from diffbotctl.calibrate.confidence import robust_mean
-from diffbotctl.calibrate.known_lengths import known_scale_sd
+from diffbotctl.calibrate.known_lengths import known_scale_sd, with_scale
 from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, Finding
 from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.step import Event, Outcome, StepProgress, StepRun
-from diffbotctl.calibrate.steps.squares import stated_geometry
+from diffbotctl.calibrate.steps.squares import scale_report, stated_geometry
 from diffbotctl.calibrate.umbmark import Angles, correct_geometry
 from diffbotctl.config.robot import Robot
 from diffbotctl.prompts.question import MarkFloor, MotionNotice, Question
@@ -82,15 +81,16 @@ class StraightStep:
         fitted = correct_geometry(used, self.metres, Angles(0.0, beta))
         ratio_sd = used.track / self.metres * beta_sd
         # The runs do not change the mean diameter.
-        diameter_sd = hypot(ratio_sd / 2, known_scale_sd(robot))
+        scale_sd = known_scale_sd(robot)
         findings = [
-            Finding(RIGHT_DIAMETER, fitted.right, fitted.right * diameter_sd),
-            Finding(LEFT_DIAMETER, fitted.left, fitted.left * diameter_sd),
+            Finding(field, diameter, *with_scale(diameter, ratio_sd / 2, scale_sd))
+            for field, diameter in ((RIGHT_DIAMETER, fitted.right), (LEFT_DIAMETER, fitted.left))
         ]
         lines = [
             f"it stops {offset * MM:+.1f} mm to the left of the string after {self.metres:g} m, "
             f"+- {2 * sd * MM:.1f} mm",
             f"E_d, right over left: {used.ratio:.5f} before, {fitted.ratio:.5f} now, "
             f"+- {2 * ratio_sd:.5f} (95 %)",
+            *scale_report(robot),
         ]
         return Outcome("straight", findings, lines)
