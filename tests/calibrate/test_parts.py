@@ -88,6 +88,42 @@ def test_the_divider_follows_from_the_meter_s_reading(robot):
     assert calibrated.calibration["battery.divider"].volts == "7.6 V"
 
 
+@pytest.mark.parametrize(
+    "answers, words",
+    [
+        # 7.6 V at rest: two cells of at most 4.25 V, and of at least 3.3 V
+        (
+            {"battery.cells": 3},
+            "3 is not 2: lipo cells have 3.3 to 4.25 V each, and the meter shows 7.60 V",
+        ),
+        ({"battery.cells": "2.5"}, "2.5 is not a whole number"),
+        ({"battery.cells": 0}, "0 is not 2"),
+        ({"battery.volts": "76 V"}, "76 V is not between 3 V and 30 V"),
+    ],
+)
+def test_cells_that_contradict_the_meter_are_refused(robot, answers, words):
+    result = calibrate("battery", ANSWERS | answers)
+    assert isinstance(result.exception, RunError)
+    assert words in result.exception.problems[0].cause
+    assert "battery.low" not in robot.read_text()
+
+
+def test_a_meter_that_contradicts_the_board_is_told_with_both_figures(robot):
+    """7.6 V in truth are 7.17 V by the stated divider; 9.1 V are 27 % more."""
+    result = calibrate("battery", ANSWERS | {"battery.volts": "9.1 V"}, "--dry-run")
+    said = " ".join(result.output.split())
+    assert "The board reports 7.17 V" in said and "9.10 V differ from that by +27 %" in said
+
+
+def test_an_empty_battery_gets_no_low_limit_above_its_voltage(robot):
+    """One LiPo cell has at most 4.25 V, and two have 6.6 V or more unless they are empty."""
+    result = calibrate("battery", ANSWERS | {"battery.volts": "6.5 V"})
+    assert result.exit_code == 0, result.output
+    said = " ".join(result.output.split())
+    assert "no number of lipo cells, of 3.3 to 4.25 V each, has 6.50 V" in said
+    assert load_robot(str(robot)).robot.battery.low == 0.0  # none
+
+
 def test_other_steps_note_the_voltage_where_the_board_measures_it(robot):
     """7.6 V in truth are 7.17 V by the stated divider."""
     assert calibrate("range").exit_code == 0
@@ -119,9 +155,11 @@ def test_a_divider_that_cannot_be_is_refused(board_volts, meter, word):
 @pytest.mark.parametrize(
     "volts, kind, cells",
     [
-        (8.4, "lipo", (2, 3)),  # one cell has 4.25 V at most; three of 2.8 V are forgotten ones
-        (7.2, "nimh", (5, 9)),  # 4.8 cells of 1.5 V; 9.6 of 0.75 V
-        (6.0, "alkaline", (4, 8)),  # 3.6 of 1.65 V; 8.9 of 0.675 V
+        (8.4, "lipo", (2, 2)),  # one cell has 4.25 V at most; three of 2.8 V would be empty
+        (7.2, "nimh", (5, 7)),  # 4.8 cells of 1.5 V; 7.2 of 1.0 V
+        (6.0, "alkaline", (4, 6)),  # 3.6 of 1.65 V; 6.7 of 0.9 V
+        (12.4, "li-ion", (3, 4)),  # 2.9 of 4.25 V; 4 of 3.1 V
+        (3.2, "lipo", (1, 0)),  # one empty cell: no low limit below what it has now
     ],
 )
 def test_how_many_cells_a_voltage_allows(volts, kind, cells):
