@@ -87,6 +87,7 @@ def test_exchanged_directions_are_named(robot):
     lines = [
         "geometry.forward: [-94, -94, -94, -94]",
         f"geometry.left: [{', '.join(counter + clockwise)}]",
+        "geometry.swapped: directions",
     ]
     Path("swapped.yaml").write_text("\n".join(lines) + "\n")
     done = calibrate(

@@ -16,6 +16,7 @@ from math import acos, degrees, pi
 from typing import Any
 
 from diffbotctl.calibrate.confidence import robust_mean
+from diffbotctl.calibrate.end_answers import FACING
 from diffbotctl.calibrate.imu_mounting import (
     find_direction,
     read_axis,
@@ -27,7 +28,6 @@ from diffbotctl.calibrate.result import GYRO_AXES, GYRO_SCALE, Finding
 from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.step import Event, Message, Outcome, StepProgress, StepRun
 from diffbotctl.calibrate.steps.spin import REACH_M, TURN_RATE_RAD_S, spin_command
-from diffbotctl.calibrate.steps.squares import FACING
 from diffbotctl.config.robot import ImuSection, Robot
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.messages import Encoders

@@ -7,12 +7,15 @@ from its other end, so the mean of both directions is the effect of the wheels a
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
+from statistics import median
 from typing import Any
 
 from diffbotctl.calibrate.autonomous_drive import drive_to, reach_of
 from diffbotctl.calibrate.confidence import robust_mean
+from diffbotctl.calibrate.contradiction import ask_checked
+from diffbotctl.calibrate.end_answers import ZeroReadings
 from diffbotctl.calibrate.known_lengths import known_scale_sd, with_scale
 from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, Finding
 from diffbotctl.calibrate.session import RobotSession
@@ -24,6 +27,8 @@ from diffbotctl.prompts.question import MarkFloor, MotionNotice, Question
 
 REPEATS = 4  # from each end
 OFFSET_SD_MIN_M = 0.001  # of a ruler beside a string
+FIRST_OFFSET_RATIO_MAX = 0.15  # of the way: tyres that differ by 3 %
+DIFFERENCE_RATIO_MAX = 0.06  # between runs from one end; the start is in line to a degree or two
 MM = 1000.0
 
 
@@ -46,6 +51,7 @@ class StraightStep:
             f"{self.repeats} times from each end, and at most {reach:.2f} m.",
             reach=reach,
         )
+        zeros = ZeroReadings(2 * self.repeats, "the distance from the string")
         offsets: dict[str, list[float]] = {"one": [], "other": []}
         for number in range(self.repeats):
             for end, readings in offsets.items():
@@ -54,16 +60,21 @@ class StraightStep:
                     f"Run {number + 1} of {self.repeats} from the {end} end: put the robot on the "
                     "string, with its middle above it and its front along it."
                 )
-                readings.append((yield from self._offset(session, reach)))
+                readings.append((yield from self._offset(session, reach, readings, zeros)))
         there, back = (robust_mean(readings, OFFSET_SD_MIN_M) for readings in offsets.values())
         offset = (there.value + back.value) / 2
         sd = (there.sd**2 + back.sd**2) ** 0.5 / 2
         return self._outcome(session.file.robot, offset, sd)
 
-    def _offset(self, session: RobotSession, reach: float) -> Generator[Event, Any, float]:
-        """The measured offset (m) to the left, minus that of odometry, after one run."""
+    def _offset(
+        self, session: RobotSession, reach: float, before: Sequence[float], zeros: ZeroReadings
+    ) -> Generator[Event, Any, float]:
+        """The measured offset (m) to the left, minus that of odometry, after one run.
+
+        `before`: those of the runs before from this end.
+        """
         pose = drive_to(session, [(self.metres, 0.0, None)], reach)
-        answer = yield Question(
+        question = Question(
             "geometry.left",
             "How far to the left of the string did it stop? Right is negative.",
             unit="m",
@@ -73,7 +84,21 @@ class StraightStep:
             limit_reason="the robot cannot be that far from the string",
             quantity="left",
         )
-        return float(answer) - pose.y
+
+        def check(offset: float) -> str | None:
+            usual = median(before) if before else 0.0
+            limit = (DIFFERENCE_RATIO_MAX if before else FIRST_OFFSET_RATIO_MAX) * self.metres
+            if abs(offset - pose.y - usual) <= limit:
+                return None
+            basis = "its wheels and the runs before" if before else "its wheels"
+            return (
+                f"By {basis} it stopped {(pose.y + usual) * MM:+.0f} mm to the left of the string, "
+                f"not {offset * MM:+.0f} mm."
+            )
+
+        offset = yield from ask_checked(question, check)
+        zeros.add(offset)
+        return offset - pose.y
 
     def _outcome(self, robot: Robot, offset: float, sd: float) -> Outcome:
         used = stated_geometry(robot)
