@@ -13,7 +13,7 @@ from statistics import median
 from typing import Any, Literal
 
 from diffbotctl.calibrate.contradiction import ATTEMPTS_MAX
-from diffbotctl.calibrate.dead_reckoning import EndError
+from diffbotctl.calibrate.dead_reckoning import EndError, wrap_angle
 from diffbotctl.calibrate.step import Event, Message
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.messages import Odometry
@@ -28,6 +28,7 @@ DIFFERENCE_MIN_M = 0.03
 SCATTER_FACTOR = 4.0  # of robots that slip more
 # Ends that are exactly 0 to the millimetre, or headings to the degree, occur once in ten or in two.
 ZEROS_MAX = {"place": 3, "heading": 4}
+SAME_PLACE_M = 0.005  # between two readings of one end
 Place = tuple[float, float]
 """forward and left, m"""
 
@@ -121,7 +122,10 @@ def place_text(place: Place) -> str:
 def ask_place(
     side: float, contradiction: Callable[[Place], str | None]
 ) -> Generator[Event, Any, Place]:
-    """Where the robot stopped; a contradicted answer is asked again."""
+    """Where the robot stopped; a contradicted answer is asked again.
+
+    Raises RunError if all answers differ from each other and are contradicted.
+    """
     place = yield from _ask_place(side, is_repeated=False)
     for _ in range(ATTEMPTS_MAX - 1):
         reason = contradiction(place)
@@ -129,9 +133,14 @@ def ask_place(
             break
         yield Message(f"{reason} Measure again; the same answer is accepted.")
         previous, place = place, (yield from _ask_place(side, is_repeated=True))
-        if place == previous:
-            break
-    return place
+        if hypot(place[0] - previous[0], place[1] - previous[1]) <= SAME_PLACE_M:
+            return place
+    reason = contradiction(place)
+    if reason is None:
+        return place
+    cause = f"{ATTEMPTS_MAX} different answers for one end. {reason}"
+    fix = "measure from the start mark of this square to where the same point of the robot is now"
+    raise RunError(Problem("E-CALIBRATE-ANSWER", "geometry", cause, fix))
 
 
 def _ask_place(side: float, is_repeated: bool) -> Generator[Event, Any, Place]:
@@ -148,11 +157,11 @@ def angle_contradiction(
     `before`: differences of earlier readings from what was expected of them.
     """
     usual = median(before) if before else 0.0
-    error = angle - expected - usual
+    error = wrap_angle(angle - expected - usual)
     if abs(error) <= (other_max if before else first_max):
         return None
     basis = "the readings before" if before else "its wheels"
     return (
-        f"By {basis} it is turned by {degrees(expected + usual):.0f} deg, not by "
+        f"By {basis} it is turned by {degrees(wrap_angle(expected + usual)):.0f} deg, not by "
         f"{degrees(angle):.0f} deg; clockwise is negative."
     )

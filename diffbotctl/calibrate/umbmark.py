@@ -208,8 +208,8 @@ def fit_umbmark(squares: SquareErrors, used: Geometry, weight: float = 1.0) -> U
         weight * (sum(inverse * angles[index] for angles, inverse in estimates) / total)
         for index in (0, 1)
     )
-    # Each direction gives two coordinates; a spread from few squares is itself uncertain.
-    freedom = 2 * (len(squares.clockwise) + len(squares.counter) - 2)
+    # A spread from few squares is itself uncertain.
+    freedom = len(squares.clockwise) + len(squares.counter) - 2
     sd = sqrt(weight / total) * student_t(freedom) / STUDENT_T_95_LIMIT
     geometry = correct_geometry(used, squares.side, Angles(alpha, beta))
     before = after = nan
@@ -265,10 +265,13 @@ def _residual_ends(
 
 
 def _position_sd(squares: SquareErrors) -> float:
+    # Each angle is the mean of two rules, each the sum of two means over four sides: so it depends
+    # on x + y of clockwise ends and x - y of the others. Corners that turn too far move both
+    # coordinates, which makes the scatter along these diagonals larger than along the axes.
     scatter = sum(
-        _position_spread(ends) ** 2 / len(ends) for ends in (squares.clockwise, squares.counter)
+        max(_position_spread(ends), _diagonal_spread(ends, sign)) ** 2 / len(ends)
+        for ends, sign in ((squares.clockwise, 1.0), (squares.counter, -1.0))
     )
-    # Each angle is the mean of two rules, each the sum of two means over four sides.
     return sqrt(scatter) / (SQUARE_SIDES * squares.side * sqrt(2.0))
 
 
@@ -292,6 +295,11 @@ def _heading_sd(squares: SquareErrors) -> float:
         spread = stdev(end.heading for end in ends) if len(ends) > 1 else HEADING_SD_MIN_RAD
         scatter += max(spread, HEADING_SD_MIN_RAD) ** 2 / len(ends)
     return sqrt(scatter) / (2 * SQUARE_SIDES)
+
+
+def _diagonal_spread(ends: Sequence[EndError], sign: float) -> float:
+    """Standard deviation of an end along (1, `sign`), m; 0 of fewer than two ends."""
+    return stdev(end.x + sign * end.y for end in ends) / sqrt(2.0) if len(ends) > 1 else 0.0
 
 
 def _position_spread(ends: Sequence[EndError]) -> float:

@@ -71,8 +71,8 @@ def test_a_scale_that_nobody_measured_is_known_to_2_percent(prepared, how):
     lengths = [each for each in outcome.findings if each.field != "drive.slip"]
     assert len(lengths) == {"squares": 3, "spin": 1, "straight": 2}[how]
     for each in lengths:
-        assert each.sd / each.value == pytest.approx(0.02, rel=0.01)
-        assert 0.0 < each.own_sd < 0.1 * each.sd
+        assert each.sd / each.value == pytest.approx(0.02, rel=0.02)
+        assert 0.0 < each.own_sd < 0.2 * each.sd
     assert "nobody measured it" in outcome.report[-1]
     run_step(make_step("distance", repeats=3), converted, prompter, Quiet())
     for each in lengths:

@@ -72,7 +72,7 @@ class DistanceStep:
         _refuse_other_wheels(session.file, scale.value)
         common = rest_sd(session.file.robot) / self.metres
         scale = scale._replace(
-            sd=hypot(scale.sd, common), half_width=hypot(scale.half_width, 2 * common)
+            sd=hypot(scale.half_width / 2, common), half_width=hypot(scale.half_width, 2 * common)
         )
         report = [*self._report(scale, scales), *_diameter_report(session.file, scale)]
         return Outcome("distance", _findings(session.file.robot, scale), report)

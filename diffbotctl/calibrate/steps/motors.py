@@ -8,11 +8,12 @@ from math import floor, hypot, pi
 from typing import NamedTuple
 
 from diffbotctl.calibrate.fast_decay_lag import fit_fast_lags
-from diffbotctl.calibrate.motor_curve import MotorCurve, fit_curves
+from diffbotctl.calibrate.motor_curve import MotorCurve, fit_curves, with_duty_sd
 from diffbotctl.calibrate.motor_experiments import (
     CM,
     DIRECTIONS,
     DUTY_LEVELS,
+    DUTY_SD,
     MEASURING_TIME_S,
     SETTLING_TIME_S,
     Motion,
@@ -84,9 +85,12 @@ class MotorStep:
         breakaway = yield from measure_breakaway(session)
         speeds = yield from measure_speeds(session)
         steps = yield from record_steps(session)
-        curves = fit_curves(
-            {side: [*speeds[side, "forward"], *speeds[side, "backward"]] for side in SIDES}
-        )
+        curves = {
+            side: with_duty_sd(curve, DUTY_SD)
+            for side, curve in fit_curves(
+                {side: [*speeds[side, "forward"], *speeds[side, "backward"]] for side in SIDES}
+            ).items()
+        }
         lags = _fit_lags(robot, steps, curves)
         motors = {
             side: _fit_motor(side, breakaway, speeds, lags[side], curves.get(side))

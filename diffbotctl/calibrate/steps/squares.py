@@ -21,6 +21,7 @@ from diffbotctl.calibrate.end_answers import (
     angle_contradiction,
     ask_place,
     place_contradiction,
+    place_text,
 )
 from diffbotctl.calibrate.known_lengths import is_scale_measured, known_scale_sd, with_scale
 from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, SLIP, TRACK, Finding
@@ -33,7 +34,7 @@ from diffbotctl.calibrate.square_ends import (
     square_errors,
 )
 from diffbotctl.calibrate.square_outliers import without_outliers
-from diffbotctl.calibrate.step import Event, Outcome, ScatterPlot, StepProgress, StepRun
+from diffbotctl.calibrate.step import Event, Message, Outcome, ScatterPlot, StepProgress, StepRun
 from diffbotctl.calibrate.umbmark import SquareErrors, UmbmarkResult
 from diffbotctl.config.robot import Robot
 from diffbotctl.errors import Problem, RunError
@@ -162,6 +163,9 @@ class SquaresStep:
             )
             heading = yield from ask_checked(FACING, angle_check)
             headings.add(heading)
+        if self.read != "headings":
+            wheels = place_text((odometry.x, odometry.y))
+            yield Message(f"by the wheels: {wheels}; measured: {place_text((x, y))}")
         here = EndError(odometry.x, odometry.y, odometry.heading)
         return SquareEnd(EndError(x, y, heading), here)
 
