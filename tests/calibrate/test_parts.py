@@ -72,6 +72,36 @@ def test_a_card_in_the_fold_is_named(robot):
     assert "curve" not in robot.read_text()
 
 
+def test_a_misread_distance_is_named_and_measured_again(robot):
+    """12 cm typed for 10: without it the others fit."""
+    typed = ["4 cm", "7 cm", "12 cm", "16 cm", "25 cm", "30 cm"]
+    result = calibrate("range", {"range.distance": typed})
+    assert result.exit_code == 0, result.output
+    said = " ".join(result.output.split())
+    assert "Without the point at 10 cm the others fit, and by these the card stood at" in said
+    assert "not at 12 cm. Measure this point again." in said
+    assert "Put the card 10 cm from the sensor's front." in said
+    curve = load_robot(str(robot)).robot.sensors["front"].curve
+    volts = dict(CURVE)[0.10] + 0.12
+    assert distance_at(volts, curve.a, curve.b, curve.c) == pytest.approx(0.10, abs=0.003)
+
+
+def test_a_distance_that_is_misread_again_is_refused_by_its_name(robot):
+    typed = ["4 cm", "7 cm", "12 cm", "16 cm", "25 cm", "30 cm"]
+    result = calibrate("range", {"range.distance": typed, "range.repeated_distance": "12 cm"})
+    assert isinstance(result.exception, RunError)
+    assert "without the point at 10 cm the others fit" in result.exception.problems[0].cause
+    assert "curve.a" not in robot.read_text()
+
+
+def test_points_of_no_curve_are_told_with_their_errors(robot):
+    """Each of three is wrong; the curve's own deviation would be larger than half of it."""
+    typed = ["4 cm", "9 cm", "9.5 cm", "20 cm", "22 cm", "40 cm"]
+    result = calibrate("range", {"range.distance": typed})
+    assert isinstance(result.exception, RunError), result.output
+    assert "no curve of such a sensor fits these points" in result.exception.problems[0].cause
+
+
 def test_a_distance_that_no_rule_shows_is_refused(robot):
     result = calibrate("range", {"range.distance": "4 m"})
     assert isinstance(result.exception, RunError)
