@@ -22,8 +22,10 @@ SWAPPED = (
     "you can see it: it was driven counter-clockwise, with the square on the left of the robot."
 )
 MISTAKES = ("directions", "left", "forward", "none")
-SWAPPED_QUESTION = (
-    "Which mistake was it: directions swapped, the sign of left, the sign of forward, or none?"
+MISTAKE_QUESTION = Question(
+    "geometry.swapped",
+    "Which mistake was it: directions swapped, the sign of left, the sign of forward, or none?",
+    choices=MISTAKES,
 )
 
 
@@ -66,7 +68,7 @@ def square_errors(
 def ask_mistake() -> Generator[Event, Any, str]:
     """Which mistake the person has made. Raises RunError if it is none of these."""
     yield Message(SWAPPED)
-    mistake = str((yield Question("geometry.swapped", SWAPPED_QUESTION, choices=MISTAKES)))
+    mistake = str((yield MISTAKE_QUESTION))
     if mistake == "none":
         raise contradicting_ends("the ends of both directions contradict each other")
     return mistake

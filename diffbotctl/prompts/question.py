@@ -177,6 +177,14 @@ class Question:
         return with_unit(value, self.unit)
 
 
+class ExpectedQuestion(NamedTuple):
+    """A question, or something for a hand to do, that a step will ask for."""
+
+    what: Question | ManualAction
+    times: int = 1
+    """at least; 0: perhaps"""
+
+
 class Prompter(Protocol):
     """Puts requests to the person beside the robot, or answers them from a file."""
 

@@ -13,9 +13,10 @@ from diffbotctl.calibrate.contradiction import ask_checked
 from diffbotctl.calibrate.result import Finding
 from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.step import Event, Message, Outcome, StepRun
+from diffbotctl.config.robot import Robot
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.messages import Battery
-from diffbotctl.prompts.question import Question
+from diffbotctl.prompts.question import ExpectedQuestion, Question
 
 LISTEN_TIME_S = 10.0  # the board reports its battery every second or two
 METER_SD_RATIO = 0.005  # of the reading of a cheap multimeter
@@ -57,6 +58,12 @@ CHEMISTRIES = {
     "lead": Chemistry(1.85, 2.4),
     "alkaline": Chemistry(0.9, 1.65),
 }
+CHEMISTRY_QUESTION = Question(
+    "battery.chemistry",
+    "Chemistry of the cells? Press Enter if you do not know",
+    choices=(*CHEMISTRIES, UNKNOWN),
+    default=UNKNOWN,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +74,15 @@ class BatteryStep:
     name: str = "battery"
     title: str = "the battery divider, with a meter, and the low limit"
     lifted: bool = False
+
+    def questions(self, robot: Robot) -> Sequence[ExpectedQuestion]:
+        """The meter, the chemistry and the number of cells; nothing without a pin."""
+        cells = Question("battery.cells", "", unit="1", is_whole=True)
+        return [
+            ExpectedQuestion(METER_QUESTION, 0 if robot.battery.pin is None else 1),
+            ExpectedQuestion(CHEMISTRY_QUESTION, 0),
+            ExpectedQuestion(cells, 0),
+        ]
 
     def run(self, session: RobotSession) -> StepRun:
         """Have the battery measured while the board measures it, and ask for its chemistry."""
@@ -140,12 +156,7 @@ def _meter_contradiction(meter: float, board: float) -> str | None:
 
 def _low_limit(volts: float) -> Generator[Event, Any, tuple[list[Finding], list[str]]]:
     """The limit below which a battery of `volts` at rest is low, and a line about it."""
-    kind = yield Question(
-        "battery.chemistry",
-        "Chemistry of the cells? Press Enter if you do not know",
-        choices=(*CHEMISTRIES, UNKNOWN),
-        default=UNKNOWN,
-    )
+    kind = yield CHEMISTRY_QUESTION
     if kind == UNKNOWN:
         return [], []
     cell = CHEMISTRIES[str(kind)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import hypot
@@ -22,7 +23,7 @@ from diffbotctl.calibrate.step import Message, Outcome, StepProgress, StepRun
 from diffbotctl.config.configuration import RobotFile
 from diffbotctl.config.robot import Robot
 from diffbotctl.errors import Problem, RunError
-from diffbotctl.prompts.question import MarkFloor, MotionNotice, Question
+from diffbotctl.prompts.question import ExpectedQuestion, MarkFloor, MotionNotice, Question
 
 REPEATS = 5
 TAPE_SD_RATIO = 0.001  # of the distance
@@ -43,6 +44,10 @@ class DistanceStep:
     name: str = "distance"
     title: str = "the wheel diameters, with a tape"
     lifted: bool = False
+
+    def questions(self, robot: Robot) -> Sequence[ExpectedQuestion]:
+        """The reading of the tape after each drive."""
+        return [ExpectedQuestion(self._question(0), self.repeats)]
 
     def run(self, session: RobotSession) -> StepRun:
         """Drive and have the distance measured, repeatedly; the scale is tape over odometry."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import floor, hypot, pi
 from typing import NamedTuple
@@ -40,7 +40,7 @@ from diffbotctl.config.robot import SIDES, Robot
 from diffbotctl.control.speed_loop import default_gains
 from diffbotctl.drivers.robot_ports import is_duty_board
 from diffbotctl.errors import Problem, RunError
-from diffbotctl.prompts.question import MotionNotice
+from diffbotctl.prompts.question import ExpectedQuestion, MotionNotice
 
 SPEED_LIMIT_RATIO = 0.95  # of the rated speed; the rest is for the loops and a weaker battery
 STATIC_DUTY_MAX = 0.75
@@ -76,6 +76,10 @@ class MotorStep:
     name: str = "motors"
     title: str = "dead band, speed and lag of the motors; sets the speed loops"
     lifted: bool = True
+
+    def questions(self, robot: Robot) -> Sequence[ExpectedQuestion]:
+        """None: nothing is asked."""
+        return ()
 
     def run(self, session: RobotSession) -> StepRun:
         """Measure breakaway duties, speeds and step responses, then try the fitted loops."""

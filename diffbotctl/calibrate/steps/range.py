@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from statistics import fmean, stdev
 from typing import Any
@@ -24,7 +24,7 @@ from diffbotctl.config.robot import Robot
 from diffbotctl.errors import Problem, RunError, join_words
 from diffbotctl.geometry.distance_sensors import is_analog, volts_at
 from diffbotctl.messages import Volts
-from diffbotctl.prompts.question import ManualAction, Question
+from diffbotctl.prompts.question import ExpectedQuestion, ManualAction, Question
 
 SETTLING_TIME_S = 0.2  # readings from before the card stood still are discarded
 LISTEN_TIME_S = 5.0  # 200 readings at 40 Hz reduce 10 mV of noise to 0.7 mV
@@ -47,6 +47,16 @@ class RangeStep:
     name: str = "range"
     title: str = "the curve of the distance sensor, with a ruler"
     lifted: bool = False
+
+    def questions(self, robot: Robot) -> Sequence[ExpectedQuestion]:
+        """The distance at each place of the card; once more that of a misread point."""
+        card = _card_action(self.sensor, RULER_DISTANCES_M[0])
+        questions = [_question(name, "") for name in ("range.distance", "range.repeated_distance")]
+        return [
+            ExpectedQuestion(questions[0], len(RULER_DISTANCES_M)),
+            ExpectedQuestion(questions[1], 0),
+            ExpectedQuestion(card),
+        ]
 
     def run(self, session: RobotSession) -> StepRun:
         """Have a card put at each distance, average the voltages, fit the curve."""
@@ -126,8 +136,7 @@ class RangeStep:
     ) -> Generator[Event, Any, RulerPoint]:
         """The mean voltage at one distance."""
         text = f"{distance * CM:g} cm"
-        action = f"Put the card {text} from the sensor's front."
-        yield ManualAction("range.place", action, place=(sensor, distance))
+        yield _card_action(sensor, distance)
         question = _question(name, text)
         answer = yield question
         true = float(question.parse(answer) if isinstance(answer, str) else answer)
@@ -141,6 +150,11 @@ class RangeStep:
                 return point
             yield Message("The voltage changed: hold the card still. Measuring again.")
         raise _sensor_error(sensor, f"the voltage at {text} is not steady")
+
+
+def _card_action(sensor: str, distance: float) -> ManualAction:
+    text = f"Put the card {distance * CM:g} cm from the sensor's front."
+    return ManualAction("range.place", text, place=(sensor, distance))
 
 
 def _steady_point(sensor: str, true: float, readings: list[float]) -> RulerPoint | None:

@@ -22,7 +22,7 @@ from diffbotctl.config.robot import Robot
 from diffbotctl.drivers.robot_ports import wheel_command
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.messages import Encoders
-from diffbotctl.prompts.question import MarkFloor, MotionNotice
+from diffbotctl.prompts.question import ExpectedQuestion, MarkFloor, MotionNotice
 from diffbotctl.runs.build_graph import build_block
 
 TURNS_PER_SPIN = 10
@@ -44,6 +44,10 @@ class SpinStep:
     name: str = "geometry"
     title: str = "the track, from turns on the spot"
     lifted: bool = False
+
+    def questions(self, robot: Robot) -> Sequence[ExpectedQuestion]:
+        """The heading after each spin."""
+        return [ExpectedQuestion(FACING, 2 * self.repeats)]
 
     def run(self, session: RobotSession) -> StepRun:
         """Turn and have the final heading measured, in alternating directions."""

@@ -22,12 +22,14 @@ from diffbotctl.calibrate.end_answers import (
     ask_place,
     place_contradiction,
     place_text,
+    position_question,
 )
 from diffbotctl.calibrate.known_lengths import is_scale_measured, known_scale_sd, with_scale
 from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, SLIP, TRACK, Finding
 from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.slip_fit import SLIP_USABLE, SlipFit, fit_slip
 from diffbotctl.calibrate.square_ends import (
+    MISTAKE_QUESTION,
     SquareEnd,
     ask_mistake,
     contradicting_ends,
@@ -39,7 +41,7 @@ from diffbotctl.calibrate.umbmark import SquareErrors, UmbmarkResult
 from diffbotctl.config.robot import Robot
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.messages import Odometry
-from diffbotctl.prompts.question import MarkFloor, MotionNotice
+from diffbotctl.prompts.question import ExpectedQuestion, MarkFloor, MotionNotice
 from diffbotctl.render.svg import end_error_svg
 
 RUNS_PER_DIRECTION = 5
@@ -66,10 +68,21 @@ class SquaresStep:
     title: str = "track and wheel ratio, from squares in both directions"
     lifted: bool = False
 
+    def questions(self, robot: Robot) -> Sequence[ExpectedQuestion]:
+        """Place, heading or both of each end."""
+        side, ends = self._side(robot), 2 * self.runs * self.rounds
+        places = 0 if self.read == "headings" else ends
+        return [
+            ExpectedQuestion(position_question("forward", side), places),
+            ExpectedQuestion(position_question("left", side), places),
+            ExpectedQuestion(FACING, 0 if self.read == "places" else ends),
+            ExpectedQuestion(MISTAKE_QUESTION, 0),
+        ]
+
     def run(self, session: RobotSession) -> StepRun:
         """Drive the squares, have their ends measured, correct the geometry; in each round."""
         session.connect()
-        side = self.side or umbmark.advised_side(session.file.robot.drive.track)
+        side = self._side(session.file.robot)
         report: list[str] = []
         findings: list[Finding] = []
         pictures = {}
@@ -97,6 +110,9 @@ class SquaresStep:
             yield plot
             session.try_findings(findings)
         return Outcome("umbmark", findings, [*report, *scale_report(before)], pictures=pictures)
+
+    def _side(self, robot: Robot) -> float:
+        return self.side or umbmark.advised_side(robot.drive.track)
 
     def _drive_squares(
         self, session: RobotSession, side: float

@@ -24,7 +24,7 @@ from diffbotctl.calibrate.step import Event, Outcome, StepProgress, StepRun
 from diffbotctl.calibrate.steps.squares import scale_report, stated_geometry
 from diffbotctl.calibrate.umbmark import Angles, correct_geometry
 from diffbotctl.config.robot import Robot
-from diffbotctl.prompts.question import MarkFloor, MotionNotice, Question
+from diffbotctl.prompts.question import ExpectedQuestion, MarkFloor, MotionNotice, Question
 
 REPEATS = 4  # from each end
 OFFSET_SD_MIN_M = 0.001  # of a ruler beside a string
@@ -42,6 +42,10 @@ class StraightStep:
     name: str = "geometry"
     title: str = "the ratio of the wheel diameters, from straight runs in both directions"
     lifted: bool = False
+
+    def questions(self, robot: Robot) -> Sequence[ExpectedQuestion]:
+        """The distance from the string after each run."""
+        return [ExpectedQuestion(self._question(), 2 * self.repeats)]
 
     def run(self, session: RobotSession) -> StepRun:
         """Drive along the string and have the offset measured, from alternating ends."""
@@ -76,16 +80,6 @@ class StraightStep:
         `before`: those of the runs before from this end.
         """
         pose = drive_to(session, [(self.metres, 0.0, None)], reach)
-        question = Question(
-            "geometry.left",
-            "How far to the left of the string did it stop? Right is negative.",
-            unit="m",
-            default_unit="mm",
-            minimum=-self.metres / 2,
-            maximum=self.metres / 2,
-            limit_reason="the robot cannot be that far from the string",
-            quantity="left",
-        )
 
         def check(offset: float) -> str | None:
             usual = median(before) if before else 0.0
@@ -98,9 +92,21 @@ class StraightStep:
                 f"not {offset * MM:+.0f} mm."
             )
 
-        offset = yield from ask_checked(question, check)
+        offset = yield from ask_checked(self._question(), check)
         zeros.add(offset)
         return offset - pose.y
+
+    def _question(self) -> Question:
+        return Question(
+            "geometry.left",
+            "How far to the left of the string did it stop? Right is negative.",
+            unit="m",
+            default_unit="mm",
+            minimum=-self.metres / 2,
+            maximum=self.metres / 2,
+            limit_reason="the robot cannot be that far from the string",
+            quantity="left",
+        )
 
     def _outcome(self, robot: Robot, offset: float, sd: float) -> Outcome:
         used = stated_geometry(robot)
