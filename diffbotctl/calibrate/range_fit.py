@@ -140,8 +140,9 @@ def _worst_ratio(fit: RangeFit) -> float:
 
 def _check_points(points: Sequence[RulerPoint]) -> None:
     """Raises ValueError if no curve fits the points."""
-    if len({point.distance for point in points}) < POINTS_MIN:
-        raise ValueError(f"{len(points)} distances; {POINTS_MIN} different ones are needed")
+    count = len({point.distance for point in points})
+    if count < POINTS_MIN:
+        raise ValueError(f"{POINTS_MIN} different distances are needed, and these are {count}")
     for near, far in pairwise(points):
         if far.distance == near.distance or near.volts >= far.volts:
             continue
