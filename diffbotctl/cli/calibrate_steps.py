@@ -93,10 +93,13 @@ def _check_answers(prompter: Prompter, steps: Sequence[Step], robot: Robot) -> N
     """Raises RunError for an answers file that does not fit the questions of these steps."""
     from diffbotctl.calibrate.runner import question_names
     from diffbotctl.prompts.answers_file import AnswersFile
+    from diffbotctl.start.steps import QUESTIONS
 
     if isinstance(prompter, AnswersFile):
         expected = [item for step in steps for item in step.questions(robot)]
-        prompter.check(expected, question_names(robot))
+        # `diffbotctl start` has its own questions in the same file.
+        names = [*question_names(robot), *(question.name for question in QUESTIONS)]
+        prompter.check(expected, names)
 
 
 def _run_step(
