@@ -10,6 +10,7 @@ from dataclasses import replace
 from statistics import median
 from typing import Any
 
+from diffbotctl.calibrate.known_lengths import UNMEASURED_SCALE_SD
 from diffbotctl.calibrate.step import Event, Message
 from diffbotctl.calibrate.wiring_detection import PULSE_COUNTS_MIN, MotorPulse, WheelMotion
 from diffbotctl.config.robot import SIDES
@@ -17,7 +18,7 @@ from diffbotctl.prompts.question import Question
 
 ATTEMPTS_MAX = 3
 SAME_ANSWER_RATIO = 0.01
-FIRST_SCALE_ERROR_MAX = 0.12  # of a stated wheel diameter
+SCALE_SDS_MAX = 3.0  # of the first drive, in standard deviations of what is known of the wheels
 SCALE_DIFFERENCE_MAX = 0.03  # between drives; slip and tape make a few thousandths
 MM = 1000.0
 
@@ -38,13 +39,16 @@ def ask_checked(
     return answer
 
 
-def scale_contradiction(tape: float, odometry: float, scales: Sequence[float]) -> str | None:
+def scale_contradiction(
+    tape: float, odometry: float, scales: Sequence[float], scale_sd: float = UNMEASURED_SCALE_SD
+) -> str | None:
     """Why a distance on the tape (m) does not go with what the wheels counted (m).
 
-    `scales`: tape over odometry of the drives before.
+    `scales`: tape over odometry of the drives before; `scale_sd`: relative standard deviation of
+    the mean wheel diameter.
     """
     expected = median(scales) if scales else 1.0
-    limit = SCALE_DIFFERENCE_MAX if scales else FIRST_SCALE_ERROR_MAX
+    limit = SCALE_DIFFERENCE_MAX if scales else max(SCALE_DIFFERENCE_MAX, SCALE_SDS_MAX * scale_sd)
     if abs(tape / (odometry * expected) - 1) <= limit:
         return None
     drives = ", and with the drives before that is" if scales else ":"

@@ -83,12 +83,7 @@ def _lift_once(session: RobotSession, axis: str, side: str) -> Generator[Event, 
     vertical = "xyz".index(axis)
     read_axis(session, "xyz"[(vertical + 1) % 3])
     floor = session.listen(FLOOR_TIME_S).encoders
-    yield ManualAction(
-        f"imu.lift_{side}",
-        f"Lift the {'front' if side == 'front' else 'left side'} of the robot by a hand's width, "
-        "and hold it still.",
-        lift=(side, LIFT_RAD),
-    )
+    yield lift_action(side)
     held = session.listen(HELD_TIME_S).encoders
     refuse_faulty([*floor, *held])
     up = turn_between(floor, held, rest_rate(floor))
@@ -99,6 +94,16 @@ def _lift_once(session: RobotSession, axis: str, side: str) -> Generator[Event, 
     refuse_faulty([*held, *floor])
     # The rate at rest is that on the floor: a hand is not as still.
     return up, -turn_between(held, floor, rest_rate(floor))
+
+
+def lift_action(side: str) -> ManualAction:
+    """To lift the front or the left side."""
+    return ManualAction(
+        f"imu.lift_{side}",
+        f"Lift the {'front' if side == 'front' else 'left side'} of the robot by a hand's width, "
+        "and hold it still.",
+        lift=(side, LIFT_RAD),
+    )
 
 
 def turn_between(before: Sequence[Encoders], after: Sequence[Encoders], bias: float) -> float:

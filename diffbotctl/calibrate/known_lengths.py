@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-from math import pi
+from math import hypot, pi
 
-from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER
-from diffbotctl.config.robot import Robot
+from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, TRACK
+from diffbotctl.config.robot import Calibrated, Robot
 from diffbotctl.units import quantity
 
 # Relative standard deviation of one wheel from the mean of both, as tyres of a kit come.
 DIFFERENCE_SD = 0.003
 MEASURED_DIFFERENCE_SD = 0.0005  # after a step that found the ratio of the wheels
+# Relative standard deviation of a mean diameter that nobody measured by driving; `calibrate
+# from-log` takes the same: a ruler reads a wheel of 65 mm to 1 mm, and a tyre is smaller under its
+# load.
+UNMEASURED_SCALE_SD = 0.02
+# No tape finds the mean diameter as well. Former versions wrote less where it was not measured.
+MEASURED_SCALE_SD_MIN = 0.0002
 # Systematic error of odometry from rest to rest, in pitches of the encoder: the way before the
 # first edge and after the last one is predicted by the motor model. Of simulated drives of a metre:
 # 0.01 and 0.19 in the mean. The larger one where the kind of the motors is not known.
@@ -18,17 +24,23 @@ REST_SD_PITCHES = {"slow": 0.03, "fast": 0.2}
 MEAN_ONLY_METHODS = ("distance",)
 
 
-def known_sd(robot: Robot, field: str) -> float:
-    """Standard deviation (m) of a length from an earlier step; 0 if there is none."""
-    entry = robot.calibration.get(field)
-    return 0.0 if entry is None or entry.sd is None else quantity(str(entry.sd), "m")
+def known_track_sd(robot: Robot) -> float:
+    """Standard deviation (m) of the track from an earlier step, without that of the mean diameter
+    where it is stated; 0 if there is none."""
+    entry = robot.calibration.get(TRACK)
+    if entry is None or entry.sd is None:
+        return 0.0
+    return _length(entry.sd if entry.own_sd is None else entry.own_sd)
 
 
 def known_difference_sd(robot: Robot, field: str) -> float:
     """Relative standard deviation of the diameter in `field` from the mean of both wheels."""
     entry = robot.calibration.get(field)
-    is_measured = entry is not None and entry.method not in MEAN_ONLY_METHODS
-    return MEASURED_DIFFERENCE_SD if is_measured else DIFFERENCE_SD
+    if entry is None:
+        return DIFFERENCE_SD
+    if entry.own_sd is not None:
+        return _length(entry.own_sd) / _length(entry.value)
+    return DIFFERENCE_SD if entry.method in MEAN_ONLY_METHODS else MEASURED_DIFFERENCE_SD
 
 
 def rest_sd(robot: Robot) -> float:
@@ -42,20 +54,35 @@ def rest_sd(robot: Robot) -> float:
 
 def known_scale_sd(robot: Robot) -> float:
     """Relative standard deviation of the mean diameter, and so of all lengths that are measured in
-    multiples of it; 0 where it was not measured."""
-    drive = robot.drive
-    diameters = {
-        RIGHT_DIAMETER: drive.right.wheel.diameter,
-        LEFT_DIAMETER: drive.left.wheel.diameter,
-    }
-    sds = (known_mean_sd(robot, field, value) for field, value in diameters.items())
-    return 2 * max(sds) / sum(diameters.values())
+    multiples of it; UNMEASURED_SCALE_SD where nobody measured it."""
+    entries = [robot.calibration.get(field) for field in (RIGHT_DIAMETER, LEFT_DIAMETER)]
+    sds = [_scale_sd(entry) for entry in entries]
+    return max(sd if sd > MEASURED_SCALE_SD_MIN else UNMEASURED_SCALE_SD for sd in sds)
 
 
-def known_mean_sd(robot: Robot, field: str, diameter: float) -> float:
-    """Standard deviation (m) of the mean diameter, from the entry `field` of one wheel."""
-    sd = known_sd(robot, field)
-    entry = robot.calibration.get(field)
-    if entry is None or entry.method not in (*MEAN_ONLY_METHODS, "trial"):
-        return sd
-    return float(max(sd**2 - (DIFFERENCE_SD * diameter) ** 2, 0.0) ** 0.5)
+def is_scale_measured(robot: Robot) -> bool:
+    """Whether a step measured the mean diameter."""
+    return known_scale_sd(robot) < 0.9 * UNMEASURED_SCALE_SD  # as written, it is rounded
+
+
+def _scale_sd(entry: Calibrated | None) -> float:
+    """Relative standard deviation of the mean diameter by the entry of one wheel; 0: none."""
+    if entry is None or entry.sd is None:
+        return 0.0
+    value, sd = _length(entry.value), _length(entry.sd)
+    own_sd = 0.0
+    if entry.own_sd is not None:
+        own_sd = _length(entry.own_sd)
+    elif entry.method in MEAN_ONLY_METHODS:
+        own_sd = DIFFERENCE_SD * value
+    return float(max(sd**2 - own_sd**2, 0.0) ** 0.5) / value
+
+
+def with_scale(length: float, own: float, scale: float) -> tuple[float, float]:
+    """The standard deviation of `length` (m), and the part of it that is its own (m); from the
+    relative ones."""
+    return length * hypot(own, scale), length * own
+
+
+def _length(text: object) -> float:
+    return quantity(str(text), "m")

@@ -128,6 +128,14 @@ def fit_curves(points: Mapping[str, Sequence[tuple[float, float]]]) -> dict[str,
     return dict(zip(points, curves, strict=True))
 
 
+def with_duty_sd(curve: MotorCurve, sd: float) -> MotorCurve:
+    """`curve` with what an error `sd` that all duties share adds to its standard deviations."""
+    return curve._replace(
+        static_sd=hypot(curve.static_sd, sd),
+        rated_sd=hypot(curve.rated_sd, sd * curve.rated / (1 - curve.static)),
+    )
+
+
 def _fast_curves(tables: Sequence[Floats]) -> list[MotorCurve]:
     """Those for a usual drop of the battery; with none of it, and of each motor alone, they show
     what is not known."""

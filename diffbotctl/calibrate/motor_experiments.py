@@ -12,7 +12,12 @@ from diffbotctl.config.robot import SIDES, Robot
 from diffbotctl.drivers.robot_ports import is_duty_board, wheel_command
 from diffbotctl.messages import Duty, Encoders
 
-DUTY_LEVELS = (0.3, 0.45, 0.6, 0.75, 0.9)  # above every usual dead band, below full duty
+PWM_STEPS = 255  # of full duty, on every board
+# Above every usual dead band, below full duty. Whole steps: a board rounds other duties by up to
+# half a step, which would make the friction wrong by 0.003.
+DUTY_LEVELS = tuple(step / PWM_STEPS for step in (77, 115, 153, 191, 230))
+# Some boards add a step to each duty, and which do is not known.
+DUTY_SD = 1 / PWM_STEPS / 12**0.5
 SETTLING_TIME_S = 0.9  # before a speed is measured: six lags of a slow motor
 MEASURING_TIME_S = 2.5  # more than a turn of usual motors
 # Slower wheels get as much more as a whole turn takes, up to this: the errors of the slots and the
@@ -83,7 +88,7 @@ def measure_speeds(session: RobotSession) -> Generator[Event, Any, SpeedsByMotio
     speeds: SpeedsByMotion = {(side, direction): [] for direction in DIRECTIONS for side in SIDES}
     for direction, sign in DIRECTIONS.items():
         for number, level in enumerate(DUTY_LEVELS):
-            text = f"speed at {level:g} of full duty, {direction}"
+            text = f"speed at {level:.2f} of full duty, {direction}"
             yield StepProgress(text, number, len(DUTY_LEVELS))
             duty = Duty(0, sign * level, sign * level)
             session.run_for(duty, SETTLING_TIME_S)

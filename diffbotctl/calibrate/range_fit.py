@@ -28,6 +28,8 @@ RULER_SD_M = 0.0005  # of a card held at a ruler
 SHIFT_MIN_M, SHIFT_MAX_M = 0.0, 0.05  # of b: what lies inside the case
 SHIFT_TOLERANCE_RATIO = 1e-6  # of the range of b
 FOLD_DISTANCE_M = 0.05  # a point up to here may have been measured in the fold of the curve
+MISREAD_RATIO_MIN = 2.0  # of the limit: the error of a point by the curve of the others
+CLEAR_RATIO = 2.0  # of the worst errors without the second and without the best candidate
 GOLDEN_RATIO = (sqrt(5.0) - 1.0) / 2.0
 
 
@@ -107,10 +109,40 @@ def fit_curve(points: Sequence[RulerPoint]) -> RangeFit:
     return RangeFit(a, b, c, _standard_deviations(ordered, a, b, mean_square), ordered)
 
 
+def find_misread(points: Sequence[RulerPoint]) -> tuple[RulerPoint, RangeFit] | None:
+    """The point without which all others fit, and their curve; None if there is none, or several.
+
+    A misread distance bends the whole curve, so its own error is not the largest one. What tells it
+    is how far it lies from the curve of the others.
+    """
+    found = []
+    for point in points:
+        others = [other for other in points if other is not point]
+        try:
+            fit = fit_curve(others)
+        except ValueError:
+            continue
+        error = abs(fit.distance(point) - point.distance)
+        if not fit.bad_points() and error > MISREAD_RATIO_MIN * error_limit(point.distance):
+            found.append((point, fit))
+    if not found:
+        return None
+    ranked = sorted(found, key=lambda pair: _worst_ratio(pair[1]))
+    if len(ranked) > 1 and _worst_ratio(ranked[1][1]) < CLEAR_RATIO * _worst_ratio(ranked[0][1]):
+        return None
+    return ranked[0]
+
+
+def _worst_ratio(fit: RangeFit) -> float:
+    """The largest error of a point over its limit."""
+    return max(abs(fit.error(point)) / error_limit(point.distance) for point in fit.points)
+
+
 def _check_points(points: Sequence[RulerPoint]) -> None:
     """Raises ValueError if no curve fits the points."""
-    if len({point.distance for point in points}) < POINTS_MIN:
-        raise ValueError(f"{len(points)} distances; {POINTS_MIN} different ones are needed")
+    count = len({point.distance for point in points})
+    if count < POINTS_MIN:
+        raise ValueError(f"{POINTS_MIN} different distances are needed, and these are {count}")
     for near, far in pairwise(points):
         if far.distance == near.distance or near.volts >= far.volts:
             continue

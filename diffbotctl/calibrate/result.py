@@ -20,6 +20,7 @@ NOT_MEASURED = "not measured"
 # Significant digits that are written. A tape measure gives four at best, but what two wheels differ
 # by is known far better than what they have in common.
 VALUE_DIGITS, SD_DIGITS = 6, 2
+PART_SD_DIGITS = 3  # where the rest is the difference of two squares
 
 FindingValue = float | str | bool | tuple[float, ...]
 
@@ -31,6 +32,10 @@ class Finding(NamedTuple):
     value: FindingValue
     sd: float | None = None
     """standard deviation, in the value's unit; None where there is nothing to deviate"""
+    own_sd: float | None = None
+    """of a diameter or the track: what is left of `sd` when the mean diameter is known exactly"""
+    method: str = ""
+    """of a value that was found by another step and is only adapted; empty: that of this step"""
 
 
 class PartResult(NamedTuple):
@@ -62,9 +67,13 @@ def formatted_value(finding: Finding, origin: Provenance) -> str:
     unit = _unit(finding.field)
     entries = {"value": _format_value(finding.value, unit)}
     if finding.sd is not None:
-        entries["sd"] = _format_value(finding.sd, unit, SD_DIGITS)
+        digits = SD_DIGITS if finding.own_sd is None else PART_SD_DIGITS
+        entries["sd"] = _format_value(finding.sd, unit, digits)
+        if finding.own_sd is not None:
+            entries["own_sd"] = _format_value(finding.own_sd, unit, digits)
     volts = NOT_MEASURED if origin.volts is None else with_unit(round(origin.volts, 2), "V")
-    entries |= {"date": json.dumps(origin.date), "method": origin.method, "volts": volts}
+    entries |= {"date": json.dumps(origin.date), "method": finding.method or origin.method}
+    entries["volts"] = volts
     if origin.recording:
         entries["recording"] = json.dumps(origin.recording)
     return "{" + ", ".join(f"{name}: {text}" for name, text in entries.items()) + "}"

@@ -37,6 +37,7 @@ from diffbotctl.prompts.question import ManualAction, MarkFloor, MotionNotice, P
 
 if TYPE_CHECKING:
     from diffbotctl.calibrate.simulated_session import SimulatedTools
+    from diffbotctl.config.robot import Robot
     from diffbotctl.plant.world import World
 
 STEPS_PACKAGE = "diffbotctl.calibrate.steps"
@@ -70,6 +71,16 @@ def make_step(name: str, **settings: object) -> Step:
     )
     step: Step = getattr(import_module(f"{STEPS_PACKAGE}.{module}"), kind)(**settings)
     return step
+
+
+def question_names(robot: Robot) -> list[str]:
+    """The names of all questions of all steps."""
+    steps = [
+        *(make_step(name) for name in STEPS),
+        *(make_step("geometry", how=how) for how in GEOMETRY_METHODS),
+    ]
+    questions = (item.what for step in steps for item in step.questions(robot))
+    return sorted({what.name for what in questions if isinstance(what, Question)})
 
 
 class Screen(Protocol):

@@ -74,6 +74,14 @@ class SimulatedTools:
 
     def read(self, instrument: str, question: Question, noise: float) -> Answer:
         """The reading of `instrument`. Raises AnswerError if it cannot measure the quantity."""
+        self.refuse_instrument(instrument, question)
+        if question.quantity == "wheel":
+            return self._wheel_motion()
+        value = self._value(question.quantity) + self._rng.gauss(0.0, noise)
+        return question.parse(f"{value!r} {question.unit}")
+
+    def refuse_instrument(self, instrument: str, question: Question) -> None:
+        """Raises AnswerError if `instrument` cannot measure what is asked."""
         quantities = TOOL_QUANTITIES.get(instrument)
         if quantities is None:
             tools = join_words(TOOL_QUANTITIES)
@@ -83,10 +91,6 @@ class SimulatedTools:
             suitable = [tool for tool, measured in TOOL_QUANTITIES.items() if quantity in measured]
             hint = f"; use the {suitable[0]}" if suitable else "; write the answer"
             raise AnswerError(f"the {instrument} cannot measure this{hint}")
-        if quantity == "wheel":
-            return self._wheel_motion()
-        value = self._value(quantity) + self._rng.gauss(0.0, noise)
-        return question.parse(f"{value!r} {question.unit}")
 
     def offer(self, question: Question) -> str:
         """What the usual instrument reads, with its noise; empty if none measures the quantity."""

@@ -18,10 +18,17 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from diffbotctl.calibrate.result import Finding
-from diffbotctl.prompts.question import ManualAction, MarkFloor, MotionNotice, Question
+from diffbotctl.prompts.question import (
+    ExpectedQuestion,
+    ManualAction,
+    MarkFloor,
+    MotionNotice,
+    Question,
+)
 
 if TYPE_CHECKING:
     from diffbotctl.calibrate.session import RobotSession
+    from diffbotctl.config.robot import Robot
 
 
 class Message(NamedTuple):
@@ -92,6 +99,9 @@ class Step(Protocol):
     """what it measures, in a few words"""
     lifted: bool
     """whether the wheels must be off the ground"""
+
+    def questions(self, robot: Robot) -> Sequence[ExpectedQuestion]:
+        """What it will ask on this robot; also what it may ask, or would ask on another one."""
 
     def run(self, session: RobotSession) -> StepRun:
         """Run the step. Raises RunError if it fails or is stopped."""

@@ -29,6 +29,7 @@ POSITION_SD_MIN_M = 0.001  # of a tape
 HEADING_SD_MIN_RAD = 0.005  # of a set square
 ITERATIONS = 6  # each reduces the error to a tenth or less
 SWAP_SIGNIFICANCE_SD = 5.0  # standard deviations of the means, above which a swap is reported
+CONTRADICTION_RATIO_MIN = 0.02  # of the side: residual means that no geometry explains
 SIDE_TRACK_RATIO_MAX = 8.0  # above, the errors are not small enough for the equations
 SIDE_MAX_M = 1.0
 QUARTER_TURN = pi / 2  # rad; one turn on the spot
@@ -195,7 +196,8 @@ def fit_umbmark(squares: SquareErrors, used: Geometry, weight: float = 1.0) -> U
     estimates = []
     if squares.has_positions:
         angles = _solve_angles(squares, used, angles_from_positions)
-        estimates.append((angles, 1.0 / _position_sd(squares) ** 2))
+        sd = max(_position_sd(squares), _misfit_sd(squares, used, angles))
+        estimates.append((angles, 1.0 / sd**2))
     if squares.has_headings:
         angles = _solve_angles(squares, used, angles_from_headings)
         estimates.append((angles, 1.0 / _heading_sd(squares) ** 2))
@@ -206,8 +208,8 @@ def fit_umbmark(squares: SquareErrors, used: Geometry, weight: float = 1.0) -> U
         weight * (sum(inverse * angles[index] for angles, inverse in estimates) / total)
         for index in (0, 1)
     )
-    # Each direction gives two coordinates; a spread from few squares is itself uncertain.
-    freedom = 2 * (len(squares.clockwise) + len(squares.counter) - 2)
+    # A spread from few squares is itself uncertain.
+    freedom = len(squares.clockwise) + len(squares.counter) - 2
     sd = sqrt(weight / total) * student_t(freedom) / STUDENT_T_95_LIMIT
     geometry = correct_geometry(used, squares.side, Angles(alpha, beta))
     before = after = nan
@@ -223,9 +225,17 @@ def squares_look_swapped(squares: SquareErrors) -> bool:
         return False
     ways = (squares.clockwise, squares.counter)
     size = systematic_error(*ways)
-    noise = max(_position_spread(ends) / sqrt(len(ends)) for ends in ways)
     means = [mean_end(ends) for ends in ways]
+    noise = _mean_noise(squares)
     return size > SWAP_SIGNIFICANCE_SD * noise and ends_look_swapped(squares.side, *means)
+
+
+def ends_contradict(squares: SquareErrors, result: UmbmarkResult) -> bool:
+    """Whether no geometry explains the centres of both directions."""
+    if not squares.has_positions:
+        return False
+    noise = SWAP_SIGNIFICANCE_SD * _mean_noise(squares)
+    return result.after > max(noise, CONTRADICTION_RATIO_MIN * squares.side)
 
 
 def _solve_angles(squares: SquareErrors, used: Geometry, rule: Rule) -> Angles:
@@ -255,11 +265,28 @@ def _residual_ends(
 
 
 def _position_sd(squares: SquareErrors) -> float:
+    # Each angle is the mean of two rules, each the sum of two means over four sides: so it depends
+    # on x + y of clockwise ends and x - y of the others. Corners that turn too far move both
+    # coordinates, which makes the scatter along these diagonals larger than along the axes.
     scatter = sum(
-        _position_spread(ends) ** 2 / len(ends) for ends in (squares.clockwise, squares.counter)
+        max(_position_spread(ends), _diagonal_spread(ends, sign)) ** 2 / len(ends)
+        for ends, sign in ((squares.clockwise, 1.0), (squares.counter, -1.0))
     )
-    # Each angle is the mean of two rules, each the sum of two means over four sides.
     return sqrt(scatter) / (SQUARE_SIDES * squares.side * sqrt(2.0))
+
+
+def _mean_noise(squares: SquareErrors) -> float:
+    """Standard deviation of the worse of both centres along an axis, m."""
+    ways = (squares.clockwise, squares.counter)
+    return max(_position_spread(ends) / sqrt(len(ends)) for ends in ways)
+
+
+def _misfit_sd(squares: SquareErrors, used: Geometry, angles: Angles) -> float:
+    """Standard deviation of the angles by the residual centres: four coordinates, two angles."""
+    geometry = correct_geometry(used, squares.side, angles)
+    residuals = _residual_ends(squares, used, geometry)
+    square_sum = sum(end.x**2 + end.y**2 for end in residuals)
+    return sqrt(square_sum / 2) / (SQUARE_SIDES * squares.side)
 
 
 def _heading_sd(squares: SquareErrors) -> float:
@@ -268,6 +295,11 @@ def _heading_sd(squares: SquareErrors) -> float:
         spread = stdev(end.heading for end in ends) if len(ends) > 1 else HEADING_SD_MIN_RAD
         scatter += max(spread, HEADING_SD_MIN_RAD) ** 2 / len(ends)
     return sqrt(scatter) / (2 * SQUARE_SIDES)
+
+
+def _diagonal_spread(ends: Sequence[EndError], sign: float) -> float:
+    """Standard deviation of an end along (1, `sign`), m; 0 of fewer than two ends."""
+    return stdev(end.x + sign * end.y for end in ends) / sqrt(2.0) if len(ends) > 1 else 0.0
 
 
 def _position_spread(ends: Sequence[EndError]) -> float:

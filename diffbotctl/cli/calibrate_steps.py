@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from diffbotctl.calibrate.session import RobotSession
     from diffbotctl.calibrate.simulated_session import SimulatedTools
     from diffbotctl.calibrate.step import Step
+    from diffbotctl.config.robot import Robot
     from diffbotctl.prompts.keyboard import Keyboard
     from diffbotctl.prompts.question import Prompter
     from diffbotctl.ui.calibration_screen import CalibrationScreen
@@ -75,6 +76,7 @@ def run(names: Sequence[str], options: CalibrateOptions, **settings: object) -> 
     screen = CalibrationScreen()
     steps = [make_step(name, **settings) for name in names]
     with _open_robot(options) as (session, prompter, tools, lines):
+        _check_answers(prompter, steps, session.file.robot)
         for number, step in enumerate(steps, 1):
             if len(steps) > 1:
                 with lines():
@@ -85,6 +87,19 @@ def run(names: Sequence[str], options: CalibrateOptions, **settings: object) -> 
         if tools is not None:
             for line in truth_report(tools.compare(session.findings.values())):
                 click.echo(line)
+
+
+def _check_answers(prompter: Prompter, steps: Sequence[Step], robot: Robot) -> None:
+    """Raises RunError for an answers file that does not fit the questions of these steps."""
+    from diffbotctl.calibrate.runner import question_names
+    from diffbotctl.prompts.answers_file import AnswersFile
+    from diffbotctl.start.steps import QUESTIONS
+
+    if isinstance(prompter, AnswersFile):
+        expected = [item for step in steps for item in step.questions(robot)]
+        # `diffbotctl start` has its own questions in the same file.
+        names = [*question_names(robot), *(question.name for question in QUESTIONS)]
+        prompter.check(expected, names)
 
 
 def _run_step(

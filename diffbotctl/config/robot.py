@@ -613,6 +613,13 @@ class Calibrated(Section):
 
     value: Any = Param(object, help="The value, written as in the field itself.")
     sd: Any = Param(object, none=True, default=None, help="Its standard deviation.")
+    own_sd: Any = Param(
+        object,
+        none=True,
+        default=None,
+        help="Of a wheel diameter or the track: what is left of `sd` when the mean diameter of "
+        "both wheels is known exactly. The rest is the scale that all lengths have in common.",
+    )
     date = Param(str, none=True, default=None, help="Date of the calibration.")
     method = Param(str, none=True, default=None, help="The calibration that measured it.")
     volts: Any = Param(

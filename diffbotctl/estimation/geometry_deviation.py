@@ -9,6 +9,7 @@ covariance (propagation of errors, J P J').
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import sqrt
 from typing import Any, NamedTuple, Protocol
 
 from diffbotctl.units import quantity
@@ -34,6 +35,7 @@ class CalibratedValue(Protocol):
     """One entry of the section `calibration` of the robot file."""
 
     sd: Any
+    own_sd: Any
 
 
 class GeometryDeviation(NamedTuple):
@@ -81,27 +83,50 @@ def geometry_deviations(
 ) -> tuple[GeometryDeviation, ...]:
     """The independent errors of `track` and of both wheel diameters (m).
 
-    The file does not tell how the errors of two calibrated diameters are related; they are taken as
-    independent, which can only overestimate the error of the heading. A ruler's error is common to
-    both diameters. `is_skid_steered`: four wheels slide in turns. Raises UnitError for an `sd` that
-    is no length.
+    A ruler's error is common to both diameters. So is the rest of their `sd` where the file states
+    an `own_sd`, and then each own part is the deviation from the mean of both: what one wheel is
+    larger by, the other one is smaller. A track with an `own_sd` was measured in multiples of the
+    mean diameter and shares its error. Of other calibrated lengths the file does not tell how their
+    errors are related; they are taken as independent. `is_skid_steered`: four wheels slide in
+    turns. Raises UnitError for an `sd` that is no length.
     """
+    left_entry, right_entry = calibration.get(LEFT_DIAMETER), calibration.get(RIGHT_DIAMETER)
+    own_left, own_right = _own_sd(left_entry), _own_sd(right_entry)
+    left_sd, right_sd = calibrated_sd(left_entry), calibrated_sd(right_entry)
+    if own_left is not None and own_right is not None and left_sd and right_sd:
+        scale = max(_rest(left_sd, own_left) / left, _rest(right_sd, own_right) / right)
+        wheels = [GeometryDeviation(left=own_left / left, right=-own_right / right)]
+        common = GeometryDeviation(left=scale, right=scale)
+    else:
+        wheels = [
+            GeometryDeviation(left=TYRE_RATIO_SD if left_sd is None else left_sd / left),
+            GeometryDeviation(right=TYRE_RATIO_SD if right_sd is None else right_sd / right),
+        ]
+        common = GeometryDeviation(
+            left=RULER_DIAMETER_SD / left if left_sd is None else 0.0,
+            right=RULER_DIAMETER_SD / right if right_sd is None else 0.0,
+        )
+    own_track = _own_sd(calibration.get(TRACK))
     track_sd = calibrated_sd(calibration.get(TRACK))
     if track_sd is None:
         track_sd = SKID_TRACK_SD * track if is_skid_steered else RULER_TRACK_SD
-    left_sd = calibrated_sd(calibration.get(LEFT_DIAMETER))
-    right_sd = calibrated_sd(calibration.get(RIGHT_DIAMETER))
-    ruler = GeometryDeviation(
-        left=RULER_DIAMETER_SD / left if left_sd is None else 0.0,
-        right=RULER_DIAMETER_SD / right if right_sd is None else 0.0,
-    )
-    deviations = (
-        GeometryDeviation(track=track_sd / track),
-        GeometryDeviation(left=TYRE_RATIO_SD if left_sd is None else left_sd / left),
-        GeometryDeviation(right=TYRE_RATIO_SD if right_sd is None else right_sd / right),
-        ruler,
-    )
+    if own_track is not None and common.left and common.right:
+        track_sd = own_track
+        common = common._replace(track=0.5 * (common.left + common.right))
+    deviations = (GeometryDeviation(track=track_sd / track), *wheels, common)
     return tuple(deviation for deviation in deviations if any(deviation))
+
+
+def _own_sd(entry: CalibratedValue | None) -> float | None:
+    """Standard deviation of a calibrated length for an exact mean diameter, m; None where it is not
+    stated."""
+    if entry is None or entry.own_sd is None:
+        return None
+    return quantity(str(entry.own_sd), "m")
+
+
+def _rest(sd: float, own_sd: float) -> float:
+    return sqrt(max(sd * sd - own_sd * own_sd, 0.0))
 
 
 def calibrated_sd(entry: CalibratedValue | None) -> float | None:

@@ -10,7 +10,7 @@ simulated or emulated robot with a simulated tool, with `noise` (standard deviat
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -25,10 +25,13 @@ from diffbotctl.errors import (
     Source,
     UsageError,
     UserError,
+    closest_match,
+    join_words,
 )
 from diffbotctl.prompts.question import (
     Answer,
     AnswerError,
+    ExpectedQuestion,
     Hands,
     ManualAction,
     MarkFloor,
@@ -47,6 +50,7 @@ class MeasuringTools(Hands, Protocol):
     def mark(self) -> None: ...
     def raise_wheels(self, is_raised: bool) -> None: ...
     def read(self, instrument: str, question: Question, noise: float) -> Answer: ...
+    def refuse_instrument(self, instrument: str, question: Question) -> None: ...
     def offer(self, question: Question) -> str: ...
 
 
@@ -67,6 +71,60 @@ class AnswersFile:
         self.path, self.tools, self.code, self.error = path, tools, code, error
         self.answers = _read(path, code)
         self._used: dict[str, int] = {}
+
+    def check(self, expected: Sequence[ExpectedQuestion], names: Collection[str]) -> None:
+        """Compare the file with the questions that will be asked, before anything moves.
+
+        `names` of all questions there are. Raises an error with all problems: names that no
+        question has, questions without an answer, answers that are none, too few of a list, and
+        what needs a person or a simulated robot.
+        """
+        causes = [*self._unknown_names(names)]
+        by_entry: dict[str, list[ExpectedQuestion]] = {}
+        for item in expected:
+            what = item.what
+            if isinstance(what, ManualAction):
+                if self.tools is None and item.times:
+                    causes.append(f"{what.name}: needs a person: {what.text}")
+                continue
+            name = self._matching_name(what.name)
+            # The entry of a whole group is for those of its questions that will be asked.
+            if name is not None and (item.times or name == what.name):
+                by_entry.setdefault(name, []).append(item)
+            elif name is None and item.times and what.default is None:
+                causes.append(f"{what.name}: is not answered in this file: {what.text}")
+        for name, items in by_entry.items():
+            causes += self._bad_answers(name, items)
+        if causes:
+            raise self.error([self._as_problem(cause) for cause in dict.fromkeys(causes)])
+
+    def _unknown_names(self, names: Collection[str]) -> Iterator[str]:
+        for entry in self.answers:
+            if not any(f"{name}.".startswith(f"{entry}.") for name in names):
+                near = closest_match(entry, names)
+                hint = f"; did you mean {near}?" if near else f"; there are {join_words(names)}"
+                yield f"{entry}: no question has this name{hint}"
+
+    def _bad_answers(self, name: str, items: Sequence[ExpectedQuestion]) -> Iterator[str]:
+        """Why the entry `name` cannot answer these questions."""
+        entry = self.answers[name]
+        questions = [item.what for item in items if isinstance(item.what, Question)]
+        if isinstance(entry, Mapping):
+            for question in questions:
+                try:
+                    self._noise(entry, question)
+                    if self.tools is not None:
+                        self.tools.refuse_instrument(entry["measure"], question)
+                except AnswerError as error:
+                    yield f"{name}: {error}"
+            return
+        for answer in entry if isinstance(entry, list) else [entry]:
+            reasons = [_reason(question, answer) for question in questions]
+            if all(reasons):
+                yield f"{name}: {reasons[0]}"
+        times = sum(item.times for item in items)
+        if isinstance(entry, list) and len(entry) < times:
+            yield f"{name}: it will be asked {times} times, but has {len(entry)} answers"
 
     def confirm_motion(self, notice: MotionNotice) -> None:
         """The author of the file agreed in advance. A simulated robot is raised or put down."""
@@ -114,19 +172,36 @@ class AnswersFile:
         return entry[number]
 
     def _measure(self, entry: Mapping[str, Any], question: Question) -> Answer:
+        noise = self._noise(entry, question)
+        assert self.tools is not None
+        return self.tools.read(entry["measure"], question, noise)
+
+    def _noise(self, entry: Mapping[str, Any], question: Question) -> float:
+        """The noise of a measured answer, in SI. Raises AnswerError if it cannot be measured."""
         if set(entry) - {"measure", "noise"} or not isinstance(entry.get("measure"), str):
             raise AnswerError("a measured answer looks like {measure: tape, noise: 1 mm}")
         if self.tools is None:
             raise AnswerError("only a simulated robot can be measured automatically")
         try:
-            noise = quantity(str(entry.get("noise", 0)), question.unit) if question.unit else 0.0
+            return quantity(str(entry.get("noise", 0)), question.unit) if question.unit else 0.0
         except UnitError as error:
             raise AnswerError(f"noise: {error}") from None
-        return self.tools.read(entry["measure"], question, noise)
 
     def _problem(self, name: str, cause: str) -> UserError:
+        return self.error(self._as_problem(f"{name}: {cause}"))
+
+    def _as_problem(self, cause: str) -> Problem:
         fix = "correct the answers file, or leave out --answers and answer yourself"
-        return self.error(Problem(self.code, str(self.path), f"{name}: {cause}", fix))
+        return Problem(self.code, str(self.path), cause, fix)
+
+
+def _reason(question: Question, answer: Any) -> str:
+    """Why `answer` is none to `question`; empty if it is one."""
+    try:
+        question.parse(answer)
+    except AnswerError as error:
+        return str(error)
+    return ""
 
 
 def _read(path: Path, code: str) -> dict[str, Any]:

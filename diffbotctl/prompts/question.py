@@ -105,6 +105,8 @@ class Question:
     """quantity that a simulated tool measures for this question"""
     default: Answer | None = None
     """answer for an empty line"""
+    is_whole: bool = False
+    """whether only a whole number is valid"""
     is_repeated: bool = False
     """whether the last answer was contradicted; an answers file gives the same again"""
 
@@ -156,10 +158,14 @@ class Question:
                 raise AnswerError(str(error)) from None
         if not isfinite(value):
             raise AnswerError(f"{text} is not a finite number")
+        if self.is_whole and value != round(value):
+            raise AnswerError(f"{text} is not a whole number")
         if not self.minimum <= value <= self.maximum:
-            limits = f"{self._format(self.minimum)} and {self._format(self.maximum)}"
+            limits = f"between {self._format(self.minimum)} and {self._format(self.maximum)}"
+            if self.minimum == self.maximum:
+                limits = self._format(self.minimum)
             reason = f": {self.limit_reason}" if self.limit_reason else ""
-            raise AnswerError(f"{self._format(value)} is not between {limits}{reason}")
+            raise AnswerError(f"{self._format(value)} is not {limits}{reason}")
         return value
 
     def _format(self, value: float) -> str:
@@ -169,6 +175,14 @@ class Question:
         if self.unit == "rad":
             return f"{value * 180 / pi:.6g} deg"
         return with_unit(value, self.unit)
+
+
+class ExpectedQuestion(NamedTuple):
+    """A question, or something for a hand to do, that a step will ask for."""
+
+    what: Question | ManualAction
+    times: int = 1
+    """at least; 0: perhaps"""
 
 
 class Prompter(Protocol):

@@ -5,7 +5,7 @@ import pytest
 from diffbotctl.calibrate.step import ManualAction
 from diffbotctl.errors import RunError, UsageError
 from diffbotctl.prompts.answers_file import AnswersFile
-from diffbotctl.prompts.question import Question
+from diffbotctl.prompts.question import AnswerError, ExpectedQuestion, Question
 
 READING = Question("distance.reading", "How far?", "m", "mm", 0.5, 2.0, quantity="distance")
 FACING = Question("geometry.facing", "How far round?", "rad", "deg", quantity="facing")
@@ -24,6 +24,10 @@ class Fixed:
     def read(self, instrument, question, noise):
         self.asked.append((instrument, question.name, noise))
         return self.value
+
+    def refuse_instrument(self, instrument, question):
+        if instrument == "ruler":
+            raise AnswerError("the ruler cannot measure this")
 
     def roll(self, wheel, turns):
         self.rolled.append((wheel, turns))
@@ -86,6 +90,67 @@ def test_what_cannot_answer_says_why(file, text, instruments, words):
 def test_a_hand_is_missing_for_a_real_robot(file):
     with pytest.raises(RunError, match="needs a person"):
         file("{}").act(ManualAction("encoders.left_turns", "turn it", ("left", 10.0)))
+
+
+SWAPPED = Question("geometry.swapped", "Which?", choices=("left", "none"))
+LIFT = ManualAction("imu.lift_front", "Lift it.", lift=("front", 0.4))
+ASKED = [
+    ExpectedQuestion(READING, 5),
+    ExpectedQuestion(LEFT, 2),
+    ExpectedQuestion(FACING, 0),
+    ExpectedQuestion(SWAPPED, 0),
+    ExpectedQuestion(Question("range.distance", "How far?", "m", default="10 cm")),
+]
+NAMES = ["distance.reading", "geometry.facing", "geometry.left", "geometry.swapped", "imu.facing"]
+WHOLE = "distance.reading: [998, 1001, 999, 1000, 1002]\ngeometry.left: [3, -4]\n"
+
+
+@pytest.mark.parametrize(
+    "text, words",
+    [
+        (WHOLE, []),
+        (WHOLE + "imu: {measure: protractor}\n", []),  # of a step that does not run
+        ("distance.reading: 1 m\ngeometry: {measure: tape, noise: 2 mm}\n", []),
+        (WHOLE + "distance.readin: 3\n", ["distance.readin: no question has this name; did you"]),
+        ("distance.reading: 998\n", ["geometry.left: is not answered in this file: How far left?"]),
+        (WHOLE + "geometry.swapped: right\n", ["geometry.swapped: 'right' is not valid"]),
+        (
+            "distance.reading: [998, 12 kg]\ngeometry.left: 3\n",
+            ["kg is a mass", "distance.reading: it will be asked 5 times, but has 2 answers"],
+        ),
+        ("distance.reading: 998 cm\ngeometry.left: 3\n", ["not between 500 mm and 2000 mm"]),
+        (
+            "distance.reading: 1 m\ngeometry.left: {measure: tape, noise: 1 V}\n",
+            ["geometry.left: noise: V is a voltage"],
+        ),
+        (
+            "distance.reading: {measure: ruler}\ngeometry.left: {with: tape}\n",
+            ["distance.reading: the ruler cannot", "geometry.left: a measured answer looks like"],
+        ),
+    ],
+)
+def test_a_file_is_compared_with_the_questions_before_anything_moves(file, text, words):
+    made = file(text, Fixed(0.0))
+    if not words:
+        made.check(ASKED, NAMES)
+        return
+    with pytest.raises(RunError) as raised:
+        made.check(ASKED, NAMES)
+    told = [" ".join(problem.cause.split()) for problem in raised.value.problems]
+    assert len(told) == len(words)
+    for cause, part in zip(told, words, strict=True):
+        assert part in cause
+
+
+def test_a_real_robot_needs_a_hand_and_a_tape_which_is_told_first(file):
+    made = file("distance.reading: {measure: tape}\ngeometry.left: 3\n")
+    with pytest.raises(RunError) as raised:
+        made.check([*ASKED, ExpectedQuestion(LIFT)], NAMES)
+    causes = [problem.cause for problem in raised.value.problems]
+    assert causes == [
+        "imu.lift_front: needs a person: Lift it.",
+        "distance.reading: only a simulated robot can be measured automatically",
+    ]
 
 
 @pytest.mark.parametrize("text", ["- 1\n", "a: [", "", "1: 2"])

@@ -51,12 +51,18 @@ def test_what_was_seen_against_what_was_counted(seen, left, right, noisy, before
     [
         (1.05, 1.0, (), False),  # a wheel that is 5 % larger than stated
         (0.85, 1.0, (), True),
+        (1.07, 1.0, (), True),  # more than three times the 2 % of wheels that nobody measured
         (1.05, 1.0, (1.048,), False),
         (1.005, 1.0, (1.048, 1.05), True),  # 1005 typed for 1050
     ],
 )
 def test_a_distance_against_the_wheels(tape, odometry, scales, is_contradicted):
     assert (scale_contradiction(tape, odometry, scales) is not None) == is_contradicted
+
+
+@pytest.mark.parametrize(("tape", "is_contradicted"), [(1.02, False), (1.05, True)])
+def test_wheels_that_a_tape_has_measured_are_known_better(tape, is_contradicted):
+    assert (scale_contradiction(tape, 1.0, (), 0.001) is not None) == is_contradicted
 
 
 def test_turns_of_the_other_wheel():

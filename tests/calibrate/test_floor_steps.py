@@ -62,6 +62,33 @@ def test_what_is_measured_in_diameters_is_no_surer_than_these(prepared, how):
         assert each.sd / each.value >= 0.99 * scale_sd > 0.0
 
 
+@pytest.mark.parametrize("how", ["squares", "spin", "straight"])
+def test_a_scale_that_nobody_measured_is_known_to_2_percent(prepared, how):
+    """Each length says so itself, and what is known of its ratio to the others."""
+    converted, prompter, _ = prepared()
+    more = {"runs": 2} if how == "squares" else {"repeats": 2}
+    outcome = run_step(make_step("geometry", how=how, **more), converted, prompter, Quiet())
+    lengths = [each for each in outcome.findings if each.field != "drive.slip"]
+    assert len(lengths) == {"squares": 3, "spin": 1, "straight": 2}[how]
+    for each in lengths:
+        assert each.sd / each.value == pytest.approx(0.02, rel=0.02)
+        assert 0.0 < each.own_sd < 0.2 * each.sd
+    assert "nobody measured it" in outcome.report[-1]
+    run_step(make_step("distance", repeats=3), converted, prompter, Quiet())
+    for each in lengths:
+        entry = converted.file.robot.calibration[each.field]
+        assert float(str(entry.sd).split()[0]) < 0.005 * each.value
+
+
+def test_a_track_says_that_distance_scaled_it_and_did_not_find_it(prepared):
+    converted, prompter, _ = prepared()
+    run_step(make_step("geometry", how="spin", repeats=1), converted, prompter, Quiet())
+    for _ in range(2):
+        outcome = run_step(make_step("distance", repeats=1), converted, prompter, Quiet())
+    track = next(each for each in outcome.findings if each.field == "drive.track")
+    assert track.method == "trial+distance"  # a written one: spin+distance
+
+
 def test_straight_runs_tell_the_ratio_and_keep_the_mean(prepared):
     converted, prompter, body = prepared()
     run_step(make_step("geometry", how="straight"), converted, prompter, Quiet())

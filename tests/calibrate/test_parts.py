@@ -72,6 +72,36 @@ def test_a_card_in_the_fold_is_named(robot):
     assert "curve" not in robot.read_text()
 
 
+def test_a_misread_distance_is_named_and_measured_again(robot):
+    """12 cm typed for 10: without it the others fit."""
+    typed = ["4 cm", "7 cm", "12 cm", "16 cm", "25 cm", "30 cm"]
+    result = calibrate("range", {"range.distance": typed})
+    assert result.exit_code == 0, result.output
+    said = " ".join(result.output.split())
+    assert "Without the point at 10 cm the others fit, and by these the card stood at" in said
+    assert "not at 12 cm. Measure this point again." in said
+    assert "Put the card 10 cm from the sensor's front." in said
+    curve = load_robot(str(robot)).robot.sensors["front"].curve
+    volts = dict(CURVE)[0.10] + 0.12
+    assert distance_at(volts, curve.a, curve.b, curve.c) == pytest.approx(0.10, abs=0.003)
+
+
+def test_a_distance_that_is_misread_again_is_refused_by_its_name(robot):
+    typed = ["4 cm", "7 cm", "12 cm", "16 cm", "25 cm", "30 cm"]
+    result = calibrate("range", {"range.distance": typed, "range.repeated_distance": "12 cm"})
+    assert isinstance(result.exception, RunError)
+    assert "without the point at 10 cm the others fit" in result.exception.problems[0].cause
+    assert "curve.a" not in robot.read_text()
+
+
+def test_points_of_no_curve_are_told_with_their_errors(robot):
+    """Each of three is wrong; the curve's own deviation would be larger than half of it."""
+    typed = ["4 cm", "9 cm", "9.5 cm", "20 cm", "22 cm", "40 cm"]
+    result = calibrate("range", {"range.distance": typed})
+    assert isinstance(result.exception, RunError), result.output
+    assert "no curve of such a sensor fits these points" in result.exception.problems[0].cause
+
+
 def test_a_distance_that_no_rule_shows_is_refused(robot):
     result = calibrate("range", {"range.distance": "4 m"})
     assert isinstance(result.exception, RunError)
@@ -86,6 +116,42 @@ def test_the_divider_follows_from_the_meter_s_reading(robot):
     assert calibrated.battery.divider == pytest.approx(3.18, rel=0.005)
     assert calibrated.battery.low == pytest.approx(2 * 3.3)
     assert calibrated.calibration["battery.divider"].volts == "7.6 V"
+
+
+@pytest.mark.parametrize(
+    "answers, words",
+    [
+        # 7.6 V at rest: two cells of at most 4.25 V, and of at least 3.3 V
+        (
+            {"battery.cells": 3},
+            "3 is not 2: lipo cells have 3.3 to 4.25 V each, and the meter shows 7.60 V",
+        ),
+        ({"battery.cells": "2.5"}, "2.5 is not a whole number"),
+        ({"battery.cells": 0}, "0 is not 2"),
+        ({"battery.volts": "76 V"}, "76 V is not between 3 V and 30 V"),
+    ],
+)
+def test_cells_that_contradict_the_meter_are_refused(robot, answers, words):
+    result = calibrate("battery", ANSWERS | answers)
+    assert isinstance(result.exception, RunError)
+    assert words in result.exception.problems[0].cause
+    assert "battery.low" not in robot.read_text()
+
+
+def test_a_meter_that_contradicts_the_board_is_told_with_both_figures(robot):
+    """7.6 V in truth are 7.17 V by the stated divider; 9.1 V are 27 % more."""
+    result = calibrate("battery", ANSWERS | {"battery.volts": "9.1 V"}, "--dry-run")
+    said = " ".join(result.output.split())
+    assert "The board reports 7.17 V" in said and "9.10 V differ from that by +27 %" in said
+
+
+def test_an_empty_battery_gets_no_low_limit_above_its_voltage(robot):
+    """One LiPo cell has at most 4.25 V, and two have 6.6 V or more unless they are empty."""
+    result = calibrate("battery", ANSWERS | {"battery.volts": "6.5 V"})
+    assert result.exit_code == 0, result.output
+    said = " ".join(result.output.split())
+    assert "no number of lipo cells, of 3.3 to 4.25 V each, has 6.50 V" in said
+    assert load_robot(str(robot)).robot.battery.low == 0.0  # none
 
 
 def test_other_steps_note_the_voltage_where_the_board_measures_it(robot):
@@ -119,9 +185,11 @@ def test_a_divider_that_cannot_be_is_refused(board_volts, meter, word):
 @pytest.mark.parametrize(
     "volts, kind, cells",
     [
-        (8.4, "lipo", (2, 3)),  # one cell has 4.25 V at most; three of 2.8 V are forgotten ones
-        (7.2, "nimh", (5, 9)),  # 4.8 cells of 1.5 V; 9.6 of 0.75 V
-        (6.0, "alkaline", (4, 8)),  # 3.6 of 1.65 V; 8.9 of 0.675 V
+        (8.4, "lipo", (2, 2)),  # one cell has 4.25 V at most; three of 2.8 V would be empty
+        (7.2, "nimh", (5, 7)),  # 4.8 cells of 1.5 V; 7.2 of 1.0 V
+        (6.0, "alkaline", (4, 6)),  # 3.6 of 1.65 V; 6.7 of 0.9 V
+        (12.4, "li-ion", (3, 4)),  # 2.9 of 4.25 V; 4 of 3.1 V
+        (3.2, "lipo", (1, 0)),  # one empty cell: no low limit below what it has now
     ],
 )
 def test_how_many_cells_a_voltage_allows(volts, kind, cells):

@@ -1,5 +1,6 @@
 """A sensor's curve through ruler points: near the data sheet's typical part, offset, with noise."""
 
+from dataclasses import replace
 from random import Random
 from statistics import fmean, pstdev
 
@@ -8,7 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as some
 
 from diffbotctl.blocks.range_sensor import distance_at, volts_at
-from diffbotctl.calibrate.range_fit import RULER_DISTANCES_M, RulerPoint, error_limit, fit_curve
+from diffbotctl.calibrate.range_fit import (
+    RULER_DISTANCES_M,
+    RulerPoint,
+    error_limit,
+    find_misread,
+    fit_curve,
+)
 
 # The data sheet's typical part on white paper, read from its figure: cm, V.
 DATA_SHEET = (
@@ -112,3 +119,25 @@ def test_a_point_in_the_folded_range_is_off_the_curve():
     # 2 cm read as 4 cm: 2.22 V where the other points ask for 2.72 V
     fit = fit_curve([RulerPoint(0.04, 2.22, 0.0, 1), *exact()[1:]])
     assert fit.bad_points()
+
+
+@pytest.mark.parametrize("number", range(6))
+@pytest.mark.parametrize("ratio", [0.8, 1.2])
+def test_the_misread_point_of_six_is_found(number, ratio):
+    points = exact()
+    points[number] = replace(points[number], distance=ratio * points[number].distance)
+    point, fit = find_misread(points)
+    assert point is points[number]
+    assert fit.distance(point) == pytest.approx(RULER_DISTANCES_M[number], rel=0.1)
+
+
+def test_two_misread_points_blame_no_third():
+    points = exact()
+    for number in (1, 4):
+        points[number] = replace(points[number], distance=1.2 * points[number].distance)
+    found = find_misread(points)
+    assert found is None or found[0] in (points[1], points[4])
+
+
+def test_points_that_fit_blame_none():
+    assert find_misread(exact()) is None

@@ -87,6 +87,7 @@ def test_exchanged_directions_are_named(robot):
     lines = [
         "geometry.forward: [-94, -94, -94, -94]",
         f"geometry.left: [{', '.join(counter + clockwise)}]",
+        "geometry.swapped: directions",
     ]
     Path("swapped.yaml").write_text("\n".join(lines) + "\n")
     done = calibrate(
@@ -209,6 +210,18 @@ def test_at_the_mark_too_other_words_start_no_motor(robot):
     person.type("stop")
     person.wait_for("the motion was refused")
     assert person.close() == 1
+    assert not list(Path("recordings").glob("*.csv"))
+
+
+def test_answers_that_fit_no_question_are_told_before_the_robot_drives(robot):
+    Path("few.yaml").write_text("distance.reading: [998, 999]\ndistance.repeats: 3\n")
+    done = calibrate(
+        "distance", "--robot", robot, "--port", "sim", "--answers", "few.yaml", "--yes"
+    )
+    causes = [problem.cause for problem in done.exception.problems]
+    assert causes[0].startswith("distance.repeats: no question has this name")
+    assert causes[1] == "distance.reading: it will be asked 5 times, but has 2 answers"
+    assert "The robot drives" not in done.output
     assert not list(Path("recordings").glob("*.csv"))
 
 

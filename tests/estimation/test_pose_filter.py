@@ -175,6 +175,7 @@ def test_variance_of_a_wheel_adds_variance_of_heading_and_lateral_position():
 
 class Entry(NamedTuple):
     sd: object
+    own_sd: object = None
 
 
 LENGTHS = (TRACK, 0.065, 0.064)  # m: track, left and right diameter
@@ -240,6 +241,37 @@ def test_the_error_of_a_ruler_is_common_to_both_diameters():
     xx, *_, hh = pose.message(0, Wheel(0.0), Wheel(0.0)).covariance
     assert xx == pytest.approx((1 / 65) ** 2 + 2 * 0.0025**2)
     assert hh == pytest.approx(2 * (0.005 / TRACK) ** 2)
+
+
+def test_the_scale_that_all_lengths_share_changes_the_way_and_no_turn():
+    """Squares without a tape: 2 % of the scale; the ratio of the wheels, and the track in wheels,
+    are known to 0.01 %."""
+    calibration = {
+        "drive.track": Entry("2.5 mm", "0.0125 mm"),
+        "drive.left.wheel.diameter": Entry("1.3 mm", "0.00325 mm"),
+        "drive.right.wheel.diameter": Entry("1.3 mm", "0.00325 mm"),
+    }
+    errors = geometry_deviations(TRACK, 0.065, 0.065, calibration)
+    assert errors == (
+        pytest.approx((0.0001, 0, 0)),
+        pytest.approx((0, 0.00005, -0.00005)),
+        pytest.approx((0.02, 0.02, 0.02), rel=1e-3),
+    )
+    turn, straight = (PoseFilter(TRACK, 0.0, errors) for _ in range(2))
+    for _ in range(100):
+        turn.move(Wheel(-0.01 * TRACK), Wheel(0.01 * TRACK))  # 2 rad
+        straight.move(Wheel(0.01), Wheel(0.01))  # 1 m
+    assert turn.message(0, Wheel(0.0), Wheel(0.0)).covariance[5] == pytest.approx(0.0002**2)
+    xx, _, _, _, _, hh = straight.message(0, Wheel(0.0), Wheel(0.0)).covariance
+    assert xx == pytest.approx(0.02**2, rel=1e-3)
+    assert hh == pytest.approx((0.0001 / TRACK) ** 2)  # what one wheel is larger by, both differ by
+
+
+def test_a_track_found_in_wheels_that_a_ruler_measured_shares_its_error():
+    calibration = {"drive.track": Entry("2.5 mm", "0.0125 mm")}
+    errors = geometry_deviations(TRACK, 0.065, 0.065, calibration)
+    assert errors[-1] == pytest.approx((1 / 65, 1 / 65, 1 / 65))
+    assert errors[0] == pytest.approx((0.0001, 0, 0))
 
 
 def test_encoders_that_miss_edges_shorten_the_way_together_and_turn_it_apart():

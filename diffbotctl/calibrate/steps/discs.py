@@ -23,7 +23,7 @@ from diffbotctl.estimation.slot_errors import SlotErrors
 from diffbotctl.estimation.wheel_odometer import WheelOdometer
 from diffbotctl.estimation.wheel_side import LinkTiming
 from diffbotctl.messages import Battery, Encoders, Wheels
-from diffbotctl.prompts.question import MotionNotice
+from diffbotctl.prompts.question import ExpectedQuestion, MotionNotice
 from diffbotctl.runs.build_graph import build_block
 
 SPEED_WANDER_RATIO = 0.35  # of the noise that odometry assumes for the speeds on a floor
@@ -140,6 +140,10 @@ class DiscStep:
     name: str = "discs"
     title: str = "the slot positions of both encoder discs"
     lifted: bool = True
+
+    def questions(self, robot: Robot) -> Sequence[ExpectedQuestion]:
+        """None: nothing is asked."""
+        return ()
 
     def run(self, session: RobotSession) -> StepRun:
         """Turn both wheels forward, then backward; learn the discs from the edge times."""

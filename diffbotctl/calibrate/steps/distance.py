@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import hypot
@@ -9,16 +10,28 @@ from math import hypot
 from diffbotctl.calibrate.autonomous_drive import drive_to, reach_of
 from diffbotctl.calibrate.confidence import RobustMean, robust_mean
 from diffbotctl.calibrate.contradiction import ask_checked, scale_contradiction
-from diffbotctl.calibrate.known_lengths import known_difference_sd, known_sd, rest_sd
+from diffbotctl.calibrate.known_lengths import (
+    known_difference_sd,
+    known_scale_sd,
+    known_track_sd,
+    rest_sd,
+    with_scale,
+)
 from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, TRACK, Finding
 from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.step import Message, Outcome, StepProgress, StepRun
+from diffbotctl.config.configuration import RobotFile
 from diffbotctl.config.robot import Robot
-from diffbotctl.prompts.question import MarkFloor, MotionNotice, Question
+from diffbotctl.errors import Problem, RunError
+from diffbotctl.prompts.question import ExpectedQuestion, MarkFloor, MotionNotice, Question
 
 REPEATS = 5
 TAPE_SD_RATIO = 0.001  # of the distance
+# Of the mean wheel diameter from the stated one: kit wheels, and tyres under their load, are within
+# 4 %.
+STATED_ERROR_MAX = 0.06
 READING_ERROR_RATIO_MAX = 0.35  # of the distance; more is a mistake in writing
+SCALED = "+distance"  # behind the method that found a track, whose scale this step replaces
 MM = 1000.0
 
 
@@ -31,6 +44,10 @@ class DistanceStep:
     name: str = "distance"
     title: str = "the wheel diameters, with a tape"
     lifted: bool = False
+
+    def questions(self, robot: Robot) -> Sequence[ExpectedQuestion]:
+        """The reading of the tape after each drive."""
+        return [ExpectedQuestion(self._question(0), self.repeats)]
 
     def run(self, session: RobotSession) -> StepRun:
         """Drive and have the distance measured, repeatedly; the scale is tape over odometry."""
@@ -47,18 +64,23 @@ class DistanceStep:
             yield MarkFloor("Put the robot at the start. Mark the floor beside both tyres.")
             end = drive_to(session, [(self.metres, 0.0, None)], reach)
             odometry = hypot(end.x, end.y)
-            check = partial(scale_contradiction, odometry=odometry, scales=tuple(scales))
+            check = partial(
+                scale_contradiction,
+                odometry=odometry,
+                scales=tuple(scales),
+                scale_sd=known_scale_sd(session.file.robot),
+            )
             tape = yield from ask_checked(self._question(number), check)
             scales.append(tape / odometry)
             yield Message(f"odometry: {odometry * MM:.0f} mm, tape: {tape * MM:.0f} mm")
         scale = robust_mean(scales, TAPE_SD_RATIO)
+        _refuse_other_wheels(session.file, scale.value)
         common = rest_sd(session.file.robot) / self.metres
         scale = scale._replace(
-            sd=hypot(scale.sd, common), half_width=hypot(scale.half_width, 2 * common)
+            sd=hypot(scale.half_width / 2, common), half_width=hypot(scale.half_width, 2 * common)
         )
-        return Outcome(
-            "distance", _findings(session.file.robot, scale), self._report(scale, scales)
-        )
+        report = [*self._report(scale, scales), *_diameter_report(session.file, scale)]
+        return Outcome("distance", _findings(session.file.robot, scale), report)
 
     def _question(self, number: int) -> Question:
         return Question(
@@ -85,6 +107,38 @@ class DistanceStep:
         return lines
 
 
+def _refuse_other_wheels(file: RobotFile, scale: float) -> None:
+    """Raises RunError if wheels that make `scale` of their present way are none of those that the
+    robot file states."""
+    ratio = scale * _mean_diameter(file.robot) / _mean_diameter(file.nominal)
+    if abs(ratio - 1) <= STATED_ERROR_MAX:
+        return
+    size = "larger" if ratio > 1 else "smaller"
+    stated = _mean_diameter(file.nominal) * MM
+    cause = (
+        f"by the tape the wheels have {stated * ratio:.1f} mm, {100 * abs(ratio - 1):.0f} % {size} "
+        f"than the {stated:.1f} mm of the robot file"
+    )
+    fix = (
+        "measure a wheel with a ruler and the way from the mark to the tyre with another tape. If "
+        "the wheel has that size, correct `diameter` in the robot file; if not, is the number of "
+        "slots right? Then run this step again"
+    )
+    raise RunError(Problem("E-CALIBRATE-ROBOT", "distance", cause, fix))
+
+
+def _diameter_report(file: RobotFile, scale: RobustMean) -> list[str]:
+    stated, now = _mean_diameter(file.nominal), _mean_diameter(file.robot) * scale.value
+    return [
+        f"mean wheel diameter: {now * MM:.2f} mm, {100 * (now / stated - 1):+.1f} % from the "
+        f"{stated * MM:.2f} mm that the robot file states"
+    ]
+
+
+def _mean_diameter(robot: Robot) -> float:
+    return (robot.drive.left.wheel.diameter + robot.drive.right.wheel.diameter) / 2
+
+
 def _findings(robot: Robot, scale: RobustMean) -> list[Finding]:
     """Both diameters. A track that was calibrated by turning is scaled with them: turning
     determines the ratio of track and diameter.
@@ -93,14 +147,18 @@ def _findings(robot: Robot, scale: RobustMean) -> list[Finding]:
     """
     drive = robot.drive
     lengths = {RIGHT_DIAMETER: drive.right.wheel.diameter, LEFT_DIAMETER: drive.left.wheel.diameter}
-    if TRACK in robot.calibration:
-        lengths[TRACK] = drive.track
-    findings = []
-    for field, length in lengths.items():
-        sd = length * scale.sd
-        if field == TRACK:
-            sd = hypot(sd, known_sd(robot, TRACK))
-        else:
-            sd = hypot(sd, length * known_difference_sd(robot, field))
-        findings.append(Finding(field, length * scale.value, sd))
+    findings = [
+        Finding(
+            field,
+            length * scale.value,
+            *with_scale(length * scale.value, known_difference_sd(robot, field), scale.sd),
+        )
+        for field, length in lengths.items()
+    ]
+    entry = robot.calibration.get(TRACK)
+    if entry is not None:
+        track = drive.track * scale.value
+        sds = with_scale(track, known_track_sd(robot) / drive.track, scale.sd)
+        method = (entry.method or "").removesuffix(SCALED)
+        findings.append(Finding(TRACK, track, *sds, method=f"{method}{SCALED}" if method else ""))
     return findings

@@ -7,8 +7,8 @@ unproven robots.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping
-from dataclasses import dataclass
+from collections.abc import Generator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from math import pi
 from typing import Any
 
@@ -28,15 +28,23 @@ from diffbotctl.calibrate.wiring_detection import (
     detect_wiring,
     wiring_findings,
 )
-from diffbotctl.config.robot import SIDES
+from diffbotctl.config.robot import SIDES, Robot
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.messages import Duty
-from diffbotctl.prompts.question import ManualAction, MarkFloor, MotionNotice, Question
+from diffbotctl.prompts.question import (
+    ExpectedQuestion,
+    ManualAction,
+    MarkFloor,
+    MotionNotice,
+    Question,
+)
 
 PULSE_TIME_S = 0.4  # the board detects a stall after 0.5 s without edges above 0.3 of duty
 WEAK_DUTY, STRONG_DUTY = 0.45, 0.8  # three times a usual dead band; enough for a stiff gear
 ROLL_LISTEN_TIME_S = 0.5  # until the last edge is reported
 TURNS_PER_ROLL = 10  # an error of 5 degrees at the end is 0.14 %
+PULSE_TEXT = "Which wheel turned, and in which direction?"
+PROOF_TEXT = "Which wheels turned, and in which direction?"
 ROLLS_PER_WHEEL = 3  # so that a miscounted one is detected
 
 
@@ -49,6 +57,15 @@ class EncoderStep:
     name: str = "encoders"
     title: str = "wiring, directions and slots of motors and encoders"
     lifted: bool = True
+
+    def questions(self, robot: Robot) -> Sequence[ExpectedQuestion]:
+        """What each pulse turned, and the turns by hand."""
+        questions = [
+            ExpectedQuestion(_motion_question("encoders.wheel", PULSE_TEXT), len(SIDES)),
+            ExpectedQuestion(_motion_question("encoders.proof", PROOF_TEXT)),
+        ]
+        turns = [ExpectedQuestion(self._turns_by_hand(side)) for side in SIDES if self.rolls]
+        return [*questions, *turns]
 
     def run(self, session: RobotSession) -> StepRun:
         """Pulse the motors, detect the wiring, prove the directions, then have wheels turned."""
@@ -115,15 +132,10 @@ class EncoderStep:
 
     def _roll(self, session: RobotSession, side: str, encoder: str) -> Generator[Event, Any, int]:
         """Counts at an input while a wheel is turned by hand."""
-        turns = "one turn" if self.turns == 1 else f"{self.turns} turns"
-        text = (
-            f"Turn the {side} wheel forward by hand, exactly {turns}, at most one turn per second. "
-            "A mark on the tyre helps."
-        )
         other = OTHER_SIDE[encoder]
         for _ in range(ATTEMPTS_MAX):
             before = _counts(session)
-            yield ManualAction(f"encoders.{side}_turns", text, (side, float(self.turns)))
+            yield self._turns_by_hand(side)
             session.listen(ROLL_LISTEN_TIME_S)
             after = _counts(session)
             counts = {socket: abs(after[socket] - before[socket]) for socket in SIDES}
@@ -132,6 +144,14 @@ class EncoderStep:
                 break
             yield Message(f"{reason} Was the other wheel turned? Turn the {side} one again.")
         return counts[encoder]
+
+    def _turns_by_hand(self, side: str) -> ManualAction:
+        turns = "one turn" if self.turns == 1 else f"{self.turns} turns"
+        text = (
+            f"Turn the {side} wheel forward by hand, exactly {turns}, at most one turn per second. "
+            "A mark on the tyre helps."
+        )
+        return ManualAction(f"encoders.{side}_turns", text, (side, float(self.turns)))
 
 
 def _motion_notice(session: RobotSession, motors: str) -> MotionNotice:
@@ -165,7 +185,7 @@ def _pulse(
         counts = {side: abs(count) for side, count in signed.items()}
         seen = yield from _ask_motion(
             "encoders.wheel",
-            "Which wheel turned, and in which direction?",
+            PULSE_TEXT,
             is_repeated=bool(answers),
         )
         reason = pulse_contradiction(seen, counts, noisy, before)
@@ -206,7 +226,7 @@ def _prove_directions(session: RobotSession) -> Generator[Event, Any, list[Findi
         counts = {side: abs(count) for side, count in signed.items()}
         seen = yield from _ask_motion(
             "encoders.proof",
-            "Which wheels turned, and in which direction?",
+            PROOF_TEXT,
             is_repeated=bool(answers),
         )
         reason = pulse_contradiction(seen, counts, set(), None)
@@ -222,9 +242,12 @@ def _prove_directions(session: RobotSession) -> Generator[Event, Any, list[Findi
 
 
 def _ask_motion(name: str, text: str, is_repeated: bool) -> Generator[Event, Any, WheelMotion]:
+    return WheelMotion((yield replace(_motion_question(name, text), is_repeated=is_repeated)))
+
+
+def _motion_question(name: str, text: str) -> Question:
     choices = tuple(motion.value for motion in WheelMotion)
-    question = Question(name, text, choices=choices, quantity="wheel", is_repeated=is_repeated)
-    return WheelMotion((yield question))
+    return Question(name, text, choices=choices, quantity="wheel")
 
 
 def _counts(session: RobotSession) -> dict[str, int]:

@@ -16,8 +16,10 @@ from math import acos, degrees, pi
 from typing import Any
 
 from diffbotctl.calibrate.confidence import robust_mean
+from diffbotctl.calibrate.end_answers import FACING
 from diffbotctl.calibrate.imu_mounting import (
     find_direction,
+    lift_action,
     read_axis,
     refuse_faulty,
     rest_rate,
@@ -27,12 +29,12 @@ from diffbotctl.calibrate.result import GYRO_AXES, GYRO_SCALE, Finding
 from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.step import Event, Message, Outcome, StepProgress, StepRun
 from diffbotctl.calibrate.steps.spin import REACH_M, TURN_RATE_RAD_S, spin_command
-from diffbotctl.calibrate.steps.squares import FACING
 from diffbotctl.config.robot import ImuSection, Robot
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.messages import Encoders
-from diffbotctl.prompts.question import MarkFloor, MotionNotice
+from diffbotctl.prompts.question import ExpectedQuestion, MarkFloor, MotionNotice
 
+SPIN_FACING = replace(FACING, name="imu.facing")
 TURNS_PER_SPIN = 10
 SETTLE_TIME_S = 0.5  # a wheel with few slots creeps on unseen
 REST_TIME_S = 3.0
@@ -54,6 +56,13 @@ class ImuStep:
     name: str = "imu"
     title: str = "axis and scale of the gyro, from turns on the spot"
     lifted: bool = False
+
+    def questions(self, robot: Robot) -> Sequence[ExpectedQuestion]:
+        """The lifts, and the heading after each spin."""
+        if robot.imu.type is None:
+            return [ExpectedQuestion(SPIN_FACING, 0)]
+        questions = [ExpectedQuestion(SPIN_FACING, 2 * self.repeats)]
+        return [*questions, ExpectedQuestion(lift_action("front"))] if self.lift else questions
 
     def run(self, session: RobotSession) -> StepRun:
         """Find the axis, then turn and have the final heading measured, to the left and right."""
@@ -110,7 +119,7 @@ class ImuStep:
         angle = direction * 2 * pi * self.turns
         measured = _turn_on_the_spot(session, angle)
         refuse_wrong_axis(measured, angle, imu.axes)
-        facing = float((yield replace(FACING, name="imu.facing")))
+        facing = float((yield SPIN_FACING))
         return (facing + 2 * pi * round((imu.scale * measured - facing) / (2 * pi))) / measured
 
 

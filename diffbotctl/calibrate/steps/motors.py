@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import floor, hypot, pi
 from typing import NamedTuple
 
 from diffbotctl.calibrate.fast_decay_lag import fit_fast_lags
-from diffbotctl.calibrate.motor_curve import MotorCurve, fit_curves
+from diffbotctl.calibrate.motor_curve import MotorCurve, fit_curves, with_duty_sd
 from diffbotctl.calibrate.motor_experiments import (
     CM,
     DIRECTIONS,
     DUTY_LEVELS,
+    DUTY_SD,
     MEASURING_TIME_S,
     SETTLING_TIME_S,
     Motion,
@@ -39,7 +40,7 @@ from diffbotctl.config.robot import SIDES, Robot
 from diffbotctl.control.speed_loop import default_gains
 from diffbotctl.drivers.robot_ports import is_duty_board
 from diffbotctl.errors import Problem, RunError
-from diffbotctl.prompts.question import MotionNotice
+from diffbotctl.prompts.question import ExpectedQuestion, MotionNotice
 
 SPEED_LIMIT_RATIO = 0.95  # of the rated speed; the rest is for the loops and a weaker battery
 STATIC_DUTY_MAX = 0.75
@@ -76,6 +77,10 @@ class MotorStep:
     title: str = "dead band, speed and lag of the motors; sets the speed loops"
     lifted: bool = True
 
+    def questions(self, robot: Robot) -> Sequence[ExpectedQuestion]:
+        """None: nothing is asked."""
+        return ()
+
     def run(self, session: RobotSession) -> StepRun:
         """Measure breakaway duties, speeds and step responses, then try the fitted loops."""
         session.connect()
@@ -84,9 +89,12 @@ class MotorStep:
         breakaway = yield from measure_breakaway(session)
         speeds = yield from measure_speeds(session)
         steps = yield from record_steps(session)
-        curves = fit_curves(
-            {side: [*speeds[side, "forward"], *speeds[side, "backward"]] for side in SIDES}
-        )
+        curves = {
+            side: with_duty_sd(curve, DUTY_SD)
+            for side, curve in fit_curves(
+                {side: [*speeds[side, "forward"], *speeds[side, "backward"]] for side in SIDES}
+            ).items()
+        }
         lags = _fit_lags(robot, steps, curves)
         motors = {
             side: _fit_motor(side, breakaway, speeds, lags[side], curves.get(side))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from statistics import fmean, stdev
 from typing import Any
@@ -13,16 +13,18 @@ from diffbotctl.calibrate.range_fit import (
     RangeFit,
     RulerPoint,
     error_limit,
+    find_misread,
     fit_curve,
 )
 from diffbotctl.calibrate.result import Finding
 from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.step import CurvePlot, Event, Message, Outcome, StepProgress, StepRun
+from diffbotctl.config.checks.calibration import SD_RATIO_MAX
 from diffbotctl.config.robot import Robot
 from diffbotctl.errors import Problem, RunError, join_words
 from diffbotctl.geometry.distance_sensors import is_analog, volts_at
 from diffbotctl.messages import Volts
-from diffbotctl.prompts.question import ManualAction, Question
+from diffbotctl.prompts.question import ExpectedQuestion, ManualAction, Question
 
 SETTLING_TIME_S = 0.2  # readings from before the card stood still are discarded
 LISTEN_TIME_S = 5.0  # 200 readings at 40 Hz reduce 10 mV of noise to 0.7 mV
@@ -31,6 +33,7 @@ STEADY_DEVIATIONS_MAX = 5.0  # between the halves of the readings; more, and the
 STEADY_MIN_V = 0.005  # one step of the converter
 BATTERY_LISTEN_TIME_S = 2.5  # a board that measures its battery reports it in this time
 DISTANCE_MIN_M, DISTANCE_MAX_M = 0.03, 0.50  # outside, a point does not help the curve
+REPEATS_MAX = 2  # of points that the others contradict
 CURVE_POINTS = 57  # of the plot
 CM, MM, MV = 100.0, 1000.0, 1000.0
 
@@ -45,6 +48,16 @@ class RangeStep:
     title: str = "the curve of the distance sensor, with a ruler"
     lifted: bool = False
 
+    def questions(self, robot: Robot) -> Sequence[ExpectedQuestion]:
+        """The distance at each place of the card; once more that of a misread point."""
+        card = _card_action(self.sensor, RULER_DISTANCES_M[0])
+        questions = [_question(name, "") for name in ("range.distance", "range.repeated_distance")]
+        return [
+            ExpectedQuestion(questions[0], len(RULER_DISTANCES_M)),
+            ExpectedQuestion(questions[1], 0),
+            ExpectedQuestion(card),
+        ]
+
     def run(self, session: RobotSession) -> StepRun:
         """Have a card put at each distance, average the voltages, fit the curve."""
         sensor = self._sensor(session.file.robot)
@@ -58,10 +71,7 @@ class RangeStep:
         for number, distance in enumerate(RULER_DISTANCES_M):
             yield StepProgress("distances", number, len(RULER_DISTANCES_M))
             points.append((yield from self._measure(session, sensor, distance)))
-        try:
-            fit = fit_curve(points)
-        except ValueError as error:
-            raise _sensor_error(sensor, str(error)) from error
+        fit = yield from self._fit(session, sensor, points)
         yield _curve_plot(sensor, fit)
         return Outcome(
             "range",
@@ -70,6 +80,44 @@ class RangeStep:
             pictures={"points.csv": _points_table(fit)},
             volts=session.listen(BATTERY_LISTEN_TIME_S).battery_volts,
         )
+
+    def _fit(
+        self, session: RobotSession, sensor: str, points: list[RulerPoint]
+    ) -> Generator[Event, Any, RangeFit]:
+        """The curve. A point without which all others fit is measured again, once each.
+
+        Raises RunError if no curve fits, or the point is no better then.
+        """
+        for repeat in range(REPEATS_MAX + 1):
+            reason = ""
+            try:
+                fit = fit_curve(points)
+            except ValueError as error:
+                reason = str(error)
+            else:
+                if not fit.bad_points():
+                    return fit
+            misread = find_misread(points)
+            if misread is None:
+                if not reason and fit.sd[0] > SD_RATIO_MAX * fit.a:
+                    reason = _unfit_points(fit)
+                if reason:
+                    raise _sensor_error(sensor, reason)
+                return fit
+            point, others = misread
+            index = points.index(point)
+            nominal = RULER_DISTANCES_M[index]
+            cause = (
+                f"without the point at {nominal * CM:g} cm the others fit, and by these the card "
+                f"stood at {others.distance(point) * CM:.1f} cm, not at {point.distance * CM:g} cm"
+            )
+            if repeat == REPEATS_MAX:
+                break
+            yield Message(f"{cause[0].upper()}{cause[1:]}. Measure this point again.")
+            points[index] = yield from self._measure(
+                session, sensor, nominal, "range.repeated_distance"
+            )
+        raise _sensor_error(sensor, cause)
 
     def _sensor(self, robot: Robot) -> str:
         names = [name for name, sensor in robot.sensors.items() if is_analog(sensor.type)]
@@ -84,13 +132,12 @@ class RangeStep:
         raise RunError(Problem("E-CALIBRATE-RANGE", "sensors", cause, fix))
 
     def _measure(
-        self, session: RobotSession, sensor: str, distance: float
+        self, session: RobotSession, sensor: str, distance: float, name: str = "range.distance"
     ) -> Generator[Event, Any, RulerPoint]:
         """The mean voltage at one distance."""
         text = f"{distance * CM:g} cm"
-        action = f"Put the card {text} from the sensor's front."
-        yield ManualAction("range.place", action, place=(sensor, distance))
-        question = _question(text)
+        yield _card_action(sensor, distance)
+        question = _question(name, text)
         answer = yield question
         true = float(question.parse(answer) if isinstance(answer, str) else answer)
         for _ in range(ATTEMPTS_MAX):
@@ -105,6 +152,11 @@ class RangeStep:
         raise _sensor_error(sensor, f"the voltage at {text} is not steady")
 
 
+def _card_action(sensor: str, distance: float) -> ManualAction:
+    text = f"Put the card {distance * CM:g} cm from the sensor's front."
+    return ManualAction("range.place", text, place=(sensor, distance))
+
+
 def _steady_point(sensor: str, true: float, readings: list[float]) -> RulerPoint | None:
     """The mean of the readings; None if the card moved meanwhile. Raises RunError."""
     if len(readings) < READINGS_MIN:
@@ -117,6 +169,16 @@ def _steady_point(sensor: str, true: float, readings: list[float]) -> RulerPoint
     sd = (stdev(first) ** 2 / half + stdev(second) ** 2 / len(second)) ** 0.5
     has_moved = abs(fmean(first) - fmean(second)) > max(STEADY_DEVIATIONS_MAX * sd, STEADY_MIN_V)
     return None if has_moved else point
+
+
+def _unfit_points(fit: RangeFit) -> str:
+    """Why a curve that leaves large errors is none."""
+    errors = [
+        f"{fit.error(point) * MM:+.0f} mm at {point.distance * CM:g} cm" for point in fit.points
+    ]
+    return (
+        f"no curve of such a sensor fits these points; the nearest one misses {', '.join(errors)}"
+    )
 
 
 def _sensor_error(sensor: str, cause: str) -> RunError:
@@ -171,9 +233,9 @@ def _report(sensor: str, fit: RangeFit) -> list[str]:
     return lines
 
 
-def _question(distance: str) -> Question:
+def _question(name: str, distance: str) -> Question:
     return Question(
-        "range.distance",
+        name,
         "Distance from the front of the sensor to the card?",
         unit="m",
         default_unit="cm",

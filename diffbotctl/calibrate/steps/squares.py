@@ -5,25 +5,43 @@ Source of the procedure: Borenstein & Feng 1996, see umbmark.py.
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
-from math import degrees, hypot, isnan, nan, pi, sqrt
+from functools import partial
+from math import degrees, isnan, nan, pi, radians, sqrt
 from typing import Any, Literal
 
 from diffbotctl.calibrate import umbmark
 from diffbotctl.calibrate.autonomous_drive import Waypoint, drive_to
-from diffbotctl.calibrate.dead_reckoning import EndError, Geometry, wrap_angle
-from diffbotctl.calibrate.known_lengths import known_scale_sd
+from diffbotctl.calibrate.contradiction import ask_checked
+from diffbotctl.calibrate.dead_reckoning import EndError, Geometry
+from diffbotctl.calibrate.end_answers import (
+    FACING,
+    ZeroReadings,
+    angle_contradiction,
+    ask_place,
+    place_contradiction,
+    place_text,
+    position_question,
+)
+from diffbotctl.calibrate.known_lengths import is_scale_measured, known_scale_sd, with_scale
 from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, SLIP, TRACK, Finding
 from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.slip_fit import SLIP_USABLE, SlipFit, fit_slip
+from diffbotctl.calibrate.square_ends import (
+    MISTAKE_QUESTION,
+    SquareEnd,
+    ask_mistake,
+    contradicting_ends,
+    square_errors,
+)
 from diffbotctl.calibrate.square_outliers import without_outliers
 from diffbotctl.calibrate.step import Event, Message, Outcome, ScatterPlot, StepProgress, StepRun
 from diffbotctl.calibrate.umbmark import SquareErrors, UmbmarkResult
 from diffbotctl.config.robot import Robot
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.messages import Odometry
-from diffbotctl.prompts.question import MarkFloor, MotionNotice, Question
+from diffbotctl.prompts.question import ExpectedQuestion, MarkFloor, MotionNotice
 from diffbotctl.render.svg import end_error_svg
 
 RUNS_PER_DIRECTION = 5
@@ -32,20 +50,7 @@ MM = 1000.0
 CLOCKWISE, COUNTER = "clockwise", "counter-clockwise"
 ReadMode = Literal["places", "headings", "both"]
 
-FACING = Question(
-    "geometry.facing",
-    "By how much is its heading turned from the start? Clockwise is negative.",
-    unit="rad",
-    default_unit="deg",
-    minimum=-pi,
-    maximum=pi,
-    limit_reason="give an angle of at most half a turn",
-    quantity="facing",
-)
-SWAPPED = (
-    "Clockwise and counter-clockwise ends seem to be swapped: the two UMBmark rules agree if "
-    "they are exchanged, and contradict each other if they are not."
-)
+FIRST_HEADING_ERROR_MAX, HEADING_DIFFERENCE_MAX = radians(45), radians(15)
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,10 +68,21 @@ class SquaresStep:
     title: str = "track and wheel ratio, from squares in both directions"
     lifted: bool = False
 
+    def questions(self, robot: Robot) -> Sequence[ExpectedQuestion]:
+        """Place, heading or both of each end."""
+        side, ends = self._side(robot), 2 * self.runs * self.rounds
+        places = 0 if self.read == "headings" else ends
+        return [
+            ExpectedQuestion(position_question("forward", side), places),
+            ExpectedQuestion(position_question("left", side), places),
+            ExpectedQuestion(FACING, 0 if self.read == "places" else ends),
+            ExpectedQuestion(MISTAKE_QUESTION, 0),
+        ]
+
     def run(self, session: RobotSession) -> StepRun:
         """Drive the squares, have their ends measured, correct the geometry; in each round."""
         session.connect()
-        side = self.side or umbmark.advised_side(session.file.robot.drive.track)
+        side = self._side(session.file.robot)
         report: list[str] = []
         findings: list[Finding] = []
         pictures = {}
@@ -81,6 +97,11 @@ class SquaresStep:
                 fix = "was every end measured from the start mark, with its sign, in millimetres?"
                 problem = Problem("E-CALIBRATE-ROBOT", "geometry", str(error), fix)
                 raise RunError(problem) from error
+            if umbmark.ends_contradict(squares, result):
+                raise contradicting_ends(
+                    "no track and no wheels explain the ends of both directions: the best ones "
+                    f"leave an error of {result.after * MM:.0f} mm"
+                )
             slip = _usable_slip(squares, result.geometry)
             findings = [*_findings(before, result, side), *_slip_findings(slip)]
             report += [*left_out, *_report(side, used, result), *_slip_report(slip)]
@@ -88,12 +109,15 @@ class SquaresStep:
             pictures[f"ends-{number}.svg"] = end_error_svg(plot.title, plot.points)
             yield plot
             session.try_findings(findings)
-        return Outcome("umbmark", findings, report, pictures=pictures)
+        return Outcome("umbmark", findings, [*report, *scale_report(before)], pictures=pictures)
+
+    def _side(self, robot: Robot) -> float:
+        return self.side or umbmark.advised_side(robot.drive.track)
 
     def _drive_squares(
         self, session: RobotSession, side: float
     ) -> Generator[Event, Any, SquareErrors]:
-        """The end errors of one round; exchanged if the person confirms that they were swapped."""
+        """The end errors of one round; corrected if the person confirms a mistake of reading."""
         reach = side * REACH_RATIO
         yield MotionNotice(
             f"The robot drives a square of {side:g} m, {self.runs} times clockwise and {self.runs} "
@@ -101,8 +125,9 @@ class SquaresStep:
             "along the first side; a clockwise square is on its right.",
             reach=reach,
         )
-        ends: dict[str, list[EndError]] = {CLOCKWISE: [], COUNTER: []}
-        for direction, errors in ends.items():
+        ends: dict[str, list[SquareEnd]] = {CLOCKWISE: [], COUNTER: []}
+        zeros = self._zero_readings()
+        for direction, driven in ends.items():
             waypoints = corners(side, direction == CLOCKWISE)
             for number in range(self.runs):
                 yield StepProgress(f"squares {direction}", number, self.runs)
@@ -111,28 +136,54 @@ class SquaresStep:
                     "with its front along the first side. Mark the floor beside both tyres."
                 )
                 odometry = drive_to(session, waypoints, reach)
-                errors.append((yield from self._end_error(side, odometry)))
-        squares = SquareErrors(side, ends[CLOCKWISE], ends[COUNTER])
+                driven.append((yield from self._end(side, odometry, driven, zeros)))
+        squares = square_errors(side, ends[CLOCKWISE], ends[COUNTER])
         if umbmark.squares_look_swapped(squares):
-            yield Message(SWAPPED)
-            answer = yield Question(
-                "geometry.swapped",
-                "Exchange them?",
-                choices=("yes", "no"),
-                default="yes",
-            )
-            return squares.exchanged() if answer == "yes" else squares
+            mistake = yield from ask_mistake()
+            return square_errors(side, ends[CLOCKWISE], ends[COUNTER], mistake)
         return squares
 
-    def _end_error(self, side: float, odometry: Odometry) -> Generator[Event, Any, EndError]:
-        """The measured end minus that of odometry, in the frame of the start."""
+    def _zero_readings(self) -> tuple[ZeroReadings, ZeroReadings]:
+        """Of the places and the headings."""
+        planned = 2 * self.runs
+        return (
+            ZeroReadings(planned, "the end of a square, in front of and left of the start mark,"),
+            ZeroReadings(planned, "the heading at the end of a square", "heading"),
+        )
+
+    def _end(
+        self,
+        side: float,
+        odometry: Odometry,
+        before: Sequence[SquareEnd],
+        zeros: tuple[ZeroReadings, ZeroReadings],
+    ) -> Generator[Event, Any, SquareEnd]:
+        """The measured end, in the frame of the start, with that of odometry.
+
+        `before`: the squares before in this direction.
+        """
         x = y = heading = nan
+        places, headings = zeros
+        errors = [end.error for end in before]
         if self.read != "headings":
-            x = float((yield _position_question("forward", side))) - odometry.x
-            y = float((yield _position_question("left", side))) - odometry.y
+            check = partial(place_contradiction, odometry=odometry, before=errors, side=side)
+            x, y = yield from ask_place(side, check)
+            places.add(x, y)
         if self.read != "places":
-            heading = wrap_angle(float((yield FACING)) - odometry.heading)
-        return EndError(x, y, heading)
+            angle_check = partial(
+                angle_contradiction,
+                expected=odometry.heading,
+                before=[error.heading for error in errors],
+                first_max=FIRST_HEADING_ERROR_MAX,
+                other_max=HEADING_DIFFERENCE_MAX,
+            )
+            heading = yield from ask_checked(FACING, angle_check)
+            headings.add(heading)
+        if self.read != "headings":
+            wheels = place_text((odometry.x, odometry.y))
+            yield Message(f"by the wheels: {wheels}; measured: {place_text((x, y))}")
+        here = EndError(odometry.x, odometry.y, odometry.heading)
+        return SquareEnd(EndError(x, y, heading), here)
 
 
 def _usable_slip(squares: SquareErrors, geometry: Geometry) -> SlipFit | None:
@@ -176,13 +227,28 @@ def _findings(robot: Robot, result: UmbmarkResult, side: float) -> list[Finding]
     geometry = result.geometry
     # A quarter turn misses alpha of pi/2; along a side, beta changes the heading by b/L of the
     # ratio.
-    track_sd = geometry.track * result.sd.alpha / (pi / 2)
     ratio_sd = geometry.track / side * result.sd.beta
     scale_sd = known_scale_sd(robot)
+    own_sds = {
+        RIGHT_DIAMETER: (geometry.right, ratio_sd / 2),
+        LEFT_DIAMETER: (geometry.left, ratio_sd / 2),
+        TRACK: (geometry.track, result.sd.alpha / (pi / 2)),
+    }
     return [
-        Finding(RIGHT_DIAMETER, geometry.right, geometry.right * hypot(ratio_sd / 2, scale_sd)),
-        Finding(LEFT_DIAMETER, geometry.left, geometry.left * hypot(ratio_sd / 2, scale_sd)),
-        Finding(TRACK, geometry.track, hypot(track_sd, geometry.track * scale_sd)),
+        Finding(field, length, *with_scale(length, own, scale_sd))
+        for field, (length, own) in own_sds.items()
+    ]
+
+
+def scale_report(robot: Robot) -> list[str]:
+    """A line where nobody measured the mean diameter."""
+    if is_scale_measured(robot):
+        return []
+    percent = 100 * known_scale_sd(robot)
+    return [
+        "The mean wheel diameter is kept as it was: nobody measured it, so all lengths have a "
+        f"common standard deviation of {percent:.0f} %. `diffbotctl calibrate distance` measures "
+        "it with a tape."
     ]
 
 
@@ -197,25 +263,6 @@ def _slip_report(slip: SlipFit | None) -> list[str]:
         f"slip of a wheel: {slip.value * MM:.2f} mm after 1 m, +- {2 * slip.sd * MM:.2f} mm, from "
         "the scatter of equal squares"
     ]
-
-
-POSITION_QUESTIONS = {
-    "forward": "How far in front of the start mark did it stop? Behind is negative.",
-    "left": "How far to the left of the start mark did it stop? Right is negative.",
-}
-
-
-def _position_question(direction: Literal["forward", "left"], side: float) -> Question:
-    return Question(
-        f"geometry.{direction}",
-        POSITION_QUESTIONS[direction],
-        unit="m",
-        default_unit="mm",
-        minimum=-side,
-        maximum=side,
-        limit_reason="the error cannot be larger than the square",
-        quantity=direction,
-    )
 
 
 def _end_plot(squares: SquareErrors) -> ScatterPlot:

@@ -7,24 +7,29 @@ from its other end, so the mean of both directions is the effect of the wheels a
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from math import hypot
+from statistics import median
 from typing import Any
 
 from diffbotctl.calibrate.autonomous_drive import drive_to, reach_of
 from diffbotctl.calibrate.confidence import robust_mean
-from diffbotctl.calibrate.known_lengths import known_scale_sd
+from diffbotctl.calibrate.contradiction import ask_checked
+from diffbotctl.calibrate.end_answers import ZeroReadings
+from diffbotctl.calibrate.known_lengths import known_scale_sd, with_scale
 from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, Finding
 from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.step import Event, Outcome, StepProgress, StepRun
-from diffbotctl.calibrate.steps.squares import stated_geometry
+from diffbotctl.calibrate.steps.squares import scale_report, stated_geometry
 from diffbotctl.calibrate.umbmark import Angles, correct_geometry
 from diffbotctl.config.robot import Robot
-from diffbotctl.prompts.question import MarkFloor, MotionNotice, Question
+from diffbotctl.prompts.question import ExpectedQuestion, MarkFloor, MotionNotice, Question
 
 REPEATS = 4  # from each end
 OFFSET_SD_MIN_M = 0.001  # of a ruler beside a string
+FIRST_OFFSET_RATIO_MAX = 0.15  # of the way: tyres that differ by 3 %
+DIFFERENCE_RATIO_MAX = 0.06  # between runs from one end; the start is in line to a degree or two
 MM = 1000.0
 
 
@@ -38,6 +43,10 @@ class StraightStep:
     title: str = "the ratio of the wheel diameters, from straight runs in both directions"
     lifted: bool = False
 
+    def questions(self, robot: Robot) -> Sequence[ExpectedQuestion]:
+        """The distance from the string after each run."""
+        return [ExpectedQuestion(self._question(), 2 * self.repeats)]
+
     def run(self, session: RobotSession) -> StepRun:
         """Drive along the string and have the offset measured, from alternating ends."""
         session.connect()
@@ -47,6 +56,7 @@ class StraightStep:
             f"{self.repeats} times from each end, and at most {reach:.2f} m.",
             reach=reach,
         )
+        zeros = ZeroReadings(2 * self.repeats, "the distance from the string")
         offsets: dict[str, list[float]] = {"one": [], "other": []}
         for number in range(self.repeats):
             for end, readings in offsets.items():
@@ -55,16 +65,39 @@ class StraightStep:
                     f"Run {number + 1} of {self.repeats} from the {end} end: put the robot on the "
                     "string, with its middle above it and its front along it."
                 )
-                readings.append((yield from self._offset(session, reach)))
+                readings.append((yield from self._offset(session, reach, readings, zeros)))
         there, back = (robust_mean(readings, OFFSET_SD_MIN_M) for readings in offsets.values())
         offset = (there.value + back.value) / 2
-        sd = (there.sd**2 + back.sd**2) ** 0.5 / 2
+        # Half of the intervals: a few runs do not know their own spread (Student's t).
+        sd = hypot(there.half_width, back.half_width) / 4
         return self._outcome(session.file.robot, offset, sd)
 
-    def _offset(self, session: RobotSession, reach: float) -> Generator[Event, Any, float]:
-        """The measured offset (m) to the left, minus that of odometry, after one run."""
+    def _offset(
+        self, session: RobotSession, reach: float, before: Sequence[float], zeros: ZeroReadings
+    ) -> Generator[Event, Any, float]:
+        """The measured offset (m) to the left, minus that of odometry, after one run.
+
+        `before`: those of the runs before from this end.
+        """
         pose = drive_to(session, [(self.metres, 0.0, None)], reach)
-        answer = yield Question(
+
+        def check(offset: float) -> str | None:
+            usual = median(before) if before else 0.0
+            limit = (DIFFERENCE_RATIO_MAX if before else FIRST_OFFSET_RATIO_MAX) * self.metres
+            if abs(offset - pose.y - usual) <= limit:
+                return None
+            basis = "its wheels and the runs before" if before else "its wheels"
+            return (
+                f"By {basis} it stopped {(pose.y + usual) * MM:+.0f} mm to the left of the string, "
+                f"not {offset * MM:+.0f} mm."
+            )
+
+        offset = yield from ask_checked(self._question(), check)
+        zeros.add(offset)
+        return offset - pose.y
+
+    def _question(self) -> Question:
+        return Question(
             "geometry.left",
             "How far to the left of the string did it stop? Right is negative.",
             unit="m",
@@ -74,7 +107,6 @@ class StraightStep:
             limit_reason="the robot cannot be that far from the string",
             quantity="left",
         )
-        return float(answer) - pose.y
 
     def _outcome(self, robot: Robot, offset: float, sd: float) -> Outcome:
         used = stated_geometry(robot)
@@ -82,15 +114,16 @@ class StraightStep:
         fitted = correct_geometry(used, self.metres, Angles(0.0, beta))
         ratio_sd = used.track / self.metres * beta_sd
         # The runs do not change the mean diameter.
-        diameter_sd = hypot(ratio_sd / 2, known_scale_sd(robot))
+        scale_sd = known_scale_sd(robot)
         findings = [
-            Finding(RIGHT_DIAMETER, fitted.right, fitted.right * diameter_sd),
-            Finding(LEFT_DIAMETER, fitted.left, fitted.left * diameter_sd),
+            Finding(field, diameter, *with_scale(diameter, ratio_sd / 2, scale_sd))
+            for field, diameter in ((RIGHT_DIAMETER, fitted.right), (LEFT_DIAMETER, fitted.left))
         ]
         lines = [
             f"it stops {offset * MM:+.1f} mm to the left of the string after {self.metres:g} m, "
             f"+- {2 * sd * MM:.1f} mm",
             f"E_d, right over left: {used.ratio:.5f} before, {fitted.ratio:.5f} now, "
             f"+- {2 * ratio_sd:.5f} (95 %)",
+            *scale_report(robot),
         ]
         return Outcome("straight", findings, lines)

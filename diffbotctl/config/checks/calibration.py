@@ -90,16 +90,19 @@ def check_calibration(context: CheckContext) -> None:
 def _check_sd(context: CheckContext, path: str, calibrated: Calibrated | None) -> None:
     """Refuse a standard deviation of a single value that is not a quantity of its unit."""
     declaration = robot_tree.field(path)
-    if calibrated is None or calibrated.sd is None or declaration is None:
+    if calibrated is None or declaration is None or declaration.kind is not float:
         return
-    if declaration.kind is not float:
+    if calibrated.sd is None and calibrated.own_sd is None:
         return
     try:
-        sd = quantity(str(calibrated.sd), declaration.unit)
+        sd = quantity(str(calibrated.sd or 0), declaration.unit)
         value = context.values(path)
+        own_sd = quantity(str(calibrated.own_sd or 0), declaration.unit)
         is_ratio = any(re.fullmatch(pattern, path) for pattern in PLAUSIBLE)
         most = SD_RATIO_MAX * value[0] if is_ratio and value else inf
         cause = "" if 0.0 <= sd < inf else f"{calibrated.sd} is no standard deviation"
+        if not cause and not 0.0 <= own_sd <= sd:
+            cause = f"own_sd is {calibrated.own_sd}, and no part of the sd, {calibrated.sd or 0}"
         if not cause and value and sd > most:
             cause = (
                 f"{path} of {value[0]:g} with a standard deviation of {sd:g} is not known at all"
@@ -108,7 +111,7 @@ def _check_sd(context: CheckContext, path: str, calibrated: Calibrated | None) -
         cause = str(error)
     if cause:
         entry = context.robot_value("calibration", path, "sd")
-        fix = "calibrate again, or delete the sd"
+        fix = "calibrate again, or delete the sd" + (" and own_sd" if calibrated.own_sd else "")
         context.error("E-IMPLAUSIBLE", entry.place if entry else path, cause, fix)
 
 
