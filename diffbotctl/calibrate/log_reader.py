@@ -9,16 +9,25 @@ left wheel in the cycle) and `<session>_metadata.csv`. Ground truth is a motion 
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Sequence
 from contextlib import suppress
 from hashlib import sha256
-from math import hypot, inf, isfinite, isnan, pi, radians
+from math import hypot, inf, isfinite, isnan, nan, pi, radians
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from diffbotctl.calibrate.csv_table import (
+    CSV_ENCODING,
+    CsvTable,
+    column_names,
+    error_text,
+    open_table,
+    unusable_log,
+)
 from diffbotctl.calibrate.dead_reckoning import (
     MOTION_CAPTURE,
     TAPE_MEASURE,
@@ -31,19 +40,11 @@ from diffbotctl.calibrate.log_checks import (
     copied_column,
     count_fault,
     dead_encoder,
+    standing_drive,
     table_fault,
     ticks_gap,
 )
-from diffbotctl.calibrate.log_table import (
-    CSV_ENCODING,
-    error_text,
-    has_columns,
-    parse_number,
-    read_columns,
-    read_rows,
-    read_table,
-    unusable_log,
-)
+from diffbotctl.calibrate.log_table import read_columns, read_table
 from diffbotctl.calibrate.recorded_frames import read_frames
 from diffbotctl.calibrate.recorded_turns import TICK_RATIO, estimated_turns
 from diffbotctl.config.robot import Robot
@@ -53,6 +54,11 @@ from diffbotctl.messages import Encoders
 
 COUNT_COLUMNS = ("time", "right", "left")
 POSE_COLUMNS = ("x", "y", "heading")
+DEGREES = "heading_deg"
+HEADING_LIKE = re.compile("head|angle|theta|yaw|phi|rad$|deg$")  # of columns that are not read
+HEADING_MAX_RAD = 100 * 2 * pi
+SAME_TIME_DIGITS = 3  # of s
+DURATION_RATIO_MAX = 20.0  # of the poses to the counts
 RUN_COLUMNS = 6
 END_DISTANCE_RATIO_MAX = 1.5  # of the distance to what the wheels rolled
 FINGERPRINT_DIGITS = 16
@@ -85,8 +91,8 @@ def read_counts(path: Path, ticks: tuple[float, float], robot: Robot | None = No
 
     `ticks`: counts per turn of the right and left wheel. `robot`: of a recording, to estimate the
     turns from the times of the edges too. The first line of a CSV file names the columns: time (s),
-    right and left (counts since the start, signed), optionally x, y (m) and heading (rad). Raises
-    UsageError for an unusable file.
+    right and left (counts since the start, signed), optionally x, y (m) and heading (rad) or
+    heading_deg. Raises UsageError for an unusable file.
     """
     frames: list[Encoders] = []
     poses = None
@@ -95,8 +101,8 @@ def read_counts(path: Path, ticks: tuple[float, float], robot: Robot | None = No
         table = np.array([(frame.time / 1e9, frame.right, frame.left) for frame in frames])
     else:
         table = read_columns(path, COUNT_COLUMNS)
-        if has_columns(path, POSE_COLUMNS):
-            poses = read_columns(path, POSE_COLUMNS)
+        if column_names(path).issuperset(POSE_COLUMNS[:2]):
+            poses = _read_poses(path)
     fault = table_fault(table)
     if fault is not None:
         raise unusable_log(path, fault)
@@ -117,6 +123,7 @@ def with_own_poses(counts: CountLog) -> RecordedDrive:
     """The drive with the poses in its own file. Raises UsageError without any."""
     if counts.poses is not None:
         rows = np.flatnonzero(np.isfinite(counts.poses).all(axis=1))
+        rows = rows[_is_new(counts.poses[rows])]
         if len(rows) >= 2:
             return counts.drive(rows, counts.poses[rows], MOTION_CAPTURE)
     raise unusable_log(Path(counts.name), "contains no true poses; give --ends or --truth")
@@ -135,26 +142,68 @@ def with_end(counts: CountLog, end: Sequence[float]) -> RecordedDrive:
 
 def with_truth(counts: CountLog, path: Path) -> RecordedDrive:
     """The drive with the true poses of the CSV file at `path`: time (s since the start of the
-    drive), x, y (m) and heading (rad). Raises UsageError if there are fewer than two.
+    drive), x, y (m) and heading (rad) or heading_deg. Raises UsageError if there are fewer than
+    two.
     """
-    truth = read_columns(path, ("time", *POSE_COLUMNS))
+    truth = _read_poses(path, ("time",))
+    truth = truth[np.isfinite(truth).all(axis=1)]
     times = truth[:, 0]
-    truth = truth[(times >= 0) & (times <= counts.times[-1]) & np.isfinite(truth).all(axis=1)]
+    _refuse_other_unit(times, counts, path)
+    truth = truth[(times >= 0) & (times <= counts.times[-1])]
     if len(truth) < 2 or (np.diff(truth[:, 0]) <= 0).any():
-        raise unusable_log(path, "needs at least two poses, at increasing times within the drive")
+        cause = "needs at least two poses, at increasing times within the drive"
+        raise unusable_log(path, cause, "write times in seconds since the start of the drive")
+    truth = truth[_is_new(truth[:, 1:])]
+    if len(truth) < 2:
+        raise unusable_log(path, "all its poses are the same")
     times = np.union1d(counts.times, truth[:, 0])
     turns = [np.interp(times, counts.times, wheel) for wheel in counts.turns.T]
     joined = counts._replace(times=times, turns=np.stack(turns, axis=1))
     return joined.drive(np.searchsorted(times, truth[:, 0]), truth[:, 1:], MOTION_CAPTURE)
 
 
+def _refuse_other_unit(times: Floats, counts: CountLog, path: Path) -> None:
+    """Raises UsageError if the poses last much longer than the counts, or much shorter."""
+    if len(times) < 2:
+        return
+    seconds, counted = float(np.ptp(times)), float(np.ptp(counts.times))
+    if not 1 / DURATION_RATIO_MAX < seconds / counted < DURATION_RATIO_MAX:
+        cause = f"its poses last {seconds:.4g} s, but the counts of {counts.name} {counted:.4g} s"
+        raise unusable_log(path, cause, "write both times in seconds")
+
+
+def _read_poses(path: Path, leading: tuple[str, ...] = ()) -> Floats:
+    """(rows, columns): the columns `leading`, x and y in m, and the heading in rad."""
+    is_degrees = DEGREES in column_names(path)
+    if is_degrees and POSE_COLUMNS[2] in column_names(path):
+        cause = f"its first line names heading and {DEGREES}"
+        raise unusable_log(path, cause, "remove the column that is not meant")
+    heading = DEGREES if is_degrees else POSE_COLUMNS[2]
+    table = read_columns(path, (*leading, *POSE_COLUMNS[:2], heading))
+    if is_degrees:
+        table[:, -1] = np.radians(table[:, -1])
+    return table
+
+
+def _is_new(poses: Floats) -> NDArray[np.bool_]:
+    """(poses,): whether each of the poses (poses, 3) differs from the one before.
+
+    Poses of a slow camera, or of one that lost the robot, are often repeated until the next one:
+    then the time of the first alone is right.
+    """
+    return np.append(True, (np.diff(poses, axis=0) != 0.0).any(axis=1))
+
+
 def refuse_too_far(counts: CountLog, end: Sequence[float], diameter: float, path: Path) -> None:
-    """Raises UsageError if wheels of `diameter` (m) cannot have reached `end` (m) of `path`.
+    """Raises UsageError if wheels of `diameter` (m) cannot have reached `end` (m) of `path`, or it
+    has no x or y.
 
     The most common cause is a wrong unit.
     """
     rolled = pi * diameter * float(np.abs(np.diff(counts.turns, axis=0)).sum(axis=0).max())
     distance = hypot(end[0], end[1])
+    if not isfinite(distance):
+        raise unusable_log(path, f"states no x or no y of the end of {counts.name}")
     if distance > END_DISTANCE_RATIO_MAX * rolled:
         cause = f"says that {counts.name} ended {distance:.4g} m from its start, but its wheels "
         raise unusable_log(path, f"{cause}rolled only {rolled:.3g} m; x and y are in metres")
@@ -171,16 +220,24 @@ def refuse_repeated(drives: Sequence[CountLog | RecordedDrive]) -> None:
         if drive.name in names:
             raise unusable_log(Path(drive.name), "two of the files have this name: rename one")
         names.add(drive.name)
-        counted = np.concatenate([drive.times, drive.turns.ravel()]).tobytes()
+        # Rounded, because a difference of two times depends on which clock they are from. Adding
+        # 0.0 makes zeros alike.
+        times = np.round(drive.times - drive.times[0], SAME_TIME_DIGITS) + 0.0
+        counted = np.concatenate([times, drive.turns.ravel() + 0.0]).tobytes()
         other = seen.setdefault(counted, drive.name)
         if other != drive.name:
             raise unusable_log(Path(drive.name), f"contains the same drive as {other}: give one")
 
 
 def refuse_dead_encoder(drives: Sequence[CountLog]) -> None:
-    """Raises UsageError if one encoder did not count in any of the drives, or as the other one."""
+    """Raises UsageError for a drive in which no wheel turned, if one encoder did not count in any
+    of the drives, or if it counted as the other one."""
     turned = [np.abs(np.diff(drive.turns, axis=0)).sum(axis=0) / drive.tick for drive in drives]
     counts = [drive.turns / drive.tick for drive in drives]
+    standing = standing_drive(np.array(turned))
+    if standing is not None:
+        number, fault = standing
+        raise unusable_log(Path(drives[number].name), fault)
     fault = dead_encoder(np.array(turned)) or copied_column(counts)
     if fault is not None:
         raise unusable_log(Path(drives[0].name), fault)
@@ -192,21 +249,54 @@ def read_ends(path: Path) -> dict[str, tuple[float, float, float]]:
     Columns: recording, x and y (m), and heading (rad) or heading_deg, which may be empty. Raises
     UsageError.
     """
-    ends = {}
-    for row in read_rows(path, ("recording", "x", "y")):
-        degrees = parse_number(path, row.get("heading_deg"))
-        heading = parse_number(path, row.get("heading")) if isnan(degrees) else radians(degrees)
-        x, y = (parse_number(path, row[name]) for name in ("x", "y"))
-        name = Path(row["recording"].strip()).stem
+    table = open_table(path, ("recording", *POSE_COLUMNS[:2]))
+    _refuse_unread_headings(table)
+    ends: dict[str, tuple[float, float, float]] = {}
+    for line, cells in table.rows():
+        name = Path(cells[table.column("recording")]).stem
         if name in ends:
             raise unusable_log(path, f"has two lines for the recording {name}")
-        ends[name] = (x, y, heading)
+        ends[name] = _end(table, line, cells)
+    if len(ends) > 1 and not any(x or y for x, y, _ in ends.values()):
+        raise unusable_log(path, "x and y are 0 in every line", "write the measured ends")
     return ends
 
 
+def _end(table: CsvTable, line: int, cells: Sequence[str]) -> tuple[float, float, float]:
+    """The end pose in one line: x, y in m, heading in rad or nan."""
+    values = {
+        name: table.number(line, name, cells[table.column(name)])
+        for name in (*POSE_COLUMNS, DEGREES)
+        if name in table.names
+    }
+    given = [values.get(POSE_COLUMNS[2], nan), radians(values.get(DEGREES, nan))]
+    given = [heading for heading in given if not isnan(heading)]
+    if len(given) == 2:
+        cause = f"line {line} states the heading in rad and in degrees"
+        raise unusable_log(table.path, cause, f"write heading or {DEGREES}")
+    heading = given[0] if given else nan
+    if abs(heading) > HEADING_MAX_RAD:
+        raise unusable_log(table.path, f"line {line} states a heading of more than 100 turns")
+    return values["x"], values["y"], heading
+
+
+def _refuse_unread_headings(table: CsvTable) -> None:
+    """Raises UsageError for a column that seems to hold headings, but has another name."""
+    for name in table.names:
+        if name not in (POSE_COLUMNS[2], DEGREES) and HEADING_LIKE.search(name):
+            cause = f"its first line names '{name}', which is not read"
+            fix = f"name headings heading (rad) or {DEGREES}, and other columns otherwise"
+            raise unusable_log(table.path, cause, fix)
+
+
 def fingerprint(paths: Sequence[Path]) -> str:
-    """Hash (hexadecimal) of the contents of all files."""
-    return sha256(b"".join(path.read_bytes() for path in paths)).hexdigest()[:FINGERPRINT_DIGITS]
+    """Hash (hexadecimal) of the contents of all files. Raises UsageError."""
+    try:
+        contents = [path.read_bytes() for path in paths]
+    except OSError as error:
+        place = Path(error.filename or "files")
+        raise unusable_log(place, f"cannot be read: {error_text(error)}") from error
+    return sha256(b"".join(contents)).hexdigest()[:FINGERPRINT_DIGITS]
 
 
 class OptiodomSession(NamedTuple):

@@ -9,7 +9,7 @@ import click
 
 from diffbotctl.calibrate.runner import STEPS
 from diffbotctl.cli import calibrate_steps
-from diffbotctl.cli.calibrate_results import keep, show_results, undo
+from diffbotctl.cli.calibrate_results import keep, refuse_nobody, show_results, undo
 from diffbotctl.cli.options import CommandGroup, robot_option, yes_option
 
 if TYPE_CHECKING:
@@ -86,6 +86,10 @@ def from_log(
     from diffbotctl.ui.calibration_screen import fit_report
 
     folders = [file for file in files if file.is_dir()]
+    if folders and (save or yes):
+        raise click.UsageError("A session is of another robot than yours: nothing to save.")
+    if save and not yes:
+        refuse_nobody("leave out --save")
     if folders:
         drives, stated = _sessions(files, folders, bool(robot or ends or truth))
         sd = None
@@ -101,12 +105,10 @@ def from_log(
     for line in fit_report(found):
         click.echo(line)
     if save or yes:
-        _save(found, files, robot, bool(folders), yes)
+        _save(found, files, robot, yes)
 
 
-def _save(
-    found: GeometryFit, files: tuple[Path, ...], robot: str | None, is_session: bool, yes: bool
-) -> None:
+def _save(found: GeometryFit, files: tuple[Path, ...], robot: str | None, yes: bool) -> None:
     from datetime import UTC, datetime
 
     from diffbotctl.calibrate.geometry_fit import geometry_findings
@@ -114,8 +116,6 @@ def _save(
     from diffbotctl.calibrate.result import Provenance, format_date
     from diffbotctl.config.load import load_robot
 
-    if is_session:
-        raise click.UsageError("A session is of another robot than yours: nothing to save.")
     origin = Provenance("from-log", format_date(datetime.now(UTC)), None, fingerprint(files))
     keep(load_robot(robot).file, geometry_findings(found), origin, yes)
 
@@ -124,7 +124,7 @@ def _sessions(
     files: tuple[Path, ...], folders: list[Path], has_options: bool
 ) -> tuple[list[RecordedDrive], Geometry]:
     from diffbotctl.calibrate.log_reader import read_session, refuse_repeated
-    from diffbotctl.calibrate.log_table import unusable_log
+    from diffbotctl.calibrate.csv_table import unusable_log
 
     if has_options or len(folders) < len(files):
         raise click.UsageError(
@@ -172,7 +172,7 @@ def _placed(
         with_own_poses,
         with_truth,
     )
-    from diffbotctl.calibrate.log_table import unusable_log
+    from diffbotctl.calibrate.csv_table import unusable_log
 
     if truth:
         return [with_truth(*each) for each in zip(counts, truth, strict=True)]
