@@ -29,7 +29,7 @@ MINUS_SIGN = "\N{MINUS SIGN}"
 NOTED_SEPARATOR = re.compile(r'"?sep=(.)"?\s*', re.IGNORECASE)  # a line of Excel
 GROUPED = re.compile(r"[+-]?\d{1,3}([,.' \u00a0\u202f]\d{3})+([,.]\d+)?")
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+")
-NUMBER_AND_UNIT = re.compile(r"[+-]?\d+([.,]\d+)?\s*[^\d\s.,:;+-]\S*")
+NUMBER_AND_UNIT = re.compile(r"[+-]?\d+([.,]\d+)?\s*([^\W\d_]+|\N{DEGREE SIGN})")
 
 
 def unusable_log(path: Path, cause: str, fix: str = "") -> UsageError:

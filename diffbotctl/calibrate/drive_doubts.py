@@ -1,7 +1,7 @@
 """What may be wrong with recorded drives that no geometry explains.
 
-None of this is wrong by itself: a robot may turn around one standing wheel, and a recording may
-end with its drive. So it is asked only about drives that do not agree with the others.
+None of this is wrong by itself: a robot may turn around a wheel that stands, and on the spot in
+few rows. So it is told only of drives that do not agree with the others.
 """
 
 from __future__ import annotations
@@ -11,19 +11,12 @@ from math import degrees
 
 import numpy as np
 
-from diffbotctl.calibrate.dead_reckoning import (
-    TAPE_MEASURE,
-    Floats,
-    Geometry,
-    RecordedDrive,
-)
+from diffbotctl.calibrate.dead_reckoning import Floats, Geometry, RecordedDrive
 from diffbotctl.calibrate.log_checks import DEAD_COUNTS_MIN, DEAD_RATIO_MAX, WHEELS
 
 SILENT_RATIO_MIN = 0.15  # of the counts of the other wheel, while one does not count
 TURN_MAX_RAD = 0.8  # between two rows; a chord no longer tells where the arc ends
 TURN_ROWS_MIN = 3
-LAST_ROWS = 4
-MOVING_RATIO_MIN = 0.3  # of the usual rate of the counts
 DOUBTS_SHOWN_MAX = 2
 
 
@@ -84,12 +77,3 @@ def _coarse_rows(drive: RecordedDrive, geometry: Geometry) -> str | None:
         return None
     angle = degrees(float(turned.max()))
     return f"the robot turned by up to {angle:.0f} degrees from one row to the next: write more"
-
-
-def is_cut(drive: RecordedDrive) -> bool:
-    """Whether the wheels still turn in the last rows, though the end of the drive was measured."""
-    if drive.truth is not TAPE_MEASURE or len(drive.times) <= LAST_ROWS:
-        return False
-    sizes = np.abs(np.diff(drive.turns, axis=0)).sum(axis=1)
-    rates = sizes / np.diff(drive.times)
-    return bool(rates[-LAST_ROWS:].mean() > MOVING_RATIO_MIN * rates[rates > 0].mean())

@@ -29,7 +29,7 @@ from diffbotctl.calibrate.dead_reckoning import (
     cut_segments,
     end_error,
 )
-from diffbotctl.calibrate.drive_doubts import drive_doubt, is_cut, told_doubts
+from diffbotctl.calibrate.drive_doubts import drive_doubt, told_doubts
 from diffbotctl.calibrate.end_noise import CAMERA_NOISE, TAPE_NOISE, NoiseGrid
 from diffbotctl.calibrate.end_scale import end_scales, refuse_other_scale
 from diffbotctl.calibrate.geometry_posterior import (
@@ -222,11 +222,6 @@ def _unexplained(
     names = ", ".join(drive.name for drive in bad[:NAMES_SHOWN_MAX])
     more = ", ..." if len(bad) > NAMES_SHOWN_MAX else ""
     reason = told_doubts(bad, stated)
-    if reason is None and sum(map(is_cut, bad)) > len(bad) / 2:
-        reason = (
-            "the wheels still turn in their last rows: are the files complete, and were the ends "
-            "measured where they end, from the start of the same drive?"
-        )
     if reason is None:
         reason = (
             "were their ends measured from the start of the same drive, and did both encoders "

@@ -40,6 +40,7 @@ from diffbotctl.calibrate.log_checks import (
     copied_column,
     count_fault,
     dead_encoder,
+    part_fault,
     standing_drive,
     table_fault,
     ticks_gap,
@@ -194,6 +195,14 @@ def _is_new(poses: Floats) -> NDArray[np.bool_]:
     return np.append(True, (np.diff(poses, axis=0) != 0.0).any(axis=1))
 
 
+def refuse_part(counts: CountLog) -> None:
+    """Raises UsageError for a drive that does not begin and end at rest, where its end is."""
+    fault = part_fault(counts.times, counts.turns / counts.tick)
+    if fault is not None:
+        fix = "record from before the robot moves until it stands again"
+        raise unusable_log(Path(counts.name), fault, fix)
+
+
 def refuse_too_far(counts: CountLog, end: Sequence[float], diameter: float, path: Path) -> None:
     """Raises UsageError if wheels of `diameter` (m) cannot have reached `end` (m) of `path`, or it
     has no x or y.
@@ -206,7 +215,8 @@ def refuse_too_far(counts: CountLog, end: Sequence[float], diameter: float, path
         raise unusable_log(path, f"states no x or no y of the end of {counts.name}")
     if distance > END_DISTANCE_RATIO_MAX * rolled:
         cause = f"says that {counts.name} ended {distance:.4g} m from its start, but its wheels "
-        raise unusable_log(path, f"{cause}rolled only {rolled:.3g} m; x and y are in metres")
+        fix = "write x and y in metres, and counts since the start; `slots` are counts per turn"
+        raise unusable_log(path, f"{cause}rolled only {rolled:.3g} m", fix)
 
 
 def refuse_repeated(drives: Sequence[CountLog | RecordedDrive]) -> None:

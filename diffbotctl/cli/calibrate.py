@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from diffbotctl.calibrate.geometry_fit import GeometryFit
     from diffbotctl.calibrate.log_reader import CountLog
 
+ENDS_SHOWN_MAX = 3
 A_FILE = click.Path(path_type=Path)
 
 
@@ -123,8 +124,8 @@ def _save(found: GeometryFit, files: tuple[Path, ...], robot: str | None, yes: b
 def _sessions(
     files: tuple[Path, ...], folders: list[Path], has_options: bool
 ) -> tuple[list[RecordedDrive], Geometry]:
-    from diffbotctl.calibrate.log_reader import read_session, refuse_repeated
     from diffbotctl.calibrate.csv_table import unusable_log
+    from diffbotctl.calibrate.log_reader import read_session, refuse_repeated
 
     if has_options or len(folders) < len(files):
         raise click.UsageError(
@@ -165,14 +166,15 @@ def _placed(
     counts: list[CountLog], ends: Path | None, truth: tuple[Path, ...], diameter: float
 ) -> list[RecordedDrive]:
     """The drives with the poses that are known of them, from wherever they are told."""
+    from diffbotctl.calibrate.csv_table import unusable_log
     from diffbotctl.calibrate.log_reader import (
         read_ends,
+        refuse_part,
         refuse_too_far,
         with_end,
         with_own_poses,
         with_truth,
     )
-    from diffbotctl.calibrate.csv_table import unusable_log
 
     if truth:
         return [with_truth(*each) for each in zip(counts, truth, strict=True)]
@@ -181,6 +183,9 @@ def _placed(
     told = read_ends(ends)
     for each in counts:
         if each.name not in told:
-            raise unusable_log(ends, f"has no line for the recording {each.name}")
+            shown = [*told][:ENDS_SHOWN_MAX] + ["..."] * (len(told) > ENDS_SHOWN_MAX)
+            cause = f"has no line for the recording {each.name}"
+            raise unusable_log(ends, cause, f"its recordings are {', '.join(shown) or 'none'}")
+        refuse_part(each)
         refuse_too_far(each, told[each.name], diameter, ends)
     return [with_end(each, told[each.name]) for each in counts]

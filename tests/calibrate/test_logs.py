@@ -214,6 +214,8 @@ def test_command_names_track_and_stray(tmp_path):
     for number, each in enumerate(squares(true, stated, each_way=3, slip=0.0003)):
         counts = each.turns * drive.right.encoder.slots  # finer than whole slots: exact
         times = each.times * (1.0 + 1e-4 * number)  # no two drives take the same time
+        counts = np.pad(counts, ((1, 1), (0, 0)), mode="edge")  # it stands before and after
+        times = np.array([times[0] - 0.5, *times, times[-1] + 0.5])
         rows = zip(times, *counts.T, strict=True)
         text = "time,right,left\n" + "".join(f"{a:.9f},{b:.9f},{c:.9f}\n" for a, b, c in rows)
         files.append(str(written(tmp_path, f"{each.name}.csv", text)))

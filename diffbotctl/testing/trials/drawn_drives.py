@@ -14,6 +14,7 @@ from diffbotctl.calibrate.dead_reckoning import Floats, Geometry
 
 STEP_M = 0.005  # of a wheel, between two rows
 PERIOD_S = 0.02
+REST_ROWS = 15  # before and after a drive
 
 Steps = list[tuple[float, float]]
 """m that odometry believes the right and the left wheel rolled"""
@@ -190,6 +191,7 @@ def _drive(
         heading = (heading + pi) % (2 * pi) - pi
     angles = np.concatenate([np.zeros((1, 2)), np.cumsum(turns, axis=0)]) * slots
     counts = np.floor(angles + draw.uniform(size=2))
+    counts = np.pad(counts, ((REST_ROWS, REST_ROWS), (0, 0)), mode="edge")
     error = draw.normal(size=2) * noise.position
     return DrawnDrive(
         name,
