@@ -76,4 +76,6 @@ def _coarse_rows(drive: RecordedDrive, geometry: Geometry) -> str | None:
     if np.count_nonzero(turned > TURN_MAX_RAD) < TURN_ROWS_MIN:
         return None
     angle = degrees(float(turned.max()))
-    return f"the robot turned by up to {angle:.0f} degrees from one row to the next: write more"
+    return (
+        f"the robot turned by up to {angle:.0f} degrees from one row to the next: write more rows"
+    )

@@ -127,7 +127,9 @@ def with_own_poses(counts: CountLog) -> RecordedDrive:
         rows = rows[_is_new(counts.poses[rows])]
         if len(rows) >= 2:
             return counts.drive(rows, counts.poses[rows], MOTION_CAPTURE)
-    raise unusable_log(Path(counts.name), "contains no true poses; give --ends or --truth")
+    raise unusable_log(
+        Path(counts.name), "has no poses in columns x, y and heading; give --ends or --truth"
+    )
 
 
 def with_end(counts: CountLog, end: Sequence[float]) -> RecordedDrive:
@@ -228,7 +230,10 @@ def refuse_repeated(drives: Sequence[CountLog | RecordedDrive]) -> None:
     names: set[str] = set()
     for drive in drives:
         if drive.name in names:
-            raise unusable_log(Path(drive.name), "two of the files have this name: rename one")
+            raise unusable_log(
+                Path(drive.name),
+                "two of the files have this name: give each file once, or rename one",
+            )
         names.add(drive.name)
         # Rounded, because a difference of two times depends on which clock they are from. Adding
         # 0.0 makes zeros alike.

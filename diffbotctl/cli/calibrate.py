@@ -129,8 +129,8 @@ def _sessions(
 
     if has_options or len(folders) < len(files):
         raise click.UsageError(
-            "A session's folder brings its own geometry and poses: give folders"
-            " alone, without --robot, --ends and --truth."
+            "A folder must be a session of OptiOdom, which brings its own geometry and poses: name"
+            " the files in it, or give folders alone, without --robot, --ends and --truth."
         )
     sessions = [read_session(folder) for folder in folders]
     stated = sessions[0].nominal

@@ -39,6 +39,8 @@ def test_good_drives_give_values_within_their_standard_deviations(tmp_path, seed
         ("encoder dead", "run `diffbotctl calibrate encoders`"),
         ("gap", "gap from"),
         ("counter of 8 bits", "wrap around at 256"),
+        ("ends of the drives missing", "the wheels still turn in the last rows"),
+        ("encoder stops", "encoder counted nothing after"),
     ],
 )
 def test_a_corruption_is_named_and_nothing_is_saved(tmp_path, corruption, words):
@@ -84,6 +86,68 @@ def test_wheels_that_depend_on_the_scale_of_one_axis_are_not_saved(tmp_path):
     saved = calibrated(wrong, tmp_path / "wrong")
     assert saved.exit_code != 0 and saved.deviations == []
     assert "Check the tape, measure the wheels" in " ".join(saved.text.split())
+
+
+def in_text(change):
+    """A corruption of the table of ends."""
+    return lambda text: "\n".join(
+        [text.split("\n")[0], *(change(line) for line in text.splitlines()[1:])]
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (in_text(lambda line: f"{line.split(',')[0]},0,0,0"), "x and y are 0 in every line"),
+        (
+            in_text(lambda line: f"{line.split(',')[0]},0.001,0,2.0"),
+            "no geometry near the stated one explains",
+        ),
+        (lambda text: text.replace("heading", "theta"), "'theta', which is not read"),
+        (lambda text: text.replace("recording,x", "recording,x [m]"), "does not name x, but"),
+    ],
+)
+def test_ends_that_are_no_ends(tmp_path, change, words):
+    drawn = draw_set("shapes 20")
+
+    class Changed:
+        true = drawn.true
+
+        def write(self, folder):
+            arguments = drawn.write(folder)
+            ends = folder / "ends.csv"
+            ends.write_text(change(ends.read_text()))
+            return arguments
+
+    saved = calibrated(Changed(), tmp_path / "set")
+    said = " ".join(saved.text.split())
+    assert saved.exit_code != 0 and saved.deviations == []
+    assert words in said and "must be in degrees" not in said
+
+
+@pytest.mark.parametrize(
+    ("share", "words"),
+    [(0.5, "encoder counted 0, the"), (1.0, "neither encoder counted in any drive")],
+)
+def test_dead_encoders_are_no_wrong_headings(tmp_path, share, words):
+    drawn = draw_set("shapes 20")
+    dead = [1.0, 0.0] if share < 1.0 else [0.0, 0.0]
+    count = round(share * len(drawn.drives))
+    drives = [
+        replace(drive, counts=drive.counts * dead) if number < count else drive
+        for number, drive in enumerate(drawn.drives)
+    ]
+    saved = calibrated(replace(drawn, drives=drives), tmp_path / "set")
+    said = " ".join(saved.text.split())
+    assert saved.exit_code != 0 and saved.deviations == []
+    assert words in said and "must be in degrees" not in said
+
+
+def test_headings_above_one_turn_are_not_in_radians(tmp_path):
+    drawn = draw_set("shapes 20")
+    # In a column of degrees: 0.1 to 6.3 are headings in rad.
+    saved = calibrated(CORRUPTIONS["radians for degrees"](drawn, Random(1)), tmp_path / "set")
+    assert "must be in degrees" in " ".join(saved.text.split())
 
 
 @pytest.mark.parametrize("number", [84, 150])
