@@ -223,10 +223,9 @@ def _unexplained(
     more = ", ..." if len(bad) > NAMES_SHOWN_MAX else ""
     reason = told_doubts(bad, stated)
     if reason is None:
-        reason = (
-            "were their ends measured from the start of the same drive, and did both encoders "
-            "count all the time?"
-        )
+        is_camera = all(drive.truth is MOTION_CAPTURE for drive in bad)
+        asked = "are their poses" if is_camera else "were their ends measured from the start"
+        reason = f"{asked} of the same drive, and did both encoders count all the time?"
     return ValueError(
         f"no geometry near the stated one explains {len(bad)} of {len(drives)} drives "
         f"({names}{more}): {reason}"

@@ -9,11 +9,10 @@ left wheel in the cycle) and `<session>_metadata.csv`. Ground truth is a motion 
 from __future__ import annotations
 
 import csv
-import re
 from collections.abc import Sequence
 from contextlib import suppress
 from hashlib import sha256
-from math import hypot, inf, isfinite, isnan, nan, pi, radians
+from math import inf, isfinite
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,10 +21,8 @@ from numpy.typing import NDArray
 
 from diffbotctl.calibrate.csv_table import (
     CSV_ENCODING,
-    CsvTable,
     column_names,
     error_text,
-    open_table,
     unusable_log,
 )
 from diffbotctl.calibrate.dead_reckoning import (
@@ -40,7 +37,6 @@ from diffbotctl.calibrate.log_checks import (
     copied_column,
     count_fault,
     dead_encoder,
-    part_fault,
     standing_drive,
     table_fault,
     ticks_gap,
@@ -56,12 +52,9 @@ from diffbotctl.messages import Encoders
 COUNT_COLUMNS = ("time", "right", "left")
 POSE_COLUMNS = ("x", "y", "heading")
 DEGREES = "heading_deg"
-HEADING_LIKE = re.compile("head|angle|theta|yaw|phi|rad$|deg$")  # of columns that are not read
-HEADING_MAX_RAD = 100 * 2 * pi
 SAME_TIME_DIGITS = 3  # of s
 DURATION_RATIO_MAX = 20.0  # of the poses to the counts
 RUN_COLUMNS = 6
-END_DISTANCE_RATIO_MAX = 1.5  # of the distance to what the wheels rolled
 FINGERPRINT_DIGITS = 16
 DESCRIPTION_MAX_BYTES = 1 << 20
 WRAPPED_HEADING_MAX_RAD = 6.4  # a little more than one turn
@@ -197,30 +190,6 @@ def _is_new(poses: Floats) -> NDArray[np.bool_]:
     return np.append(True, (np.diff(poses, axis=0) != 0.0).any(axis=1))
 
 
-def refuse_part(counts: CountLog) -> None:
-    """Raises UsageError for a drive that does not begin and end at rest, where its end is."""
-    fault = part_fault(counts.times, counts.turns / counts.tick)
-    if fault is not None:
-        fix = "record from before the robot moves until it stands again"
-        raise unusable_log(Path(counts.name), fault, fix)
-
-
-def refuse_too_far(counts: CountLog, end: Sequence[float], diameter: float, path: Path) -> None:
-    """Raises UsageError if wheels of `diameter` (m) cannot have reached `end` (m) of `path`, or it
-    has no x or y.
-
-    The most common cause is a wrong unit.
-    """
-    rolled = pi * diameter * float(np.abs(np.diff(counts.turns, axis=0)).sum(axis=0).max())
-    distance = hypot(end[0], end[1])
-    if not isfinite(distance):
-        raise unusable_log(path, f"states no x or no y of the end of {counts.name}")
-    if distance > END_DISTANCE_RATIO_MAX * rolled:
-        cause = f"says that {counts.name} ended {distance:.4g} m from its start, but its wheels "
-        fix = "write x and y in metres, and counts since the start; `slots` are counts per turn"
-        raise unusable_log(path, f"{cause}rolled only {rolled:.3g} m", fix)
-
-
 def refuse_repeated(drives: Sequence[CountLog | RecordedDrive]) -> None:
     """Raises UsageError for a drive that is given twice, also as a copy of its file.
 
@@ -258,60 +227,15 @@ def refuse_dead_encoder(drives: Sequence[CountLog]) -> None:
         raise unusable_log(Path(drives[0].name), fault)
 
 
-def read_ends(path: Path) -> dict[str, tuple[float, float, float]]:
-    """End poses by the name of the drive's file, without its suffix.
-
-    Columns: recording, x and y (m), and heading (rad) or heading_deg, which may be empty. Raises
-    UsageError.
-    """
-    table = open_table(path, ("recording", *POSE_COLUMNS[:2]))
-    _refuse_unread_headings(table)
-    ends: dict[str, tuple[float, float, float]] = {}
-    for line, cells in table.rows():
-        name = Path(cells[table.column("recording")]).stem
-        if name in ends:
-            raise unusable_log(path, f"has two lines for the recording {name}")
-        ends[name] = _end(table, line, cells)
-    if len(ends) > 1 and not any(x or y for x, y, _ in ends.values()):
-        raise unusable_log(path, "x and y are 0 in every line", "write the measured ends")
-    return ends
-
-
-def _end(table: CsvTable, line: int, cells: Sequence[str]) -> tuple[float, float, float]:
-    """The end pose in one line: x, y in m, heading in rad or nan."""
-    values = {
-        name: table.number(line, name, cells[table.column(name)])
-        for name in (*POSE_COLUMNS, DEGREES)
-        if name in table.names
-    }
-    given = [values.get(POSE_COLUMNS[2], nan), radians(values.get(DEGREES, nan))]
-    given = [heading for heading in given if not isnan(heading)]
-    if len(given) == 2:
-        cause = f"line {line} states the heading in rad and in degrees"
-        raise unusable_log(table.path, cause, f"write heading or {DEGREES}")
-    heading = given[0] if given else nan
-    if abs(heading) > HEADING_MAX_RAD:
-        raise unusable_log(table.path, f"line {line} states a heading of more than 100 turns")
-    return values["x"], values["y"], heading
-
-
-def _refuse_unread_headings(table: CsvTable) -> None:
-    """Raises UsageError for a column that seems to hold headings, but has another name."""
-    for name in table.names:
-        if name not in (POSE_COLUMNS[2], DEGREES) and HEADING_LIKE.search(name):
-            cause = f"its first line names '{name}', which is not read"
-            fix = f"name headings heading (rad) or {DEGREES}, and other columns otherwise"
-            raise unusable_log(table.path, cause, fix)
-
-
 def fingerprint(paths: Sequence[Path]) -> str:
     """Hash (hexadecimal) of the contents of all files. Raises UsageError."""
-    try:
-        contents = [path.read_bytes() for path in paths]
-    except OSError as error:
-        place = Path(error.filename or "files")
-        raise unusable_log(place, f"cannot be read: {error_text(error)}") from error
-    return sha256(b"".join(contents)).hexdigest()[:FINGERPRINT_DIGITS]
+    digest = sha256()
+    for path in paths:
+        try:
+            digest.update(path.read_bytes())
+        except OSError as error:
+            raise unusable_log(path, f"cannot be read: {error_text(error)}") from error
+    return digest.hexdigest()[:FINGERPRINT_DIGITS]
 
 
 class OptiodomSession(NamedTuple):

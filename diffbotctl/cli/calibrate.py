@@ -168,13 +168,11 @@ def _placed(
     """The drives with the poses that are known of them, from wherever they are told."""
     from diffbotctl.calibrate.csv_table import unusable_log
     from diffbotctl.calibrate.log_reader import (
-        read_ends,
-        refuse_part,
-        refuse_too_far,
         with_end,
         with_own_poses,
         with_truth,
     )
+    from diffbotctl.calibrate.measured_ends import read_ends, refuse_part, refuse_too_far
 
     if truth:
         return [with_truth(*each) for each in zip(counts, truth, strict=True)]

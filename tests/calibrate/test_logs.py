@@ -8,14 +8,13 @@ from click.testing import CliRunner
 from diffbotctl.calibrate.log_reader import (
     is_session,
     read_counts,
-    read_ends,
     read_session,
     refuse_repeated,
-    refuse_too_far,
     with_end,
     with_own_poses,
     with_truth,
 )
+from diffbotctl.calibrate.measured_ends import read_ends, refuse_too_far
 from diffbotctl.cli.main import program
 from diffbotctl.errors import UsageError
 from tests.calibrate.driven import STATED, squares
@@ -147,7 +146,10 @@ def test_text_that_is_not_utf_8(tmp_path):
     ("text", "said"),
     [
         ("recording,x,y,theta\na,1,2,3\n", "names 'theta', which is not read"),
-        ("recording,x,y,heading,heading_deg\na,1,2,1,57\n", "in rad and in degrees"),
+        (
+            "recording,x,y,heading,heading_deg\na,1,2,1,30\n",
+            "one heading in rad and another one in degrees",
+        ),
         ("recording,x,y,heading_deg\na,1,2,40000\n", "a heading of more than 100 turns"),
         ("recording,x,y\na,0.5 m,2\n", "write the number without its unit"),
         ("recording,x,y,heading_deg\na,1,2,90\N{DEGREE SIGN}\n", "without its unit"),
