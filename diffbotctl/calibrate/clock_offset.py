@@ -18,6 +18,8 @@ MISMATCH_RATIO_MAX = 0.98  # after over before; above, the robot hardly turned
 OTHER_CLOCK_MAX_S = 5.0
 OTHER_CLOCK_STEP_S = 0.02
 OTHER_CLOCK_RATIO_MAX = 0.5  # of the mismatch to that of the best offset that is no mistake
+OTHER_CLOCK_TURN_RATIO_MAX = 0.3  # of the mismatch to the turns of the robot
+TURNS_SD_MIN_RAD = 0.05  # of the headings around their moving mean; a straight drive has less
 
 
 def clock_offset(drive: RecordedDrive, geometry: Geometry) -> float:
@@ -38,11 +40,14 @@ def other_clock(drive: RecordedDrive, geometry: Geometry) -> float | None:
     step = OTHER_CLOCK_STEP_S
     offsets = np.arange(-OTHER_CLOCK_MAX_S, OTHER_CLOCK_MAX_S + step / 2, step)
     mismatches = _mismatches(drive, geometry, offsets)
-    if mismatches is None:
+    standing = replace(drive, turns=np.zeros_like(drive.turns))
+    turns = _mismatches(standing, geometry, np.zeros(1))
+    if mismatches is None or turns is None or turns[0] < TURNS_SD_MIN_RAD:
         return None
     best = int(np.argmin(mismatches))
     usual = mismatches[np.abs(offsets) <= CLOCK_OFFSET_MAX_S].min()
-    return float(offsets[best]) if mismatches[best] < OTHER_CLOCK_RATIO_MAX * usual else None
+    limit = min(OTHER_CLOCK_RATIO_MAX * usual, OTHER_CLOCK_TURN_RATIO_MAX * turns[0])
+    return float(offsets[best]) if mismatches[best] < limit else None
 
 
 def _mismatches(drive: RecordedDrive, geometry: Geometry, offsets: Floats) -> Floats | None:

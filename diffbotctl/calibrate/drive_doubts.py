@@ -18,6 +18,8 @@ SILENT_RATIO_MIN = 0.15  # of the counts of the other wheel, while one does not 
 TURN_MAX_RAD = 0.8  # between two rows; a chord no longer tells where the arc ends
 TURN_ROWS_MIN = 3
 DOUBTS_SHOWN_MAX = 2
+# Of the track. A robot that turns around a wheel moves its middle by at most one track.
+REACH_TRACKS_MAX = 1.2
 
 
 def told_doubts(drives: Sequence[RecordedDrive], geometry: Geometry) -> str | None:
@@ -58,6 +60,34 @@ def silent_encoder(times: Floats, counts: Floats) -> str | None:
         when = f"before {times[moving[0]] - times[0]:.1f} s"
         return f"the {wheel} encoder counted nothing {when}, but the {other} one {before:.0f}"
     return None
+
+
+def is_dead(drive: RecordedDrive, geometry: Geometry) -> bool:
+    """Whether an encoder counted nothing while the robot moved further than around that wheel."""
+    counts = drive.turns / drive.tick
+    for own, others in zip(counts.T, counts.T[::-1], strict=True):
+        moving = np.flatnonzero(np.diff(own))
+        sizes = np.abs(np.diff(own)).sum(), np.abs(np.diff(others)).sum()
+        last = len(own) - 1
+        parts = [(0, last)]
+        if sizes[0] > DEAD_RATIO_MAX * sizes[1]:
+            parts = [(0, int(moving[0])), (int(moving[-1]) + 1, last)]
+        if any(_is_beyond_reach(drive, others, part, geometry) for part in parts):
+            return True
+    return False
+
+
+def _is_beyond_reach(
+    drive: RecordedDrive, others: Floats, part: tuple[int, int], geometry: Geometry
+) -> bool:
+    first, last = part
+    if np.abs(np.diff(others[first : last + 1])).sum() < DEAD_COUNTS_MIN:
+        return False
+    poses = drive.poses[(drive.rows >= first) & (drive.rows <= last), :2]
+    if not len(poses):
+        return False
+    reach = float(np.hypot(*(poses - poses[0]).T).max())
+    return reach > REACH_TRACKS_MAX * geometry.track
 
 
 def _silence(own: Floats, others: Floats) -> tuple[float, float, float]:

@@ -29,7 +29,7 @@ from diffbotctl.calibrate.dead_reckoning import (
     cut_segments,
     end_error,
 )
-from diffbotctl.calibrate.drive_doubts import drive_doubt, told_doubts
+from diffbotctl.calibrate.drive_doubts import drive_doubt, is_dead, told_doubts
 from diffbotctl.calibrate.end_noise import CAMERA_NOISE, TAPE_NOISE, NoiseGrid
 from diffbotctl.calibrate.end_scale import end_scales, refuse_other_scale
 from diffbotctl.calibrate.geometry_posterior import (
@@ -111,6 +111,11 @@ def fit_geometry(
     """
     if not drives:
         raise ValueError("no drives to fit to")
+    # Two dead encoders agree with each other, and may pull the fit.
+    dead = [drive for drive in drives if is_dead(drive, stated)]
+    if len(dead) > BAD_DRIVES_RATIO_MAX * len(drives):
+        raise _unexplained(dead, drives, stated)
+    drives = [drive for drive in drives if not is_dead(drive, stated)]
     sd = DIAMETER_SD if mean_sd is None else mean_sd
     prior = GeometryPrior(stated, (sd, RATIO_SD, TRACK_SD))
     _refuse_other_clocks(drives, stated)
@@ -143,7 +148,7 @@ def fit_geometry(
         confidence(result, [len(group) for group in groups], segments, weights),
         used,
         [offsets[number] for number in kept],
-        _outliers(aligned, kept, result.geometry),
+        _outliers([*aligned, *dead], kept, result.geometry),
         sees_diameter,
     )
     _refuse_unproven(fit, prior)

@@ -25,12 +25,13 @@ TICKS_GAP_TIME_RATIO_MIN = 1.8  # one row of ticks is missing
 DEAD_RATIO_MAX = 0.02  # of the counts of the other wheel
 DEAD_COUNTS_MIN = 20.0  # of the other wheel
 COPIED_COUNTS_MIN = 100.0  # in all drives; two wheels do not count so many at the same times
-# A person measures where a robot stands. Wheels follow a command within 0.05 to 0.3 s, so that the
-# first and last rows of a whole drive tell of slow wheels.
-FIRST_S, LAST_S = 0.06, 0.2
-FIRST_RATE_RATIO_MIN, LAST_RATE_RATIO_MIN = 0.8, 0.5  # of the mean rate of the counts
-PART_COUNTS_MIN = 2.0
-PART_ROWS_MAX = 10  # whatever the unit of the times is
+# A person measures where a robot stands. Wheels follow a command within 0.05 to 0.3 s, so that in
+# the first rows of a whole drive they are slow, and in the last rows they become slower.
+FIRST_S, LAST_S = 0.06, 0.1
+FIRST_RATE_RATIO_MIN, LAST_RATE_RATIO_MIN = 0.8, 0.7  # of the mean rate of the counts
+SLOWER_RATIO_MAX = 0.8  # of the last rate to that of the rows before
+PART_COUNTS_MIN = 6.0  # fewer tell no rate
+PART_ROWS_MAX = 40  # whatever the unit of the times is
 WHEELS = ("right", "left")
 
 
@@ -91,22 +92,29 @@ def part_fault(times: Floats, counts: Floats) -> str | None:
     sizes = np.abs(np.diff(counts, axis=0)).sum(axis=1)
     periods = np.diff(times)
     usual = float(sizes.sum() / periods.sum())
-    if _is_turning(sizes, periods, FIRST_S, FIRST_RATE_RATIO_MIN * usual):
+    rows = _row_count(periods, FIRST_S)
+    counted, rate = _rate(sizes[:rows], periods[:rows])
+    if counted >= PART_COUNTS_MIN and rate > FIRST_RATE_RATIO_MIN * usual:
         return "the wheels already turn in the first rows: is the beginning of the drive missing?"
-    if _is_turning(sizes[::-1], periods[::-1], LAST_S, LAST_RATE_RATIO_MIN * usual):
+    rows = _row_count(periods[::-1], max(LAST_S, PART_COUNTS_MIN / max(usual, 1e-9)))
+    counted, rate = _rate(sizes[-rows:], periods[-rows:])
+    _, before = _rate(sizes[-3 * rows : -rows], periods[-3 * rows : -rows])
+    if counted >= PART_COUNTS_MIN and rate > max(
+        LAST_RATE_RATIO_MIN * usual, SLOWER_RATIO_MAX * before
+    ):
         return "the wheels still turn in the last rows: is the end of the drive missing?"
     return None
 
 
-def _is_turning(sizes: Floats, periods: Floats, span: float, rate_min: float) -> bool:
-    """Whether the wheels turn faster than `rate_min` (counts/s) in the rows of the first `span` s.
-
-    `sizes` and `periods` (rows,): counts of both wheels in each row, and its duration in s.
-    """
+def _row_count(periods: Floats, span: float) -> int:
+    """How many rows last `span` s; `periods` (rows,) in s."""
     rows = int(np.count_nonzero(np.cumsum(periods) <= span * (1 + 1e-6)))
-    rows = min(max(rows, 1), PART_ROWS_MAX)
-    moved, lasted = float(sizes[:rows].sum()), float(periods[:rows].sum())
-    return moved >= PART_COUNTS_MIN and moved > rate_min * lasted
+    return min(max(rows, 1), PART_ROWS_MAX, len(periods) // 4)
+
+
+def _rate(sizes: Floats, periods: Floats) -> tuple[float, float]:
+    """The counts of both wheels in some rows, and per s."""
+    return float(sizes.sum()), float(sizes.sum() / periods.sum())
 
 
 def ticks_gap(times: Floats) -> str | None:

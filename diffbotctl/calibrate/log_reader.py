@@ -12,7 +12,7 @@ import csv
 from collections.abc import Sequence
 from contextlib import suppress
 from hashlib import sha256
-from math import inf, isfinite
+from math import inf, isfinite, pi
 from pathlib import Path
 from typing import NamedTuple
 
@@ -52,6 +52,7 @@ from diffbotctl.messages import Encoders
 COUNT_COLUMNS = ("time", "right", "left")
 POSE_COLUMNS = ("x", "y", "heading")
 DEGREES = "heading_deg"
+HEADING_MAX_RAD = 100 * 2 * pi
 SAME_TIME_DIGITS = 3  # of s
 DURATION_RATIO_MAX = 20.0  # of the poses to the counts
 RUN_COLUMNS = 6
@@ -178,6 +179,9 @@ def _read_poses(path: Path, leading: tuple[str, ...] = ()) -> Floats:
     table = read_columns(path, (*leading, *POSE_COLUMNS[:2], heading))
     if is_degrees:
         table[:, -1] = np.radians(table[:, -1])
+    bad = np.flatnonzero(np.abs(table[:, -1]) > HEADING_MAX_RAD)
+    if len(bad):
+        raise unusable_log(path, f"row {bad[0] + 1} states a heading of more than 100 turns")
     return table
 
 

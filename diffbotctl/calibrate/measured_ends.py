@@ -12,11 +12,10 @@ import numpy as np
 from diffbotctl.calibrate.csv_table import CsvTable, open_table, unusable_log
 from diffbotctl.calibrate.dead_reckoning import wrap_angle
 from diffbotctl.calibrate.log_checks import part_fault
-from diffbotctl.calibrate.log_reader import DEGREES, POSE_COLUMNS, CountLog
+from diffbotctl.calibrate.log_reader import DEGREES, HEADING_MAX_RAD, POSE_COLUMNS, CountLog
 
 END_DISTANCE_RATIO_MAX = 1.5  # of the distance to what the wheels rolled
 HEADING_LIKE = re.compile("head|angle|theta|yaw|phi|rad$|deg$")  # of columns that are not read
-HEADING_MAX_RAD = 100 * 2 * pi
 SAME_HEADING_RAD = radians(1.0)
 
 

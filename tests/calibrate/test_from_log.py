@@ -4,6 +4,7 @@ from dataclasses import replace
 from math import cos, isnan, sin
 from random import Random
 
+import numpy as np
 import pytest
 
 from diffbotctl.testing.trials.drawn_drives import CORRUPTIONS, NEEDS_HEADINGS, draw_set
@@ -192,3 +193,24 @@ def test_corruptions_of_headings_need_headings():
 def test_without_real_data_the_row_says_so(tmp_path):
     (row,) = session_rows(1, [tmp_path])
     assert row.figure == "no data"
+
+
+@pytest.mark.parametrize("delay", [-0.6, 0.6])
+def test_poses_of_another_clock_are_named(tmp_path, delay):
+    numbers = (f"clock {number}" for number in range(200))
+    drawn = next(
+        each
+        for each in map(draw_foreign_set, numbers)
+        if each.format.is_camera and {drive.name[:3] for drive in each.drives} == {"joy"}
+    )
+    drives = []
+    for drive in drawn.drives:
+        known = np.isfinite(drive.poses).all(axis=1)
+        times, poses = drive.times[known], drive.poses.copy()
+        late = [np.interp(times - delay, times, column) for column in poses[known].T]
+        poses[known] = np.stack(late, axis=1)
+        drives.append(replace(drive, poses=poses))
+    saved = calibrated(replace(drawn, drives=drives), tmp_path / "set")
+    said = " ".join(saved.text.split())
+    assert saved.exit_code != 0 and saved.deviations == []
+    assert "about 0.6 s " + ("after" if delay > 0 else "before") in said

@@ -5,7 +5,8 @@ from random import Random
 import numpy as np
 import pytest
 
-from diffbotctl.calibrate.drive_doubts import silent_encoder
+from diffbotctl.calibrate.dead_reckoning import MOTION_CAPTURE, Geometry, RecordedDrive
+from diffbotctl.calibrate.drive_doubts import is_dead, silent_encoder
 from diffbotctl.calibrate.log_checks import (
     copied_column,
     count_fault,
@@ -151,3 +152,14 @@ def test_whole_seconds_are_no_rows_that_are_written_twice():
     times = np.floor(0.1 * np.arange(100))
     fault = table_fault(np.column_stack([times, np.arange(100), np.arange(100)]))
     assert "more decimals" in fault
+
+
+@pytest.mark.parametrize(("length", "dead"), [(0.15, False), (0.5, True)])
+def test_a_robot_with_one_standing_wheel_stays_near_it(length, dead):
+    # One track is 0.15 m. Its middle circles around the left wheel at half of that.
+    turns = np.column_stack([np.linspace(0.0, 2.0, 41), np.zeros(41)])
+    poses = np.column_stack([np.linspace(0.0, length, 41), np.zeros(41), np.zeros(41)])
+    drive = RecordedDrive(
+        "one", 0.1 * np.arange(41), turns, np.arange(41), poses, (0.05, 0.05), MOTION_CAPTURE
+    )
+    assert is_dead(drive, Geometry(0.065, 0.065, 0.15)) is dead

@@ -148,7 +148,7 @@ def test_text_that_is_not_utf_8(tmp_path):
         ("recording,x,y,theta\na,1,2,3\n", "names 'theta', which is not read"),
         (
             "recording,x,y,heading,heading_deg\na,1,2,1,30\n",
-            "one heading in rad and another one in degrees",
+            "another one in degrees",
         ),
         ("recording,x,y,heading_deg\na,1,2,40000\n", "a heading of more than 100 turns"),
         ("recording,x,y\na,0.5 m,2\n", "write the number without its unit"),
@@ -340,3 +340,9 @@ def test_nobody_to_agree(tmp_path, option, said):
     result = CliRunner().invoke(program, arguments)
     assert result.exit_code == 2 and said in " ".join(result.output.split())
     assert "--dry-run" not in result.output
+
+
+def test_a_heading_of_many_turns_beside_the_counts(tmp_path):
+    text = "time,right,left,x,y,heading\n0,0,0,0,0,0\n1,1,1,0.1,0,1e300\n"
+    with pytest.raises(UsageError, match="row 2 states a heading of more than 100"):
+        read_counts(written(tmp_path, "a.csv", text), (20, 20))
