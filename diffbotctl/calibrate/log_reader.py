@@ -226,9 +226,9 @@ def refuse_dead_encoder(drives: Sequence[CountLog]) -> None:
     if standing is not None:
         number, fault = standing
         raise unusable_log(Path(drives[number].name), fault)
-    fault = dead_encoder(np.array(turned)) or copied_column(counts)
-    if fault is not None:
-        raise unusable_log(Path(drives[0].name), fault)
+    common = dead_encoder(np.array(turned)) or copied_column(counts)
+    if common is not None:
+        raise unusable_log(Path(drives[0].name), common)
 
 
 def fingerprint(paths: Sequence[Path]) -> str:
