@@ -144,9 +144,8 @@ def test_dead_encoders_are_no_wrong_headings(tmp_path, share, words):
     assert words in said and "must be in degrees" not in said
 
 
-def test_headings_above_one_turn_are_not_in_radians(tmp_path):
+def test_headings_in_radians_named_degrees_are_still_named(tmp_path):
     drawn = draw_set("shapes 20")
-    # In a column of degrees: 0.1 to 6.3 are headings in rad.
     saved = calibrated(CORRUPTIONS["radians for degrees"](drawn, Random(1)), tmp_path / "set")
     assert "must be in degrees" in " ".join(saved.text.split())
 
