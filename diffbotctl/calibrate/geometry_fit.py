@@ -13,11 +13,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import exp, hypot, inf, log
-from typing import NamedTuple
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 
-from diffbotctl.calibrate.clock_offset import clock_offset, delay_counts
+from diffbotctl.calibrate.clock_offset import clock_offset, delay_counts, other_clock
 from diffbotctl.calibrate.confidence import Confidence, confidence
 from diffbotctl.calibrate.dead_reckoning import (
     MOTION_CAPTURE,
@@ -29,6 +29,7 @@ from diffbotctl.calibrate.dead_reckoning import (
     cut_segments,
     end_error,
 )
+from diffbotctl.calibrate.drive_doubts import drive_doubt, is_dead, told_doubts
 from diffbotctl.calibrate.end_noise import CAMERA_NOISE, TAPE_NOISE, NoiseGrid
 from diffbotctl.calibrate.end_scale import end_scales, refuse_other_scale
 from diffbotctl.calibrate.geometry_posterior import (
@@ -50,9 +51,11 @@ from diffbotctl.units import quantity
 # In tracks. Shorter segments are dominated by the noise of the true headings, longer ones do not
 # determine the mean diameter on small squares; found by cross-validation on a real session.
 SEGMENT_LENGTH_TRACKS = 20.0
+NAMES_SHOWN_MAX = 4
 SEARCH_SEGMENTS_MAX = 24  # of all drives, to find mistakes
 SEGMENTS_MAX = 600
 BAD_DRIVES_RATIO_MAX = 1 / 3
+CERTAIN_RATIO_MIN = 0.8  # of the ends that a mistake explains; counts look odd by chance then
 DIAMETER_SD_MIN = 0.001  # relative: another floor, another load
 # Relative standard deviation of all lengths that one tape measures: its class (0.05 %), and that it
 # hangs, or does not lie along the axis. No drive shows it.
@@ -78,6 +81,8 @@ class Outlier(NamedTuple):
     name: str
     ratio: float
     """of its end error to the usual one"""
+    doubt: str | None
+    """what may be the cause"""
 
 
 class GeometryFit(NamedTuple):
@@ -106,8 +111,14 @@ def fit_geometry(
     """
     if not drives:
         raise ValueError("no drives to fit to")
+    # Two dead encoders agree with each other, and may pull the fit.
+    dead = [drive for drive in drives if is_dead(drive, stated)]
+    if len(dead) > BAD_DRIVES_RATIO_MAX * len(drives):
+        raise _unexplained(dead, drives, stated)
+    drives = [drive for drive in drives if not is_dead(drive, stated)]
     sd = DIAMETER_SD if mean_sd is None else mean_sd
     prior = GeometryPrior(stated, (sd, RATIO_SD, TRACK_SD))
+    _refuse_other_clocks(drives, stated)
     rough = _explain(drives, GeometryPrior(stated, (sd, *USUAL_SDS)))
     offsets = [clock_offset(drive, rough.geometry) for drive in drives]
     aligned = [
@@ -137,7 +148,7 @@ def fit_geometry(
         confidence(result, [len(group) for group in groups], segments, weights),
         used,
         [offsets[number] for number in kept],
-        _outliers(aligned, kept, result.geometry),
+        _outliers([*aligned, *dead], kept, result.geometry),
         sees_diameter,
     )
     _refuse_unproven(fit, prior)
@@ -179,7 +190,7 @@ def _explain(drives: Sequence[RecordedDrive], prior: GeometryPrior) -> Solution:
 
     found = explain_ends(drives, prior, cut)
     if found.mistake is not None:
-        raise ValueError(f"these drives agree with each other only if {found.mistake.text}")
+        _refuse_mistake(drives, prior.stated, found.mistake.text, found.good_ratio)
     best, rival = found.plain, found.rival
     if (
         rival is not None
@@ -192,6 +203,52 @@ def _explain(drives: Sequence[RecordedDrive], prior: GeometryPrior) -> Solution:
             "add shorter drives with fewer turns"
         )
     return best
+
+
+def _refuse_mistake(
+    drives: Sequence[RecordedDrive], stated: Geometry, text: str, good_ratio: float
+) -> NoReturn:
+    """Raises ValueError for drives that a mistake explains better than the files as they are.
+
+    `good_ratio`: of the ends that it explains. If it leaves many of them unexplained too, it is
+    only the least bad one of the mistakes that were tried.
+    """
+    doubtful = [drive for drive in drives if drive_doubt(drive, stated)]
+    is_doubtful = len(doubtful) > BAD_DRIVES_RATIO_MAX * len(drives)
+    if good_ratio < 1 - BAD_DRIVES_RATIO_MAX or (is_doubtful and good_ratio < CERTAIN_RATIO_MIN):
+        raise _unexplained(drives, drives, stated)
+    raise ValueError(f"these drives agree with each other only if {text}")
+
+
+def _unexplained(
+    bad: Sequence[RecordedDrive], drives: Sequence[RecordedDrive], stated: Geometry
+) -> ValueError:
+    """The error for drives without an explanation, with what looks odd in them."""
+    names = ", ".join(drive.name for drive in bad[:NAMES_SHOWN_MAX])
+    more = ", ..." if len(bad) > NAMES_SHOWN_MAX else ""
+    reason = told_doubts(bad, stated)
+    if reason is None:
+        is_camera = all(drive.truth is MOTION_CAPTURE for drive in bad)
+        asked = "are their poses" if is_camera else "were their ends measured from the start"
+        reason = f"{asked} of the same drive, and did both encoders count all the time?"
+    return ValueError(
+        f"no geometry near the stated one explains {len(bad)} of {len(drives)} drives "
+        f"({names}{more}): {reason}"
+    )
+
+
+def _refuse_other_clocks(drives: Sequence[RecordedDrive], geometry: Geometry) -> None:
+    """Raises ValueError if the clocks of poses and counts differ by too much in many drives."""
+    offsets = {drive.name: other_clock(drive, geometry) for drive in drives}
+    found = {name: offset for name, offset in offsets.items() if offset is not None}
+    if len(found) <= BAD_DRIVES_RATIO_MAX * len(drives):
+        return
+    name, offset = next(iter(found.items()))
+    words = "after" if offset > 0 else "before"
+    raise ValueError(
+        f"the true poses of {len(found)} of {len(drives)} drives come another time than their "
+        f"counts, in {name} about {abs(offset):.1f} s {words} them: write the times of one clock"
+    )
 
 
 def _log_change(one: Geometry, other: Geometry) -> list[float]:
@@ -215,12 +272,8 @@ def _good_drives(
         number for number, part in enumerate(np.split(good, ends)) if float(np.median(part)) >= 0.5
     ]
     if len(drives) - len(kept) > BAD_DRIVES_RATIO_MAX * len(drives):
-        bad = [drive.name for number, drive in enumerate(drives) if number not in kept]
-        raise ValueError(
-            f"no geometry near the stated one explains {len(bad)} of {len(drives)} drives "
-            f"({', '.join(bad[:4])}{', ...' if len(bad) > 4 else ''}): were their ends measured "
-            "from the start of the same drive, and did both encoders count all the time?"
-        )
+        bad = [drive for number, drive in enumerate(drives) if number not in kept]
+        raise _unexplained(bad, drives, prior.stated)
     return kept
 
 
@@ -231,7 +284,7 @@ def _outliers(
     distances = [hypot(error.x, error.y) for error in errors]
     usual = max(float(np.median([distances[number] for number in kept])), 1e-4)
     return [
-        Outlier(drive.name, distances[number] / usual)
+        Outlier(drive.name, distances[number] / usual, drive_doubt(drive, geometry))
         for number, drive in enumerate(drives)
         if number not in kept
     ]

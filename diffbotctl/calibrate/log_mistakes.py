@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from math import log, pi, radians, sqrt
+from math import degrees, log, pi, radians, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +32,8 @@ SHIFT_DRIVES_MIN = 3
 USUAL_NOISE = (0.0007, 0.004, radians(2.0), radians(0.5))  # slip, position, heading, start
 USUAL_CHI2_RATIO_MAX = 3.0  # for each of three coordinates
 MISTAKE_MAXIMA = 2  # of the grid, refined for each mistake
+# A little more than one turn: headings in rad that were wrapped, which most are.
+RADIANS_MAX = 6.4
 
 
 class Mistake(NamedTuple):
@@ -56,6 +58,8 @@ class Explanation:
     """with the files as they are"""
     rival: Solution | None
     """the second-best geometry for the files as they are"""
+    good_ratio: float
+    """of the ends that the solution explains"""
 
 
 def explain_ends(drives: Drives, prior: GeometryPrior, cut: Cut) -> Explanation:
@@ -81,8 +85,15 @@ def explain_ends(drives: Drives, prior: GeometryPrior, cut: Cut) -> Explanation:
             best = score, mistake, solution
     rival = others[0] if others else None
     if best is not None and best[0] > plain.score + MISTAKE_LOG_RATIO_MIN:
-        return Explanation(best[1], best[2], plain, rival)
-    return Explanation(None, plain, plain, rival)
+        _, mistake, solution = best
+        _, weights = cut(mistake.drives)
+        return Explanation(mistake, solution, plain, rival, _good_ratio(solution, weights))
+    _, weights = cut(drives)
+    return Explanation(None, plain, plain, rival, _good_ratio(plain, weights))
+
+
+def _good_ratio(solution: Solution, weights: Floats) -> float:
+    return float(np.average(solution.good, weights=weights))
 
 
 def _is_usual(segments: Sequence[Segment], weights: Floats, plain: Solution) -> bool:
@@ -171,13 +182,22 @@ def _unit_mistakes(drives: Drives) -> list[Mistake]:
         scaled = [replace(drive, poses=drive.poses * (scale, scale, 1.0)) for drive in drives]
         text = f"x and y of the true poses are in {unit}, but must be in metres"
         found.append(Mistake(text, scaled, position_scale=scale))
-    for text, scale in (
-        ("the headings of the true poses are in degrees, but must be in rad", pi / 180),
-        ("the headings of the true poses are in rad, but must be in degrees", 180 / pi),
-    ):
+    scales = {"the headings of the true poses are in degrees, but must be in rad": pi / 180}
+    if _may_be_radians(drives):
+        scales["the headings of the true poses are in rad, but must be in degrees"] = 180 / pi
+    for text, scale in scales.items():
         scaled = [replace(drive, poses=drive.poses * (1.0, 1.0, scale)) for drive in drives]
         found.append(Mistake(text, scaled, heading_scale=scale))
     return found
+
+
+def _may_be_radians(drives: Drives) -> bool:
+    """Whether headings that were read as degrees may be in rad: none is above one turn.
+
+    Otherwise this hypothesis would win wherever nothing explains the ends, by its Jacobian.
+    """
+    noted = [degrees(float(np.nanmax(np.abs(drive.poses[:, 2])))) for drive in drives]
+    return max(noted) <= RADIANS_MAX
 
 
 def _stretch_mistakes(drives: Drives) -> list[Mistake]:

@@ -12,13 +12,19 @@ import csv
 from collections.abc import Sequence
 from contextlib import suppress
 from hashlib import sha256
-from math import hypot, inf, isfinite, isnan, pi, radians
+from math import inf, isfinite, pi
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from diffbotctl.calibrate.csv_table import (
+    CSV_ENCODING,
+    column_names,
+    error_text,
+    unusable_log,
+)
 from diffbotctl.calibrate.dead_reckoning import (
     MOTION_CAPTURE,
     TAPE_MEASURE,
@@ -31,19 +37,11 @@ from diffbotctl.calibrate.log_checks import (
     copied_column,
     count_fault,
     dead_encoder,
+    standing_drive,
     table_fault,
     ticks_gap,
 )
-from diffbotctl.calibrate.log_table import (
-    CSV_ENCODING,
-    error_text,
-    has_columns,
-    parse_number,
-    read_columns,
-    read_rows,
-    read_table,
-    unusable_log,
-)
+from diffbotctl.calibrate.log_table import read_columns, read_table
 from diffbotctl.calibrate.recorded_frames import read_frames
 from diffbotctl.calibrate.recorded_turns import TICK_RATIO, estimated_turns
 from diffbotctl.config.robot import Robot
@@ -53,8 +51,11 @@ from diffbotctl.messages import Encoders
 
 COUNT_COLUMNS = ("time", "right", "left")
 POSE_COLUMNS = ("x", "y", "heading")
+DEGREES = "heading_deg"
+HEADING_MAX_RAD = 100 * 2 * pi
+SAME_TIME_DIGITS = 3  # of s
+DURATION_RATIO_MAX = 20.0  # of the poses to the counts
 RUN_COLUMNS = 6
-END_DISTANCE_RATIO_MAX = 1.5  # of the distance to what the wheels rolled
 FINGERPRINT_DIGITS = 16
 DESCRIPTION_MAX_BYTES = 1 << 20
 WRAPPED_HEADING_MAX_RAD = 6.4  # a little more than one turn
@@ -85,8 +86,8 @@ def read_counts(path: Path, ticks: tuple[float, float], robot: Robot | None = No
 
     `ticks`: counts per turn of the right and left wheel. `robot`: of a recording, to estimate the
     turns from the times of the edges too. The first line of a CSV file names the columns: time (s),
-    right and left (counts since the start, signed), optionally x, y (m) and heading (rad). Raises
-    UsageError for an unusable file.
+    right and left (counts since the start, signed), optionally x, y (m) and heading (rad) or
+    heading_deg. Raises UsageError for an unusable file.
     """
     frames: list[Encoders] = []
     poses = None
@@ -95,8 +96,8 @@ def read_counts(path: Path, ticks: tuple[float, float], robot: Robot | None = No
         table = np.array([(frame.time / 1e9, frame.right, frame.left) for frame in frames])
     else:
         table = read_columns(path, COUNT_COLUMNS)
-        if has_columns(path, POSE_COLUMNS):
-            poses = read_columns(path, POSE_COLUMNS)
+        if column_names(path).issuperset(POSE_COLUMNS[:2]):
+            poses = _read_poses(path)
     fault = table_fault(table)
     if fault is not None:
         raise unusable_log(path, fault)
@@ -117,9 +118,12 @@ def with_own_poses(counts: CountLog) -> RecordedDrive:
     """The drive with the poses in its own file. Raises UsageError without any."""
     if counts.poses is not None:
         rows = np.flatnonzero(np.isfinite(counts.poses).all(axis=1))
+        rows = rows[_is_new(counts.poses[rows])]
         if len(rows) >= 2:
             return counts.drive(rows, counts.poses[rows], MOTION_CAPTURE)
-    raise unusable_log(Path(counts.name), "contains no true poses; give --ends or --truth")
+    raise unusable_log(
+        Path(counts.name), "has no poses in columns x, y and heading; give --ends or --truth"
+    )
 
 
 def with_end(counts: CountLog, end: Sequence[float]) -> RecordedDrive:
@@ -135,29 +139,59 @@ def with_end(counts: CountLog, end: Sequence[float]) -> RecordedDrive:
 
 def with_truth(counts: CountLog, path: Path) -> RecordedDrive:
     """The drive with the true poses of the CSV file at `path`: time (s since the start of the
-    drive), x, y (m) and heading (rad). Raises UsageError if there are fewer than two.
+    drive), x, y (m) and heading (rad) or heading_deg. Raises UsageError if there are fewer than
+    two.
     """
-    truth = read_columns(path, ("time", *POSE_COLUMNS))
+    truth = _read_poses(path, ("time",))
+    truth = truth[np.isfinite(truth).all(axis=1)]
     times = truth[:, 0]
-    truth = truth[(times >= 0) & (times <= counts.times[-1]) & np.isfinite(truth).all(axis=1)]
+    _refuse_other_unit(times, counts, path)
+    truth = truth[(times >= 0) & (times <= counts.times[-1])]
     if len(truth) < 2 or (np.diff(truth[:, 0]) <= 0).any():
-        raise unusable_log(path, "needs at least two poses, at increasing times within the drive")
+        cause = "needs at least two poses, at increasing times within the drive"
+        raise unusable_log(path, cause, "write times in seconds since the start of the drive")
+    truth = truth[_is_new(truth[:, 1:])]
+    if len(truth) < 2:
+        raise unusable_log(path, "all its poses are the same")
     times = np.union1d(counts.times, truth[:, 0])
     turns = [np.interp(times, counts.times, wheel) for wheel in counts.turns.T]
     joined = counts._replace(times=times, turns=np.stack(turns, axis=1))
     return joined.drive(np.searchsorted(times, truth[:, 0]), truth[:, 1:], MOTION_CAPTURE)
 
 
-def refuse_too_far(counts: CountLog, end: Sequence[float], diameter: float, path: Path) -> None:
-    """Raises UsageError if wheels of `diameter` (m) cannot have reached `end` (m) of `path`.
+def _refuse_other_unit(times: Floats, counts: CountLog, path: Path) -> None:
+    """Raises UsageError if the poses last much longer than the counts, or much shorter."""
+    if len(times) < 2:
+        return
+    seconds, counted = float(np.ptp(times)), float(np.ptp(counts.times))
+    if not 1 / DURATION_RATIO_MAX < seconds / counted < DURATION_RATIO_MAX:
+        cause = f"its poses last {seconds:.4g} s, but the counts of {counts.name} {counted:.4g} s"
+        raise unusable_log(path, cause, "write both times in seconds")
 
-    The most common cause is a wrong unit.
+
+def _read_poses(path: Path, leading: tuple[str, ...] = ()) -> Floats:
+    """(rows, columns): the columns `leading`, x and y in m, and the heading in rad."""
+    is_degrees = DEGREES in column_names(path)
+    if is_degrees and POSE_COLUMNS[2] in column_names(path):
+        cause = f"its first line names heading and {DEGREES}"
+        raise unusable_log(path, cause, "remove the column that is not meant")
+    heading = DEGREES if is_degrees else POSE_COLUMNS[2]
+    table = read_columns(path, (*leading, *POSE_COLUMNS[:2], heading))
+    if is_degrees:
+        table[:, -1] = np.radians(table[:, -1])
+    bad = np.flatnonzero(np.abs(table[:, -1]) > HEADING_MAX_RAD)
+    if len(bad):
+        raise unusable_log(path, f"row {bad[0] + 1} states a heading of more than 100 turns")
+    return table
+
+
+def _is_new(poses: Floats) -> NDArray[np.bool_]:
+    """(poses,): whether each of the poses (poses, 3) differs from the one before.
+
+    Poses of a slow camera, or of one that lost the robot, are often repeated until the next one:
+    then the time of the first alone is right.
     """
-    rolled = pi * diameter * float(np.abs(np.diff(counts.turns, axis=0)).sum(axis=0).max())
-    distance = hypot(end[0], end[1])
-    if distance > END_DISTANCE_RATIO_MAX * rolled:
-        cause = f"says that {counts.name} ended {distance:.4g} m from its start, but its wheels "
-        raise unusable_log(path, f"{cause}rolled only {rolled:.3g} m; x and y are in metres")
+    return np.append(True, (np.diff(poses, axis=0) != 0.0).any(axis=1))
 
 
 def refuse_repeated(drives: Sequence[CountLog | RecordedDrive]) -> None:
@@ -169,44 +203,43 @@ def refuse_repeated(drives: Sequence[CountLog | RecordedDrive]) -> None:
     names: set[str] = set()
     for drive in drives:
         if drive.name in names:
-            raise unusable_log(Path(drive.name), "two of the files have this name: rename one")
+            raise unusable_log(
+                Path(drive.name),
+                "two of the files have this name: give each file once, or rename one",
+            )
         names.add(drive.name)
-        counted = np.concatenate([drive.times, drive.turns.ravel()]).tobytes()
+        # Rounded, because a difference of two times depends on which clock they are from. Adding
+        # 0.0 makes zeros alike.
+        times = np.round(drive.times - drive.times[0], SAME_TIME_DIGITS) + 0.0
+        counted = np.concatenate([times, drive.turns.ravel() + 0.0]).tobytes()
         other = seen.setdefault(counted, drive.name)
         if other != drive.name:
             raise unusable_log(Path(drive.name), f"contains the same drive as {other}: give one")
 
 
 def refuse_dead_encoder(drives: Sequence[CountLog]) -> None:
-    """Raises UsageError if one encoder did not count in any of the drives, or as the other one."""
+    """Raises UsageError for a drive in which no wheel turned, if one encoder did not count in any
+    of the drives, or if it counted as the other one."""
     turned = [np.abs(np.diff(drive.turns, axis=0)).sum(axis=0) / drive.tick for drive in drives]
     counts = [drive.turns / drive.tick for drive in drives]
-    fault = dead_encoder(np.array(turned)) or copied_column(counts)
-    if fault is not None:
-        raise unusable_log(Path(drives[0].name), fault)
-
-
-def read_ends(path: Path) -> dict[str, tuple[float, float, float]]:
-    """End poses by the name of the drive's file, without its suffix.
-
-    Columns: recording, x and y (m), and heading (rad) or heading_deg, which may be empty. Raises
-    UsageError.
-    """
-    ends = {}
-    for row in read_rows(path, ("recording", "x", "y")):
-        degrees = parse_number(path, row.get("heading_deg"))
-        heading = parse_number(path, row.get("heading")) if isnan(degrees) else radians(degrees)
-        x, y = (parse_number(path, row[name]) for name in ("x", "y"))
-        name = Path(row["recording"].strip()).stem
-        if name in ends:
-            raise unusable_log(path, f"has two lines for the recording {name}")
-        ends[name] = (x, y, heading)
-    return ends
+    standing = standing_drive(np.array(turned))
+    if standing is not None:
+        number, fault = standing
+        raise unusable_log(Path(drives[number].name), fault)
+    common = dead_encoder(np.array(turned)) or copied_column(counts)
+    if common is not None:
+        raise unusable_log(Path(drives[0].name), common)
 
 
 def fingerprint(paths: Sequence[Path]) -> str:
-    """Hash (hexadecimal) of the contents of all files."""
-    return sha256(b"".join(path.read_bytes() for path in paths)).hexdigest()[:FINGERPRINT_DIGITS]
+    """Hash (hexadecimal) of the contents of all files. Raises UsageError."""
+    digest = sha256()
+    for path in paths:
+        try:
+            digest.update(path.read_bytes())
+        except OSError as error:
+            raise unusable_log(path, f"cannot be read: {error_text(error)}") from error
+    return digest.hexdigest()[:FINGERPRINT_DIGITS]
 
 
 class OptiodomSession(NamedTuple):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from diffbotctl.calibrate.log_table import unusable_log
+from diffbotctl.calibrate.csv_table import unusable_log
 from diffbotctl.config.robot import SIDES, Robot, field_value
 from diffbotctl.errors import ConfigurationError, RunError, join_words
 from diffbotctl.messages import Encoders

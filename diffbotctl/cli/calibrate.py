@@ -9,7 +9,7 @@ import click
 
 from diffbotctl.calibrate.runner import STEPS
 from diffbotctl.cli import calibrate_steps
-from diffbotctl.cli.calibrate_results import keep, show_results, undo
+from diffbotctl.cli.calibrate_results import keep, refuse_nobody, show_results, undo
 from diffbotctl.cli.options import CommandGroup, robot_option, yes_option
 
 if TYPE_CHECKING:
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from diffbotctl.calibrate.geometry_fit import GeometryFit
     from diffbotctl.calibrate.log_reader import CountLog
 
+ENDS_SHOWN_MAX = 3
 A_FILE = click.Path(path_type=Path)
 
 
@@ -86,6 +87,10 @@ def from_log(
     from diffbotctl.ui.calibration_screen import fit_report
 
     folders = [file for file in files if file.is_dir()]
+    if folders and (save or yes):
+        raise click.UsageError("A session is of another robot than yours: nothing to save.")
+    if save and not yes:
+        refuse_nobody("leave out --save")
     if folders:
         drives, stated = _sessions(files, folders, bool(robot or ends or truth))
         sd = None
@@ -101,12 +106,10 @@ def from_log(
     for line in fit_report(found):
         click.echo(line)
     if save or yes:
-        _save(found, files, robot, bool(folders), yes)
+        _save(found, files, robot, yes)
 
 
-def _save(
-    found: GeometryFit, files: tuple[Path, ...], robot: str | None, is_session: bool, yes: bool
-) -> None:
+def _save(found: GeometryFit, files: tuple[Path, ...], robot: str | None, yes: bool) -> None:
     from datetime import UTC, datetime
 
     from diffbotctl.calibrate.geometry_fit import geometry_findings
@@ -114,8 +117,6 @@ def _save(
     from diffbotctl.calibrate.result import Provenance, format_date
     from diffbotctl.config.load import load_robot
 
-    if is_session:
-        raise click.UsageError("A session is of another robot than yours: nothing to save.")
     origin = Provenance("from-log", format_date(datetime.now(UTC)), None, fingerprint(files))
     keep(load_robot(robot).file, geometry_findings(found), origin, yes)
 
@@ -123,13 +124,13 @@ def _save(
 def _sessions(
     files: tuple[Path, ...], folders: list[Path], has_options: bool
 ) -> tuple[list[RecordedDrive], Geometry]:
+    from diffbotctl.calibrate.csv_table import unusable_log
     from diffbotctl.calibrate.log_reader import read_session, refuse_repeated
-    from diffbotctl.calibrate.log_table import unusable_log
 
     if has_options or len(folders) < len(files):
         raise click.UsageError(
-            "A session's folder brings its own geometry and poses: give folders"
-            " alone, without --robot, --ends and --truth."
+            "A folder must be a session of OptiOdom, which brings its own geometry and poses: name"
+            " the files in it, or give folders alone, without --robot, --ends and --truth."
         )
     sessions = [read_session(folder) for folder in folders]
     stated = sessions[0].nominal
@@ -165,14 +166,13 @@ def _placed(
     counts: list[CountLog], ends: Path | None, truth: tuple[Path, ...], diameter: float
 ) -> list[RecordedDrive]:
     """The drives with the poses that are known of them, from wherever they are told."""
+    from diffbotctl.calibrate.csv_table import unusable_log
     from diffbotctl.calibrate.log_reader import (
-        read_ends,
-        refuse_too_far,
         with_end,
         with_own_poses,
         with_truth,
     )
-    from diffbotctl.calibrate.log_table import unusable_log
+    from diffbotctl.calibrate.measured_ends import read_ends, refuse_part, refuse_too_far
 
     if truth:
         return [with_truth(*each) for each in zip(counts, truth, strict=True)]
@@ -181,6 +181,9 @@ def _placed(
     told = read_ends(ends)
     for each in counts:
         if each.name not in told:
-            raise unusable_log(ends, f"has no line for the recording {each.name}")
+            shown = [*told][:ENDS_SHOWN_MAX] + ["..."] * (len(told) > ENDS_SHOWN_MAX)
+            cause = f"has no line for the recording {each.name}"
+            raise unusable_log(ends, cause, f"its recordings are {', '.join(shown) or 'none'}")
+        refuse_part(each)
         refuse_too_far(each, told[each.name], diameter, ends)
     return [with_end(each, told[each.name]) for each in counts]

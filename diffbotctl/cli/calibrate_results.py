@@ -73,14 +73,18 @@ def _short(difference: str) -> str:
     )
 
 
-def refuse_nobody() -> None:
-    """Raises click.UsageError where nobody is there to agree, before anything moves."""
-    if not sys.stdin.isatty():
-        raise click.UsageError("Nobody is there to agree: add --yes to write, or --dry-run.")
+def refuse_nobody(otherwise: str) -> None:
+    """Raises click.UsageError where nobody is there to agree, before anything moves.
+
+    `otherwise`: what the command offers beside --yes.
+    """
+    # Standard input is None if it was closed.
+    if sys.stdin is None or not sys.stdin.isatty():
+        raise click.UsageError(f"Nobody is there to agree: add --yes to write, or {otherwise}.")
 
 
 def _agreed() -> bool:
-    refuse_nobody()
+    refuse_nobody("start it in a terminal")
     return click.confirm("Write this?", default=True)
 
 

@@ -71,7 +71,7 @@ def run(names: Sequence[str], options: CalibrateOptions, **settings: object) -> 
     from diffbotctl.ui.calibration_screen import CalibrationScreen, truth_report
 
     if not options.yes and not options.dry_run:
-        refuse_nobody()
+        refuse_nobody("--dry-run")
     refuse_unwritable(FOLDER)
     screen = CalibrationScreen()
     steps = [make_step(name, **settings) for name in names]

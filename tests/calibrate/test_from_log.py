@@ -4,6 +4,7 @@ from dataclasses import replace
 from math import cos, isnan, sin
 from random import Random
 
+import numpy as np
 import pytest
 
 from diffbotctl.testing.trials.drawn_drives import CORRUPTIONS, NEEDS_HEADINGS, draw_set
@@ -39,6 +40,8 @@ def test_good_drives_give_values_within_their_standard_deviations(tmp_path, seed
         ("encoder dead", "run `diffbotctl calibrate encoders`"),
         ("gap", "gap from"),
         ("counter of 8 bits", "wrap around at 256"),
+        ("ends of the drives missing", "the wheels still turn in the last rows"),
+        ("encoder stops", "encoder counted nothing after"),
     ],
 )
 def test_a_corruption_is_named_and_nothing_is_saved(tmp_path, corruption, words):
@@ -86,6 +89,67 @@ def test_wheels_that_depend_on_the_scale_of_one_axis_are_not_saved(tmp_path):
     assert "Check the tape, measure the wheels" in " ".join(saved.text.split())
 
 
+def in_text(change):
+    """A corruption of the table of ends."""
+    return lambda text: "\n".join(
+        [text.split("\n")[0], *(change(line) for line in text.splitlines()[1:])]
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (in_text(lambda line: f"{line.split(',')[0]},0,0,0"), "x and y are 0 in every line"),
+        (
+            in_text(lambda line: f"{line.split(',')[0]},0.001,0,2.0"),
+            "no geometry near the stated one explains",
+        ),
+        (lambda text: text.replace("heading", "theta"), "'theta', which is not read"),
+        (lambda text: text.replace("recording,x", "recording,x [m]"), "does not name x, but"),
+    ],
+)
+def test_ends_that_are_no_ends(tmp_path, change, words):
+    drawn = draw_set("shapes 20")
+
+    class Changed:
+        true = drawn.true
+
+        def write(self, folder):
+            arguments = drawn.write(folder)
+            ends = folder / "ends.csv"
+            ends.write_text(change(ends.read_text()))
+            return arguments
+
+    saved = calibrated(Changed(), tmp_path / "set")
+    said = " ".join(saved.text.split())
+    assert saved.exit_code != 0 and saved.deviations == []
+    assert words in said and "must be in degrees" not in said
+
+
+@pytest.mark.parametrize(
+    ("share", "words"),
+    [(0.5, "encoder counted 0, the"), (1.0, "neither encoder counted in any drive")],
+)
+def test_dead_encoders_are_no_wrong_headings(tmp_path, share, words):
+    drawn = draw_set("shapes 20")
+    dead = [1.0, 0.0] if share < 1.0 else [0.0, 0.0]
+    count = round(share * len(drawn.drives))
+    drives = [
+        replace(drive, counts=drive.counts * dead) if number < count else drive
+        for number, drive in enumerate(drawn.drives)
+    ]
+    saved = calibrated(replace(drawn, drives=drives), tmp_path / "set")
+    said = " ".join(saved.text.split())
+    assert saved.exit_code != 0 and saved.deviations == []
+    assert words in said and "must be in degrees" not in said
+
+
+def test_headings_in_radians_named_degrees_are_still_named(tmp_path):
+    drawn = draw_set("shapes 20")
+    saved = calibrated(CORRUPTIONS["radians for degrees"](drawn, Random(1)), tmp_path / "set")
+    assert "must be in degrees" in " ".join(saved.text.split())
+
+
 @pytest.mark.parametrize("number", [84, 150])
 def test_squares_do_not_tell_other_slots_from_another_track(tmp_path, number):
     drawn, rng = draw_set(f"41 wrong {number}"), Random(f"41 {number}")
@@ -128,3 +192,24 @@ def test_corruptions_of_headings_need_headings():
 def test_without_real_data_the_row_says_so(tmp_path):
     (row,) = session_rows(1, [tmp_path])
     assert row.figure == "no data"
+
+
+@pytest.mark.parametrize("delay", [-0.6, 0.6])
+def test_poses_of_another_clock_are_named(tmp_path, delay):
+    numbers = (f"clock {number}" for number in range(200))
+    drawn = next(
+        each
+        for each in map(draw_foreign_set, numbers)
+        if each.format.is_camera and {drive.name[:3] for drive in each.drives} == {"joy"}
+    )
+    drives = []
+    for drive in drawn.drives:
+        known = np.isfinite(drive.poses).all(axis=1)
+        times, poses = drive.times[known], drive.poses.copy()
+        late = [np.interp(times - delay, times, column) for column in poses[known].T]
+        poses[known] = np.stack(late, axis=1)
+        drives.append(replace(drive, poses=poses))
+    saved = calibrated(replace(drawn, drives=drives), tmp_path / "set")
+    said = " ".join(saved.text.split())
+    assert saved.exit_code != 0 and saved.deviations == []
+    assert "about 0.6 s " + ("after" if delay > 0 else "before") in said

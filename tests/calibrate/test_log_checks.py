@@ -5,7 +5,17 @@ from random import Random
 import numpy as np
 import pytest
 
-from diffbotctl.calibrate.log_checks import copied_column, count_fault, dead_encoder, ticks_gap
+from diffbotctl.calibrate.dead_reckoning import MOTION_CAPTURE, Geometry, RecordedDrive
+from diffbotctl.calibrate.drive_doubts import is_dead, silent_encoder
+from diffbotctl.calibrate.log_checks import (
+    copied_column,
+    count_fault,
+    dead_encoder,
+    part_fault,
+    standing_drive,
+    table_fault,
+    ticks_gap,
+)
 
 
 def driven(seed, rows=600):
@@ -85,3 +95,71 @@ def test_an_encoder_that_never_counts_is_dead():
     assert "left encoder" in dead_encoder(np.array([[400.0, 0.0], [310.0, 1.0]]))
     assert "right encoder" in dead_encoder(np.array([[0.0, 90.0]]))
     assert dead_encoder(np.array([[400.0, 0.0], [310.0, 290.0]])) is None  # one drive: a pivot
+
+
+def test_a_reset_near_a_power_of_two_is_no_wrap():
+    # 30 counts a row up to 30 000: less than 2^15 by more than a wheel turns in some rows.
+    times = 0.02 * np.arange(2000)
+    counts = np.column_stack([30.0 * np.arange(2000), 30.0 * np.arange(2000)])
+    counts[1001:, 0] -= 30000.0
+    fault = count_fault(times, counts)
+    assert fault is not None and "jump by -29970" in fault
+
+
+def test_points_between_thousands_are_named():
+    counts = np.arange(0.0, 2500.0, 3.0)
+    read = np.where(counts < 1000, counts, counts / 1000)  # "1.002" of 1002
+    times = 0.02 * np.arange(len(counts))
+    fault = count_fault(times, np.column_stack([read, read]))
+    assert fault is not None and "no points between thousands" in fault
+
+
+@pytest.mark.parametrize(
+    ("rest", "named"),
+    # 100 rows of 20 ms with 5 counts each; rows of rest before and after.
+    [((20, 20), None), ((0, 20), "first rows"), ((20, 0), "last rows"), ((3, 10), None)],
+)
+def test_a_drive_begins_and_ends_at_rest(rest, named):
+    counts = np.pad(np.outer(5.0 * np.arange(100), [1, 1]), (rest, (0, 0)), mode="edge")
+    fault = part_fault(0.02 * np.arange(len(counts)), counts)
+    assert fault is None if named is None else named in fault
+
+
+def test_drives_in_which_the_robot_stood():
+    assert standing_drive(np.array([[400.0, 0.0], [0.0, 3.0]])) is None
+    assert standing_drive(np.array([[400.0, 3.0], [0.0, 0.0]]))[0] == 1
+    assert "in any drive" in standing_drive(np.zeros((3, 2)))[1]
+
+
+@pytest.mark.parametrize(
+    ("left", "said"),
+    # The right wheel counts 10 in each of 100 rows of 0.1 s.
+    [
+        (10.0 * np.arange(101), None),
+        (np.zeros(101), "the left encoder counted 0, the right one 1000"),
+        (10.0 * np.minimum(np.arange(101), 40), "nothing after 4.0 s, but the right one 600"),
+        (10.0 * np.maximum(np.arange(101), 30), "nothing before 3.0 s, but the right one 300"),
+        (10.0 * np.minimum(np.arange(101), 95), None),  # the last turn is around that wheel
+    ],
+)
+def test_an_encoder_that_counts_in_a_part_of_the_drive(left, said):
+    counts = np.column_stack([10.0 * np.arange(101), left])
+    found = silent_encoder(0.1 * np.arange(101), counts)
+    assert found is None if said is None else said in found
+
+
+def test_whole_seconds_are_no_rows_that_are_written_twice():
+    times = np.floor(0.1 * np.arange(100))
+    fault = table_fault(np.column_stack([times, np.arange(100), np.arange(100)]))
+    assert "more decimals" in fault
+
+
+@pytest.mark.parametrize(("length", "dead"), [(0.15, False), (0.5, True)])
+def test_a_robot_with_one_standing_wheel_stays_near_it(length, dead):
+    # One track is 0.15 m. Its middle circles around the left wheel at half of that.
+    turns = np.column_stack([np.linspace(0.0, 2.0, 41), np.zeros(41)])
+    poses = np.column_stack([np.linspace(0.0, length, 41), np.zeros(41), np.zeros(41)])
+    drive = RecordedDrive(
+        "one", 0.1 * np.arange(41), turns, np.arange(41), poses, (0.05, 0.05), MOTION_CAPTURE
+    )
+    assert is_dead(drive, Geometry(0.065, 0.065, 0.15)) is dead

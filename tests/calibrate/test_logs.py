@@ -8,14 +8,13 @@ from click.testing import CliRunner
 from diffbotctl.calibrate.log_reader import (
     is_session,
     read_counts,
-    read_ends,
     read_session,
     refuse_repeated,
-    refuse_too_far,
     with_end,
     with_own_poses,
     with_truth,
 )
+from diffbotctl.calibrate.measured_ends import read_ends, refuse_too_far
 from diffbotctl.cli.main import program
 from diffbotctl.errors import UsageError
 from tests.calibrate.driven import STATED, squares
@@ -37,6 +36,48 @@ def test_counts_begin_at_nought(tmp_path):
     assert log.turns.tolist() == [[0, 0], [0.5, 0.5], [1, -1]]
     assert log.tick == (0.05, 0.1)
     assert log.poses is None
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '"time","right","left"\n5.0,100,0\n5.5,110,5\n6.0,120,-10\n',
+        '"time","right","left"\n"5.0","100","0"\n"5.5","110","5"\n"6.0","120","-10"\n',
+        "time;right;left\n5.0;100;0\n5.5;110;5\n6.0;120;-10\n",
+        "time;right;left\n5,0;100;0\n5,5;110;5\n6,0;120;-10\n",
+        "time\tright\tleft\n5.0\t100\t0\n5,5\t110\t5\n6.0\t120\t-10\n",
+        "sep=;\ntime;right;left\n5,0;100;0\n5,5;110;5\n6,0;120;-10\n",
+        "Left, TIME ,Right\n0,5.0,100\n5,5.5,110\n-10,6.0,120\n",
+        "\ufefftime,right,left\r\n5.0,100,0\r\n5.5,110,5\r\n6.0,120,-10\r\n\r\n  \r\n",
+        "# robot 7, hall\n\ntime,right,left\n5.0,100,0\n# a bump\n5.5,110,5\n6.0,120,-10\n,,\n",
+        "time,right,left\n5.0,100,0,\n5.5,110,5,\n6.0,120,\N{MINUS SIGN}10,\n",
+    ],
+)
+def test_layouts_of_tables(tmp_path, text):
+    log = read_counts(written(tmp_path, "a.csv", text), (20, 10))
+    assert log.times.tolist() == [0, 0.5, 1]
+    assert log.turns.tolist() == [[0, 0], [0.5, 0.5], [1, -1]]
+
+
+def test_headings_in_degrees_beside_the_counts(tmp_path):
+    text = "time,right,left,x,y,heading_deg\n0,0,0,0,0,0\n1,1,1,0.1,0,90\n2,2,2,0.1,0.1,180\n"
+    log = with_own_poses(read_counts(written(tmp_path, "a.csv", text), (20, 20)))
+    assert log.poses[:, 2] == pytest.approx([0, pi / 2, pi])
+
+
+def test_poses_that_are_repeated_until_the_next_one(tmp_path):
+    poses = ["0,0,0", "0,0,0", "0.1,0,0", "0.1,0,0", "0.2,0,0.1"]
+    rows = "".join(f"{number},{number},{number},{pose}\n" for number, pose in enumerate(poses))
+    text = f"time,right,left,x,y,heading\n{rows}"
+    log = with_own_poses(read_counts(written(tmp_path, "a.csv", text), (20, 20)))
+    assert log.rows.tolist() == [0, 2, 4]
+
+
+def test_truth_in_another_unit_of_time(tmp_path):
+    counts = read_counts(written(tmp_path, "a.csv", COUNTED), (20, 10))
+    truth = "time,x,y,heading\n0,0,0,0\n250,1,0,0\n1000,2,0,0\n"
+    with pytest.raises(UsageError, match="its poses last 1000 s"):
+        with_truth(counts, written(tmp_path, "t.csv", truth))
 
 
 def test_poses_beside_the_counts_where_known(tmp_path):
@@ -74,12 +115,63 @@ def test_ends_by_hand(tmp_path):
         ("time,right,left\n0,0,0\n1,1,000,1,000\n", "line 3 has more cells"),
         ("time,right,left\n0,0,0\n1,x,1\n", "'x' is not a number"),
         ("", "does not name time, right and left"),
+        ("0,0,0\n1,1,1\n", "does not name time, right and left, but holds numbers"),
+        ("time_ms,right,left\n0,0,0\n1,1,1\n", "does not name time, but 'time_ms', 'right'"),
+        ("time right left\n0 0 0\n1 1 1\n", "separate the cells by commas, semicolons or tabs"),
+        ("time,right,left,right\n0,0,0,0\n1,1,1,1\n", "names right twice"),
+        ("time,right,left\n0;0;0\n1;1;1\n", "by commas, line 2 by semicolons"),
+        ("time,right,left\n0,0,0\ntime,right,left\n1,1,1\n", "line 3 names the columns again"),
+        ("time,right,left\n12:00:01,0,0\n12:00:02,1,1\n", "write times in seconds"),
+        ('time,right,left\n0,0,0\n1,"1,024",1\n', "'1,024' is not a number"),
+        ("time;right;left\n0;0;0\n1;1.024,5;1\n", "nothing between thousands"),
+        ("time,right,left\n0,0,0\n1,1_0,1\n", "'1_0' is not a number"),
+        ("time,right,left\n0,0,0\n1,1,1\n2,1e308,1\n", "row 3 has a count that no counter"),
+        ("time,right,left\n0,0,0\n1,1,1\n\0\0\0\0\n", "line 4 contains zero bytes"),
+        ("time,right,left\n0,0,0\n1,1,1\n2,2\n", "the last one: was the file cut off?"),
     ],
 )
 def test_unusable_files_are_refused(tmp_path, text, said):
     with pytest.raises(UsageError, match="E-CALIBRATE-LOG") as raised:
         read_counts(written(tmp_path, "a.csv", text), (20, 20))
     assert said in " ".join(str(raised.value).split())
+
+
+def test_text_that_is_not_utf_8(tmp_path):
+    path = written(tmp_path, "a.csv", COUNTED, "utf-16")
+    with pytest.raises(UsageError, match="this is not UTF-8 text"):
+        read_counts(path, (20, 20))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("recording,x,y,theta\na,1,2,3\n", "names 'theta', which is not read"),
+        (
+            "recording,x,y,heading,heading_deg\na,1,2,1,30\n",
+            "another one in degrees",
+        ),
+        ("recording,x,y,heading_deg\na,1,2,40000\n", "a heading of more than 100 turns"),
+        ("recording,x,y\na,0.5 m,2\n", "write the number without its unit"),
+        ("recording,x,y,heading_deg\na,1,2,90\N{DEGREE SIGN}\n", "without its unit"),
+        ("recording,x,y\na,0,0\nb,0,0\n", "x and y are 0 in every line"),
+    ],
+)
+def test_unusable_ends_are_refused(tmp_path, text, said):
+    with pytest.raises(UsageError, match="E-CALIBRATE-LOG") as raised:
+        read_ends(written(tmp_path, "ends.csv", text))
+    assert said in " ".join(str(raised.value).split())
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '"Recording";"X";"Y";"Heading_deg";"note"\n"a.csv";0,5;-0,25;"90";"a bump; then on"\n',
+        "recording\tx\ty\theading_deg\na\t0.5\t-0.25\t90\n",
+    ],
+)
+def test_layouts_of_ends(tmp_path, text):
+    ends = read_ends(written(tmp_path, "ends.csv", text))
+    assert ends["a"] == pytest.approx((0.5, -0.25, pi / 2))
 
 
 def test_no_poses_and_half_an_end(tmp_path):
@@ -188,6 +280,9 @@ def test_one_drive_is_not_two(tmp_path):
         refuse_repeated([first, first])
     with pytest.raises(UsageError, match="the same drive as a"):
         refuse_repeated([first, read_counts(written(tmp_path, "b.csv", COUNTED), (20, 10))])
+    later = COUNTED.replace("5.", "105.").replace("6.", "106.")  # by another clock
+    with pytest.raises(UsageError, match="the same drive as a"):
+        refuse_repeated([first, read_counts(written(tmp_path, "d.csv", later), (20, 10))])
     other = read_counts(written(tmp_path, "c.csv", COUNTED.replace("110", "111")), (20, 10))
     refuse_repeated([first, other])
 
@@ -214,6 +309,8 @@ def test_command_names_track_and_stray(tmp_path):
     for number, each in enumerate(squares(true, stated, each_way=3, slip=0.0003)):
         counts = each.turns * drive.right.encoder.slots  # finer than whole slots: exact
         times = each.times * (1.0 + 1e-4 * number)  # no two drives take the same time
+        counts = np.pad(counts, ((1, 1), (0, 0)), mode="edge")  # it stands before and after
+        times = np.array([times[0] - 0.5, *times, times[-1] + 0.5])
         rows = zip(times, *counts.T, strict=True)
         text = "time,right,left\n" + "".join(f"{a:.9f},{b:.9f},{c:.9f}\n" for a, b, c in rows)
         files.append(str(written(tmp_path, f"{each.name}.csv", text)))
@@ -231,3 +328,21 @@ def test_command_names_track_and_stray(tmp_path):
     assert float(lines["right over left"].split()[4]) == pytest.approx(1.004, abs=0.001)
     assert any(line.startswith("ccw-1 ") and "left out" in line for line in lines.values())
     assert "kept as stated" in result.output
+
+
+@pytest.mark.parametrize(
+    ("option", "said"),
+    [("--save", "add --yes to write, or leave out --save"), ("--truth", "requires an argument")],
+)
+def test_nobody_to_agree(tmp_path, option, said):
+    counts = str(written(tmp_path, "a.csv", COUNTED))
+    arguments = ["calibrate", "from-log", counts, "--robot", ROBOT, option]
+    result = CliRunner().invoke(program, arguments)
+    assert result.exit_code == 2 and said in " ".join(result.output.split())
+    assert "--dry-run" not in result.output
+
+
+def test_a_heading_of_many_turns_beside_the_counts(tmp_path):
+    text = "time,right,left,x,y,heading\n0,0,0,0,0,0\n1,1,1,0.1,0,1e300\n"
+    with pytest.raises(UsageError, match="row 2 states a heading of more than 100"):
+        read_counts(written(tmp_path, "a.csv", text), (20, 20))

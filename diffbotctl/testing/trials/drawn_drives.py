@@ -14,6 +14,7 @@ from diffbotctl.calibrate.dead_reckoning import Floats, Geometry
 
 STEP_M = 0.005  # of a wheel, between two rows
 PERIOD_S = 0.02
+REST_ROWS = 15  # before and after a drive
 
 Steps = list[tuple[float, float]]
 """m that odometry believes the right and the left wheel rolled"""
@@ -190,6 +191,7 @@ def _drive(
         heading = (heading + pi) % (2 * pi) - pi
     angles = np.concatenate([np.zeros((1, 2)), np.cumsum(turns, axis=0)]) * slots
     counts = np.floor(angles + draw.uniform(size=2))
+    counts = np.pad(counts, ((REST_ROWS, REST_ROWS), (0, 0)), mode="edge")
     error = draw.normal(size=2) * noise.position
     return DrawnDrive(
         name,
@@ -248,6 +250,20 @@ def _gap(drawn: DriveSet, rng: Random) -> DriveSet:
     return replace(drawn, drives=drives)
 
 
+def _without_ends(drawn: DriveSet, rng: Random) -> DriveSet:
+    """The last twentieth of the rows of each drive is missing."""
+    drives = []
+    for drive in drawn.drives:
+        rows = len(drive.times) - REST_ROWS - len(drive.times) // 20
+        drives.append(replace(drive, times=drive.times[:rows], counts=drive.counts[:rows]))
+    return replace(drawn, drives=drives)
+
+
+def _stopped(column: Floats, rng: Random) -> Floats:
+    row = rng.randint(len(column) // 4, len(column) // 2)
+    return np.append(column[:row], np.full(len(column) - row, column[row]))
+
+
 def _swapped(drawn: DriveSet, rng: Random) -> DriveSet:
     drives = [replace(drive, counts=drive.counts[:, ::-1]) for drive in drawn.drives]
     return replace(drawn, drives=drives)
@@ -297,5 +313,7 @@ CORRUPTIONS: dict[str, Corruption] = {
     "counter of 8 bits": _counts(lambda column, rng: (column + 128) % 256),
     "ticks of each row": _counts(lambda column, rng: np.diff(column, prepend=0.0)),
     "gap": _gap,
+    "ends of the drives missing": _without_ends,
+    "encoder stops": _counts(_stopped),
 }
 NEEDS_HEADINGS = ("degrees for radians", "radians for degrees", "headings of the wrong sign")
