@@ -60,6 +60,9 @@ CRAWL_CREEP_RATIO = 2.0  # of the creep speed: friction holds a wheel at lower s
 LOST_MIN = 0.3
 LOST_EDGES_PROBABILITY_MAX = 0.5  # an encoder that is likelier broken than not
 TURNED_MAX = 540 * pi / 180  # rad in one turn, which needs 180 deg and some corrections
+# A motor that breaks loose at a high duty and goes on at a low one turns the robot farther than
+# asked; without power it comes to rest. Motors that are exchanged go on from there.
+OPPOSED_TURN_STOP = 45 * pi / 180
 OPPOSED_TURN_MAX = 120 * pi / 180  # rad against the commands; more than any motor coasts
 PUSH_GROWTH = 1.4  # of the least speed, with each small turn in which friction held the wheels
 PUSH_TIME = 0.03  # s, longer with each of them
@@ -462,7 +465,10 @@ class GoalFollower(Block):
             speed = speed or copysign(bounds.minimum, remaining)
         if speed == 0.0:
             return FollowerStep(pursuit.released(abs(rolling), odometry, predicted.angular))
+        before = pursuit.opposed_turn
         pursuit = pursuit.watch_turn(odometry.angular, speed, seconds)
+        if before <= OPPOSED_TURN_STOP < pursuit.opposed_turn:
+            return FollowerStep(pursuit.stop_opposed_turn(odometry))
         linear = self._pivot_speed(pursuit, odometry, abs(speed))
         return FollowerStep(pursuit, linear, speed / half_track)
 

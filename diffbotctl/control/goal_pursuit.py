@@ -115,7 +115,7 @@ class Pursuit(NamedTuple):
     turned: float = 0.0
     """rad that the robot has turned in this leg, in either direction"""
     opposed_turn: float = 0.0
-    """rad that the robot has turned against its command"""
+    """rad that the robot has turned against its command, less those it has turned back"""
     is_coasting: bool = False
     """released or stopped; the leg continues, or the next one begins, at rest"""
     still_since: int | None = None
@@ -192,8 +192,13 @@ class Pursuit(NamedTuple):
     def watch_turn(self, turn_rate: float, command: float, seconds: float) -> Pursuit:
         """Sum up how far the robot turns at `turn_rate`, and how far against its `command`."""
         step = abs(turn_rate) * seconds
-        opposed = self.opposed_turn + step if turn_rate * command < 0.0 else 0.0
+        opposed = self.opposed_turn + (step if turn_rate * command < 0.0 else -step)
+        opposed = max(opposed, 0.0)
         return self._replace(turned=self.turned + step, opposed_turn=opposed)
+
+    def stop_opposed_turn(self, odometry: Odometry) -> Pursuit:
+        """Release the wheels of a robot that turns against its command, and turn anew at rest."""
+        return self.released(0.0, odometry).restart_turn()
 
     def _turns(self, odometry: Odometry, line: float) -> float:
         """Sum of both turns (rad) when driving in the direction `line`."""
