@@ -26,6 +26,7 @@ NOT_FROM_FILES = {
     "E-DEVICE",
     "E-DISK-FULL",
     "E-EMULATOR",
+    "E-ENDLESS",  # of the options of `run`
     "E-FIELD",
     "E-FILE-ENCODING",
     "E-FILE-SIZE",
