@@ -52,6 +52,8 @@ class FineWheelOdometer:
         self.has_edge_times = timing.has_edge_times
         self.direction = self.drive_direction = 0
         self.count_sign = CountSign(timing.command_time, timing.zero_is_forward)
+        self.is_mixed = False
+        """whether edges of both signs may have been counted in the last frame"""
         self.span, self.decay = 0.0, 1.0  # s, of a frame; what remains of a speed after it
         self.rolled_for = 0.0  # s, against the drive
         self.rested_for = REST_S  # s, without a drive and without an edge
@@ -151,13 +153,13 @@ class FineWheelOdometer:
         sign = (command > 0.0) - (command < 0.0)
         speed = settled_speed(command, self.static, self.rated) if is_duty else command
         board_sign = self.count_sign.sign
-        is_mixed = self.count_sign.update(self.time, command, command_since, steps)
+        self.is_mixed = self.count_sign.update(self.time, command, command_since, steps)
         is_signed_anew = self.count_sign.sign != board_sign
         edge = time if edge_time is None or not steps else edge_time
         edge_span = (edge - self.edge_time) * 1e-9
         predicted, mean = self._predicted(speed * self.pitches_per_rad, sign, span)
         edges = abs(steps)
-        if is_mixed:
+        if self.is_mixed:
             edges += self._hidden_edges(edges, abs(mean) * span, span)
         net = self._net(edges, sign, span, predicted, is_signed_anew)
         self.position += net

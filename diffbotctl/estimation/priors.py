@@ -39,7 +39,6 @@ class Priors(NamedTuple):
     frame_time: float = 0.0  # s; of a frame's time
     command_time: float = 0.0  # s; of the time at which a command takes effect
     has_edge_times: bool = False  # whether the board reports edge times
-    zero_is_forward: bool = False  # whether the board counts forward at a command of zero
     brakes: bool = False  # whether the driver shorts the motor at duty 0
     # rad/s; value: above it the voltage of a shorted motor exceeds that of the driver's transistors
     shorted_speed: float = 0.0

@@ -5,7 +5,6 @@ from __future__ import annotations
 from math import copysign, pi, sqrt
 
 from diffbotctl.control.speed_loop import SpeedLoopMirror, speed_gains
-from diffbotctl.estimation.count_sign import CountSign
 from diffbotctl.estimation.edge_hypothesis import DriveChange, WheelFrame
 from diffbotctl.estimation.edge_intervals import EdgeIntervals
 from diffbotctl.estimation.fine_wheel import (
@@ -51,7 +50,9 @@ class WheelOdometer:
             if brakes
             else 0.0,
             decay=motor.decay,
-            **timing._asdict(),
+            frame_time=timing.frame_time,
+            command_time=timing.command_time,
+            has_edge_times=timing.has_edge_times,
         )
         if side.encoder.open_share is not None:
             priors = priors._replace(
@@ -63,7 +64,6 @@ class WheelOdometer:
         self.mirror = SpeedLoopMirror(speed_gains(motor), slots, time)
         self.counting = FineWheelOdometer(side, time, count, timing)
         self.intervals = EdgeIntervals()
-        self.count_sign = CountSign(timing.command_time, timing.zero_is_forward)
         self.skipped: tuple[int, float] | None = None  # command in the next frame: ns, value
         self.travel = 0.0  # m, since the last report
         # Variances in m2: of that travel; of all travel, if the best hypothesis is right; of the
@@ -123,8 +123,7 @@ class WheelOdometer:
         """Apply one frame. `command`, in effect since `command_since` (ns), is a duty or rad/s."""
         before = self.counting.time
         self.counting.update(time, count, edge_time, command, is_duty, command_since)
-        is_mixed = self.count_sign.update(before, command, command_since, count - self.count)
-        is_mixed = is_mixed and edge_time is None
+        is_mixed = self.counting.is_mixed and edge_time is None
         if is_mixed:
             self.intervals.restart()
         elif count != self.count:

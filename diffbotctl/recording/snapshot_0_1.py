@@ -15,7 +15,6 @@ from diffbotctl.control.speed_loop import (
     SpeedLoopMirror,
     default_gains,
 )
-from diffbotctl.estimation.count_sign import CountSign
 from diffbotctl.estimation.edge_faults import NO_FAULTS
 from diffbotctl.estimation.edge_intervals import EdgeIntervals
 from diffbotctl.estimation.fine_wheel import FineWheelOdometer
@@ -239,7 +238,6 @@ def present_attributes(kind: type, attributes: dict[str, Any]) -> dict[str, Any]
         present["reported_hypothesis"] = present["filter"].hypotheses[0]
         present["reported_pushed"] = 0
         present["intervals"] = EdgeIntervals()
-        present["count_sign"] = CountSign(0.0, zero_is_forward=False)
         present["counting"] = _counting(present)
     if kind is GoalFollower:
         return {**present, **_goal_follower(attributes)}
