@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from diffbotctl.cli.contradictions import exclusive
 from diffbotctl.cli.engine_client import attached, held_by, settled
 from diffbotctl.cli.options import engine_option, json_option
 from diffbotctl.cli.output import print_json
@@ -36,7 +35,6 @@ class UnconfirmedStopError(Exception):
 
 
 @click.command()
-@exclusive("--all", ("--engine",), "--all means every engine")
 @click.option(
     "--engine",
     multiple=True,
@@ -50,7 +48,12 @@ class UnconfirmedStopError(Exception):
     metavar="USER@HOST",
     help="The engines on this computer, reached through ssh. Repeatable: all at once.",
 )
-@click.option("--all", "every_engine", is_flag=True, help="All engines; no error when none runs.")
+@click.option(
+    "--all",
+    "every_engine",
+    is_flag=True,
+    help="All engines, also with --engine; no error when none runs.",
+)
 @click.argument("reason", nargs=-1)
 def stop(
     engine: tuple[str, ...], hosts: tuple[str, ...], every_engine: bool, reason: tuple[str, ...]
@@ -63,7 +66,8 @@ def stop(
     from diffbotctl.control_socket.address import engines
     from diffbotctl.control_socket.client import choose_engine
 
-    text, names = " ".join(reason), dict.fromkeys(engine)
+    # A stop is never refused for its options: the one that stops more counts.
+    text, names = " ".join(reason), {} if every_engine else dict.fromkeys(engine)
     stops: dict[str, Callable[[], int]]
     if hosts:
         wanted = [(host, name) for host in dict.fromkeys(hosts) for name in names or (None,)]

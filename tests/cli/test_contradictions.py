@@ -51,7 +51,6 @@ EXCLUSIVE = [
     ("graph goal", "--json", "--mermaid", ""),
     ("graph goal", "--json", "--output", "a.svg"),
     ("graph goal", "--mermaid", "--output", "a.svg"),
-    ("stop", "--all", "--engine", "x"),
     ("ros2 --socket x.socket", "--socket", "--engine", "x"),
     ("ros2", "--check", "--drive", ""),
     ("ros2", "--check", "--namespace", "x"),

@@ -97,6 +97,12 @@ def test_without_an_engine_and_with_several(tmp_path):
         assert cli(tmp_path, "stop", "--engine", "second")[0] == 0
         first, second = PlainClient(tmp_path, "first"), PlainClient(tmp_path, "second")
         assert second.request("status")["held"] and not first.request("status")["held"]
+        assert cli(tmp_path, "resume", "--engine", "second")[0] == 0
+        # A stop is not refused for its options: the one that stops more counts.
+        code, out, _ = cli(tmp_path, "stop", "--all", "--engine", "second")
+        assert code == 0 and "first: stopped" in out and "second: stopped" in out
+        assert first.request("status")["held"] and second.request("status")["held"]
+        assert cli(tmp_path, "resume", "--engine", "first")[0] == 0
         code, out, _ = cli(tmp_path, "stop")  # it stops all, without a question
         assert code == 0 and "first: stopped" in out and first.request("status")["held"]
         code, _, complaint = cli(tmp_path, "run", "goal", "--name", "first")
