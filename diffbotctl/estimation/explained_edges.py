@@ -6,14 +6,25 @@ seconds are compared, not positions.
 
 from __future__ import annotations
 
+from bisect import bisect
 from collections.abc import Sequence
-from math import exp, pi
+from math import copysign, exp, log, pi
 from typing import NamedTuple
 
 from diffbotctl.control.speed_loop import SpeedLoopMirror, speed_gains
-from diffbotctl.estimation.wheel_side import SideConfig, lagged_motion, settled_speed
+from diffbotctl.estimation.wheel_kalman import LAG_DUTY, VISCOUS
+from diffbotctl.estimation.wheel_side import (
+    MotorConfig,
+    SideConfig,
+    lagged_motion,
+    settled_speed,
+)
 
 MEMORY_S = 5.0  # of driving, after which an edge weighs 1/e
+WEIGHT_MAX = 1e6  # of an edge relative to one of the start; then all sums are scaled
+# Duties beyond the static one at which classes of sums begin: what friction and a load take of the
+# edges depends on the duty, and what a fault of the encoder takes does not.
+CLASSES = 0.12, 0.25, 0.5
 # s; the commands within a longer frame are not all known, and a motor follows them within its lag.
 SPAN_MAX = 0.12
 TRACKING_S = 0.035  # time constant of the rate at which edges without times come
@@ -22,6 +33,53 @@ DUTY_RATIO_MIN = 1.3
 # A duty. A line through the speeds of a motor that is quick at small duties may show no dead band,
 # but the motor has one.
 CURVED_MIN = 0.08
+
+
+class DutyCurve(NamedTuple):
+    """Motion of a motor by its duty, as far as the robot file states it.
+
+    With `viscous`, the law of `calibrate.motor_curve` for open windings between two pulses.
+    """
+
+    static: float
+    rated: float
+    lag: float
+    viscous: float | None = None
+
+    def speed(self, duty: float) -> float:
+        """Speed (rad/s) at which it settles with `duty`, 0 to 1."""
+        return settled_speed(duty, self.static, self.rated) * self.steepness(duty)
+
+    def steepness(self, duty: float) -> float:
+        """Speed over that of a line."""
+        return 1.0 if self.viscous is None else (1.0 + self.viscous) / (duty + self.viscous)
+
+    def slowness(self, duty: float) -> float:
+        """Lag over the stated one."""
+        return 1.0 if self.viscous is None else LAG_DUTY / (duty + self.viscous)
+
+    def moved(self, speed: float, duty: float, span: float) -> tuple[float, float]:
+        """Speed (rad/s) after `span` (s) with a signed `duty`, and its travel (rad)."""
+        size = abs(duty)
+        lag = self.lag * self.slowness(size)
+        if self.viscous is None or (size >= self.static and speed * duty >= 0.0):
+            return lagged_motion(speed, copysign(self.speed(size), duty), lag, span)
+        # Hardly damped, it is stopped by the part of friction that the duty does not overcome.
+        left = self.static - copysign(size, speed * duty)
+        settled = copysign(left / (1.0 - self.static) * self.rated * self.steepness(size), -speed)
+        if not speed:
+            return 0.0, 0.0
+        span = min(span, lag * log((speed - settled) / -settled))
+        after, travel = lagged_motion(speed, settled, lag, span)
+        return (after if after * speed > 0.0 else 0.0), travel
+
+
+def curve_of(motor: MotorConfig) -> DutyCurve:
+    """The curve of `motor`."""
+    if motor.decay == "fast":
+        static = motor.loop.static if motor.friction is None else motor.friction
+        return DutyCurve(static, motor.rated, motor.lag, VISCOUS)
+    return DutyCurve(motor.loop.static, motor.rated, motor.lag)
 
 
 class EdgeRatio(NamedTuple):
@@ -35,6 +93,40 @@ class EdgeRatio(NamedTuple):
     """edges by which a load that takes all of a duty of 1 reduces `explained`"""
     transient: float
     """edges by which the lag of the motor may be wrong: speed changes times the frames' time"""
+    untimed: float = 0.0
+    """edges explained by the board's loop, whose edges had no times"""
+
+
+class EdgeState(NamedTuple):
+    """The sums of a wheel by class of duties, after `driven` seconds of driving."""
+
+    driven: float
+    ratios: list[EdgeRatio]
+
+    def since(self, before: EdgeState) -> list[EdgeRatio]:
+        """The sums since `before`."""
+        fade = exp((before.driven - self.driven) / MEMORY_S)
+        return [
+            EdgeRatio(*(value - fade * old for value, old in zip(now, then, strict=True)))
+            for now, then in zip(self.ratios, before.ratios, strict=True)
+        ]
+
+
+class EdgeSums:
+    """The values of an `EdgeRatio`, which grow."""
+
+    def __init__(self) -> None:
+        self.values = [0.0] * len(EdgeRatio._fields)
+
+    def add(self, weight: float, values: Sequence[float]) -> None:
+        """Add `values` times `weight`."""
+        sums = self.values
+        for index, value in enumerate(values):
+            sums[index] += weight * value
+
+    def scale(self, factor: float) -> None:
+        """Multiply all by `factor`."""
+        self.values = [factor * value for value in self.values]
 
 
 class EdgeTracker:
@@ -63,15 +155,17 @@ class ExplainedEdges:
 
     def __init__(self, side: SideConfig) -> None:
         motor, counts = side.motor, side.encoder.counts
-        self.static, self.rated, self.lag = motor.loop.static, motor.rated, motor.lag
+        self.curve = curve_of(motor)
         self.edges_per_rad = 0.5 * counts / pi
         # d explained / d static, times the static duty: edges/s for each (1 - duty).
-        self.curved = max(self.static, CURVED_MIN)
+        self.curved = max(self.curve.static, CURVED_MIN)
         friction = self.curved / (1.0 - self.curved) ** 2
         self.friction_rate = friction * motor.rated * self.edges_per_rad
-        self.load_rate = motor.rated * self.edges_per_rad / (1.0 - self.static)  # edges/s
+        self.load_rate = motor.rated * self.edges_per_rad / (1.0 - self.curve.static)  # edges/s
         self.gains, self.counts = speed_gains(motor), counts
-        self.counted = self.explained = self.friction = self.load = self.transient = 0.0
+        self.sums = [EdgeSums() for _ in range(len(CLASSES) + 1)]
+        self.weight = 1.0  # of an edge of the present frame
+        self.driven = 0.0  # s
         self.restart(0, 0)
 
     def restart(self, time: int, count: int) -> None:
@@ -79,12 +173,25 @@ class ExplainedEdges:
         self.mirror = SpeedLoopMirror(self.gains, self.counts, time)
         self.tracker = EdgeTracker()
         self.time, self.count = time, count
-        self.speed = 0.0  # edges/s, explained
+        self.speed = 0.0  # rad/s, explained
+        self.unseen = 0.0  # edges, explained since it stands
+        self.is_standing = True  # no edge since it was at rest
+
+    @property
+    def ratios(self) -> list[EdgeRatio]:
+        """The sums of each class of duties."""
+        weight = self.weight
+        return [EdgeRatio(*(value / weight for value in sums.values)) for sums in self.sums]
+
+    @property
+    def state(self) -> EdgeState:
+        """What a later state is compared with."""
+        return EdgeState(self.driven, self.ratios)
 
     @property
     def ratio(self) -> EdgeRatio:
-        """The sums."""
-        return EdgeRatio(self.counted, self.explained, self.friction, self.load, self.transient)
+        """The sums of all classes."""
+        return EdgeRatio(*(sum(values) for values in zip(*self.ratios, strict=True)))
 
     def update(
         self,
@@ -109,16 +216,49 @@ class ExplainedEdges:
             if edge is None:
                 edge = self.tracker.last_edge(time, edges, span)
             duty = self.mirror.update(time, edges, edge, changes)[-1]
-        target = settled_speed(duty, self.static, self.rated) * self.edges_per_rad
-        change = target - self.speed
-        self.speed, travel = lagged_motion(self.speed, target, self.lag, span)
+        change = abs(self.curve.speed(abs(duty)) - abs(self.speed)) * self.edges_per_rad
+        travel = self._moved(duty, edges, span)
         size = abs(duty)
         if not command or size < DUTY_RATIO_MIN * self.curved or span > SPAN_MAX:
             return False
-        memory = exp(-span / MEMORY_S)
-        self.counted = self.counted * memory + edges
-        self.explained = self.explained * memory + abs(travel)
-        self.friction = self.friction * memory + (1.0 - size) * self.friction_rate * span
-        self.load = self.load * memory + self.load_rate * span
-        self.transient = self.transient * memory + abs(change) * span
+        self._fade(span)
+        steepness = self.curve.steepness(size)
+        values = (
+            edges,
+            travel,
+            (1.0 - size) * self.friction_rate * steepness * span,
+            self.load_rate * steepness * span,
+            change * self.curve.slowness(size) * span,
+            0.0 if is_duty or edge_time is not None else travel,
+        )
+        self.sums[bisect(CLASSES, size - self.curve.static)].add(self.weight, values)
         return True
+
+    def _moved(self, duty: float, edges: int, span: float) -> float:
+        """Edges that `duty` explains in `span` (s), of a wheel that showed `edges`.
+
+        A wheel at rest needs more than the duty that keeps it turning, and how much is not known:
+        until its first edge, no more than one is explained.
+        """
+        self.speed, angle = self.curve.moved(self.speed, duty, span)
+        travel = abs(angle) * self.edges_per_rad
+        if edges:
+            self.is_standing, self.unseen = False, 0.0
+        elif not duty and not self.speed:
+            self.is_standing = True
+        if not self.is_standing:
+            return travel
+        before, self.unseen = self.unseen, self.unseen + travel
+        if self.unseen <= 1.0:
+            return travel
+        self.speed, self.unseen = 0.0, 1.0
+        return 1.0 - before
+
+    def _fade(self, span: float) -> None:
+        """Let the edges so far weigh less, relative to those of this frame."""
+        self.driven += span
+        self.weight *= exp(span / MEMORY_S)
+        if self.weight > WEIGHT_MAX:
+            for sums in self.sums:
+                sums.scale(1.0 / self.weight)
+            self.weight = 1.0

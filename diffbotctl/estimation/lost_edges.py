@@ -82,6 +82,13 @@ TOLD = (LOST, ""), ("", LOST), (TWICE, ""), ("", TWICE), (BOTH_LOST, BOTH_LOST),
 ERRORS = 1.0, 1.0, 0.5, 0.5, 1.0, 0.5
 
 
+# What undoes them: added to the logarithm of the edges that the left and the right wheel count.
+# Both encoders that count each edge twice are not among them: motors that are quick at small duties
+# look the same.
+SHIFTS = (HALF, 0.0), (0.0, HALF), (-HALF, 0.0), (0.0, -HALF), (HALF, HALF)
+SHIFT_PRIORS = (*(HALF_PROBABILITY,) * 4, BOTH_PROBABILITY)
+
+
 class Suspicion(NamedTuple):
     """What is told of both encoders."""
 

@@ -7,15 +7,15 @@ from types import SimpleNamespace
 
 import pytest
 
+from diffbotctl.estimation.edge_residual import MEASURED_MOTORS, MOTORS, EdgeLogRatio
 from diffbotctl.estimation.explained_edges import EdgeRatio, ExplainedEdges
 from diffbotctl.estimation.explained_lost_edges import (
     EXPLAINED_PROBABILITY_MIN,
-    PRIORS,
+    RATIO_LOG_MIN,
     ExplainedLostEdges,
-    Ratio,
     ratio_probabilities,
 )
-from diffbotctl.estimation.lost_edges import FaultProbabilities, suspicion
+from diffbotctl.estimation.lost_edges import SHIFT_PRIORS, FaultProbabilities, suspicion
 from diffbotctl.messages import Encoders
 
 FRAME = 20_000_000  # ns
@@ -23,9 +23,9 @@ COUNTS = 400
 RATED, STATIC = 10.0, 0.1  # rad/s, duty
 
 
-def side():
+def side(decay=None):
     loop = SimpleNamespace(static=STATIC, speed=None, proportional=None, integral=None)
-    motor = SimpleNamespace(rated=RATED, lag=0.1, loop=loop)
+    motor = SimpleNamespace(rated=RATED, lag=0.1, loop=loop, decay=decay, friction=None)
     return SimpleNamespace(motor=motor, encoder=SimpleNamespace(counts=COUNTS))
 
 
@@ -33,7 +33,15 @@ def ratio(counted, friction=0.1, load=1.1):
     """By default at nearly full duty, where a load of all of the duty takes little more than all of
     the edges."""
     edges = EdgeRatio(1000.0 * counted, 1000.0, 1000.0 * friction, 1000.0 * load, 50.0)
-    return Ratio.of(edges)
+    return EdgeLogRatio.of(edges)
+
+
+def probabilities(left, right, motors=MOTORS):
+    """Of the faults, by one ratio of each wheel or one for each class of duties."""
+    left, right = (each if isinstance(each, list) else [each] for each in (left, right))
+    means = [sum(one.value for one in each) / len(each) for each in (left, right)]
+    is_even = abs(means[0] - means[1]) < RATIO_LOG_MIN
+    return ratio_probabilities(left, right, is_even, motors)
 
 
 @pytest.mark.parametrize(
@@ -50,7 +58,7 @@ def ratio(counted, friction=0.1, load=1.1):
     ],
 )
 def test_half_and_twice_are_told_from_other_motors_and_batteries(left, right, named):
-    faults = ratio_probabilities(ratio(left), ratio(right))
+    faults = probabilities(ratio(left), ratio(right))
     if named is None:
         assert sum(faults) < 0.02
     else:
@@ -59,7 +67,7 @@ def test_half_and_twice_are_told_from_other_motors_and_batteries(left, right, na
 
 @pytest.mark.parametrize(("left", "right"), [(0.5, 0.5), (0.42, 0.48)])
 def test_half_of_the_edges_on_both_is_likelier_a_heavy_robot_but_may_be_both_encoders(left, right):
-    faults = ratio_probabilities(ratio(left), ratio(right))
+    faults = probabilities(ratio(left), ratio(right))
     assert faults.index(max(faults)) == 4
     assert EXPLAINED_PROBABILITY_MIN < sum(faults) < 0.2
 
@@ -69,20 +77,40 @@ def test_a_robot_that_is_heavy_for_its_motors_has_working_encoders(share):
     """At a duty of 0.4 friction takes 0.1 and a load another 0.2: a third of the edges is left, and
     at the same duty of both wheels no fault is as likely."""
     heavy = ratio(share, friction=0.25, load=3.3)
-    assert sum(ratio_probabilities(heavy, heavy)) < EXPLAINED_PROBABILITY_MIN
+    assert sum(probabilities(heavy, heavy)) < EXPLAINED_PROBABILITY_MIN
 
 
 def test_both_motors_may_be_faster_than_typical_where_friction_matters_most():
     """The right one runs at a small duty: it counts three times what a linear motor would."""
-    assert sum(ratio_probabilities(ratio(1.1, 0.05), ratio(3.0, 1.0, 3.0))) < 0.02
-    faults = ratio_probabilities(ratio(0.55, 0.05), ratio(3.0, 1.0, 3.0))
+    assert sum(probabilities(ratio(1.1, 0.05), ratio(3.0, 1.0, 3.0))) < 0.02
+    faults = probabilities(ratio(0.55, 0.05), ratio(3.0, 1.0, 3.0))
     assert faults.index(max(faults)) == 0 and max(faults) > 0.1
 
 
+def test_half_of_the_edges_at_all_duties_is_both_encoders_and_at_low_duties_a_load():
+    """At a small duty (a load of all of the duty takes six times the edges explained) and at nearly
+    full duty (1.5 times): a load of 0.14 leaves 1 - 6 x 0.14 = 0.16 and 1 - 1.5 x 0.14 = 0.79."""
+    low, full = {"friction": 0.5, "load": 6.0}, {"friction": 0.03, "load": 1.5}
+    halved = [ratio(0.5, **low), ratio(0.5, **full)]
+    faults = probabilities(halved, halved, MEASURED_MOTORS)
+    assert faults.both_lost > 0.15 and sum(faults) == pytest.approx(faults.both_lost)
+    heavy = [ratio(0.16, **low), ratio(0.79, **full)]
+    assert sum(probabilities(heavy, heavy, MEASURED_MOTORS)) < 0.01
+
+
+def test_a_measured_curve_leaves_no_doubt_about_a_motor_at_a_small_duty():
+    """Of an unknown curve the right wheel may well be as fast as that; of a measured one it counts
+    each edge twice."""
+    left, right = ratio(1.0, 0.05), ratio(2.0, 0.4, 4.0)
+    assert sum(probabilities(left, right)) < 0.05
+    faults = probabilities(left, right, MEASURED_MOTORS)
+    assert faults.index(max(faults)) == 3 and max(faults) > 0.1
+
+
 def test_where_friction_takes_nearly_all_of_the_duty_a_ratio_proves_nothing():
-    faults = ratio_probabilities(ratio(0.5, 3.0, 5.0), ratio(1.0, 3.0, 5.0))
+    faults = probabilities(ratio(0.5, 3.0, 5.0), ratio(1.0, 3.0, 5.0))
     assert sum(faults) < EXPLAINED_PROBABILITY_MIN
-    assert sum(faults) == pytest.approx(sum(PRIORS), rel=0.1)
+    assert sum(faults) == pytest.approx(sum(SHIFT_PRIORS), rel=0.1)
 
 
 def test_the_explained_edges_of_a_constant_duty_are_those_of_its_settled_speed():
@@ -98,6 +126,28 @@ def test_the_explained_edges_of_a_constant_duty_are_those_of_its_settled_speed()
     forgotten = (1.0 - 0.008) * first.explained  # two frames of a memory of 5 s
     assert second.explained - forgotten == pytest.approx(2 * 0.02 * 318.3, rel=1e-3)
     assert second.counted - (1.0 - 0.008) * first.counted == pytest.approx(12.0, rel=1e-3)
+
+
+def test_open_windings_between_the_pulses_turn_the_motor_faster_at_a_small_duty():
+    """Duty 0.55 settles at 10 x 1.05 / 0.9 x (0.55 - 0.1) / (0.55 + 0.05) = 8.75 rad/s."""
+    curve = ExplainedEdges(side("fast")).curve
+    assert curve.speed(0.55) == pytest.approx(8.75)
+    assert curve.speed(1.0) == pytest.approx(10.0)
+    assert curve.speed(0.05) == 0.0
+    assert ExplainedEdges(side("slow")).curve.speed(0.55) == pytest.approx(5.0)
+
+
+def test_the_sums_since_a_state_are_those_of_the_frames_after_it():
+    explained = ExplainedEdges(side())
+    for frame in range(1, 101):
+        explained.update(frame * FRAME, 6 * frame, None, [(0, 0.55)], True)
+    before = explained.state
+    for frame in range(101, 106):
+        explained.update(frame * FRAME, 600 + 3 * (frame - 100), None, [(0, 0.55)], True)
+    since = explained.state.since(before)
+    assert sum(edges.counted for edges in since) == pytest.approx(15.0, rel=0.01)
+    assert sum(edges.explained for edges in since) == pytest.approx(5 * 0.02 * 318.3, rel=0.01)
+    assert [edges.explained > 0.1 for edges in since] == [False, False, True, False]
 
 
 def test_frames_without_a_command_or_near_friction_do_not_count():
@@ -171,7 +221,7 @@ def test_both_encoders_are_told_with_all_that_looks_alike():
 
 
 def test_a_battery_at_60_percent_is_likelier_than_two_encoders_that_fail_alike():
-    assert 0.0 < sum(ratio_probabilities(ratio(0.6), ratio(0.6))) < 0.1
+    assert 0.0 < sum(probabilities(ratio(0.6), ratio(0.6))) < 0.1
 
 
 def test_a_wheel_that_counts_again_stays_told_until_the_pose_is_set():

@@ -1,0 +1,132 @@
+"""An encoder that begins to lose every second edge, or to show all of them again.
+
+Both wheels are compared with themselves, some seconds before: what a motor's calibration, the load
+of the robot and the battery do to the edges that its duty explains, they did before too. Only the
+curve from duty to speed matters still, for the loop of the board doubles the speed of a wheel whose
+edges are lost, by more duty. A load that begins to act on one wheel looks alike.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from diffbotctl.estimation.edge_residual import (
+    GAIN_SD,
+    EdgeLogRatio,
+    MotorHypothesis,
+    Residual,
+    density,
+    of_classes,
+    residual,
+)
+from diffbotctl.estimation.explained_edges import EdgeRatio, EdgeState
+from diffbotctl.estimation.lost_edges import (
+    SHIFT_PRIORS,
+    SHIFTS,
+    FaultProbabilities,
+    normalized,
+)
+
+# Comparisons that a step may lie back. Later ones see the earlier steps too.
+AGES = 1, 2, 3, 4, 6, 8, 12
+EXPLAINED_MIN = 8.0  # edges, before the step and after it
+STEP_LOG_MIN = 0.3  # of the difference between both wheels, or of both; less is no reason to look
+STEP_SD = 0.08  # of the logarithm of a ratio that has not changed
+LEVEL_SD = 0.08  # of what both wheels share: the battery
+# A load that begins to act, or ceases to: its probability, and the standard deviation of the
+# logarithm of the ratio, on one of the wheels; of what both share and what each has of its own.
+LOAD_PROBABILITY, LOAD_SD = 0.1, 0.35
+FLOOR_PROBABILITY, FLOOR_SD, FLOOR_OWN_SD = 0.1, 0.5, 0.15
+HEALTHY = 1.0 - LOAD_PROBABILITY - FLOOR_PROBABILITY - sum(SHIFT_PRIORS)
+
+
+class _Pair(NamedTuple):
+    """States of both wheels at one comparison."""
+
+    left: EdgeState
+    right: EdgeState
+
+
+class EdgeRatioSteps:
+    """The comparisons of the last seconds of driving."""
+
+    def __init__(self, motors: Sequence[MotorHypothesis]) -> None:
+        self.motors = motors
+        self.pairs: deque[_Pair] = deque(maxlen=AGES[-1])
+
+    def restart(self) -> None:
+        """The duties before are not known."""
+        self.pairs.clear()
+
+    def compare(self, left: EdgeState, right: EdgeState) -> FaultProbabilities:
+        """Take the states after a frame; the likeliest step of the last seconds."""
+        likeliest = FaultProbabilities()
+        for age in AGES:
+            if age > len(self.pairs):
+                break
+            before = self.pairs[-age]
+            sides = (before.left, left), (before.right, right)
+            faults = step_probabilities(
+                [then.ratios for then, _ in sides],
+                [now.since(then) for then, now in sides],
+                self.motors,
+            )
+            likeliest = max(likeliest, faults, key=sum)
+        self.pairs.append(_Pair(left, right))
+        return likeliest
+
+
+def step_probabilities(
+    before: Sequence[Sequence[EdgeRatio]],
+    after: Sequence[Sequence[EdgeRatio]],
+    motors: Sequence[MotorHypothesis],
+) -> FaultProbabilities:
+    """Probabilities of faults that began between `before` and `after`, of the left and of the right
+    wheel, in classes of duties each."""
+    totals = [[_total(ratios) for ratios in when] for when in (before, after)]
+    if min(total.explained for when in totals for total in when) < EXPLAINED_MIN:
+        return FaultProbabilities()
+    left, right = (
+        EdgeLogRatio.of(now).value - EdgeLogRatio.of(then).value
+        for then, now in zip(*totals, strict=True)
+    )
+    is_even = abs(left - right) < STEP_LOG_MIN
+    if is_even and left + right > -2.0 * STEP_LOG_MIN:
+        return FaultProbabilities()
+    old, new = ([of_classes(ratios) for ratios in when] for when in (before, after))
+    if not all((*old, *new)):
+        return FaultProbabilities()
+    healthy, faults = 0.0, [0.0] * len(SHIFTS)
+    load, floor, gain = LOAD_SD * LOAD_SD, FLOOR_OWN_SD * FLOOR_OWN_SD, GAIN_SD * GAIN_SD
+    for motor in motors:
+        (was_left, was_right), (is_left, is_right) = (
+            [residual(ratios, motor.curve, motor.load) for ratios in when] for when in (old, new)
+        )
+        weight = motor.probability * density(was_left.moved(0.0, gain), was_right.moved(0.0, gain))
+        a, b = _change(was_left, is_left), _change(was_right, is_right)
+        healthy += weight * (
+            HEALTHY * density(a, b, LEVEL_SD)
+            + 0.5 * LOAD_PROBABILITY * density(a.moved(0.0, load), b, LEVEL_SD)
+            + 0.5 * LOAD_PROBABILITY * density(a, b.moved(0.0, load), LEVEL_SD)
+            + FLOOR_PROBABILITY * density(a.moved(0.0, floor), b.moved(0.0, floor), FLOOR_SD)
+        )
+        for index, (left_shift, right_shift) in enumerate(SHIFTS):
+            if not is_even or left_shift == right_shift:
+                shifted = density(a.moved(left_shift), b.moved(right_shift), LEVEL_SD)
+                faults[index] += weight * SHIFT_PRIORS[index] * shifted
+    return normalized(faults, healthy)
+
+
+def _total(ratios: Sequence[EdgeRatio]) -> EdgeRatio:
+    return EdgeRatio(*map(sum, zip(*ratios, strict=True)))
+
+
+def _change(was: Residual, now: Residual) -> Residual:
+    """The difference between two residuals of one wheel, whose gain is the same."""
+    return Residual(
+        now.value - was.value,
+        now.variance + was.variance + STEP_SD * STEP_SD,
+        was.likelihood * now.likelihood,
+    )
