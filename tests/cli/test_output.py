@@ -134,3 +134,17 @@ def test_closed_streams_are_no_defect(words, code, cause, closed, tmp_path):
     assert 2 in closed or cause in done.stderr
     if "--record" in words:  # what was printed is not in the file
         assert said("bag", "info", "a.mcap", cwd=tmp_path).returncode == 0
+
+
+@pytest.mark.parametrize("folder", ["relative", ""])
+def test_folders_of_the_user_that_are_no_paths_from_the_root_are_ignored(folder, tmp_path):
+    """As the XDG base directory specification says: clients elsewhere would not find the socket."""
+    (tmp_path / "relative").mkdir()
+    variables = ("XDG_RUNTIME_DIR", "XDG_STATE_HOME", "XDG_CACHE_HOME")
+    named = {variable: folder for variable in variables} | {"HOME": str(tmp_path / "home")}
+    name = f"of-{tmp_path.name}"
+    words = ("run", "goal", "--fast", "--for", "0.5s", "--quiet", "--name", name)
+    assert "final stop confirmed" in said(*words, cwd=tmp_path, **named).stdout
+    assert said("start", "--status", cwd=tmp_path, **named).returncode == 0
+    assert list((tmp_path / "relative").iterdir()) == []
+    assert not (tmp_path / "diffbotctl").exists()
