@@ -171,7 +171,7 @@ def test_a_device_is_not_replaced_by_a_file(tmp_path):
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     code, text = told(tmp_path, "bag", "recover", "a.mcap", "--output", "pipe")
-    assert code == 1 and "pipe E-RECORD this is a device or a folder" in text
+    assert code == 2 and "pipe E-OUTPUT this is a device or a pipe, not a file" in text
     assert pipe.is_fifo()
 
 
