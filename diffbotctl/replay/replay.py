@@ -12,7 +12,7 @@ from diffbotctl.config.configuration import Configuration
 from diffbotctl.engine.clock import Clock, ScaledClock, VirtualClock
 from diffbotctl.engine.live_changes import live_sinks
 from diffbotctl.engine.loop import Engine, RunOutcome
-from diffbotctl.errors import Problem, RunError
+from diffbotctl.errors import Problem, RunError, UserError
 from diffbotctl.graph import Graph, Sink
 from diffbotctl.message_types import type_name
 from diffbotctl.params import declared
@@ -79,7 +79,7 @@ class ReplayResult(NamedTuple):
     begins: str
     left_out: Mapping[str, int] = {}
     text_differences: int = 0
-    failure: RunError | None = None
+    failure: UserError | None = None
 
 
 def replay(path: Path, check: bool = False) -> ReplayResult:
