@@ -169,7 +169,7 @@ uint8_t board_reset_cause(void)
 
 void board_start_watchdog(void)
 {
-    wdt_enable(WDTO_250MS);
+    wdt_enable(WDTO_120MS);
 }
 
 void board_feed(void)

@@ -122,7 +122,8 @@ void board_store_write(uint16_t address, uint8_t byte);
    bootloader has cleared it. */
 uint8_t board_reset_cause(void);
 
-/* The watchdog: resets the chip 250 ms after the last call of board_feed. */
+/* The watchdog: resets the chip 120 ms after the last call of board_feed. A program that hangs while
+   interrupts are off drives on until then. An ESP32 takes 250 ms. */
 void board_start_watchdog(void);
 void board_feed(void);
 

@@ -5,8 +5,8 @@
 
 #define MAGIC 0xD1FB
 #define HUNG_MS 100
-/* The watchdog resets after 250 ms: a reset after most of this time without a pass is its own. */
-#define BITTEN_MS 200
+/* The watchdog resets after 120 ms or more: a reset after most of this time without a pass is its own. */
+#define BITTEN_MS 110
 /* Stored byte that counts power-ups, after the slots of the settings: RAM, which counts the other
    starts, is lost at a power-up. */
 #define POWER_UPS 256

@@ -118,7 +118,7 @@ uint8_t board_reset_cause(void)
     return had_run ? RESET_BROWNOUT : RESET_POWER; /* to the chip they are the same */
 }
 
-#define WATCHDOG_US 250000
+#define WATCHDOG_US 120000
 #define EVERYTHING_BUT_OSCILLATORS 0x1FFFC
 #define WATCHDOG_ON (1u << 30)
 #define RESET_NOW (1u << 31)

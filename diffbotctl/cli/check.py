@@ -28,8 +28,11 @@ def check(
 
     Exit code: 0 when they can be run (warnings may be printed), 2 when they cannot.
     """
+    from diffbotctl.config.load import takes_robot
     from diffbotctl.errors import rendered
 
+    if not any(takes_robot(file) for file in files):
+        _refuse_pipeline_options(files[0], robot, sets)
     problems: list[Problem] = []
     told: set[str] = set()
     for file in files:
@@ -48,6 +51,22 @@ def check(
     if problems and not as_json:
         click.echo(f"`diffbotctl explain {problems[0].code}` explains more.")
     return 2 if any(problem.severity == "error" for problem in problems) else 0
+
+
+def _refuse_pipeline_options(file: str, robot: str | None, sets: tuple[str, ...]) -> None:
+    """Raises click.UsageError for options that have an effect on pipelines only."""
+    if robot is not None:
+        raise click.UsageError(
+            f"--robot has no effect: {file} is no pipeline, whose robot it replaces; leave it out, "
+            f"or check that robot: diffbotctl check {robot}"
+        )
+    for text in sets:
+        name = text.partition("=")[0].strip()
+        if name.partition(".")[0] != "robot" and name:
+            raise click.UsageError(
+                f"--set {name} has no effect: {file} is no pipeline; a value of a robot file is "
+                f"set with --set robot.{name}"
+            )
 
 
 def _verdict(problems: list[Problem]) -> str:

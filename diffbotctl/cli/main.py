@@ -253,8 +253,10 @@ def main() -> None:
     An interrupt ends the process with exit code 130, also while modules are imported: the modules
     `__main__` and this one are imported with a handler that does so.
     """
+    from diffbotctl.cli.closed_streams import open_closed_streams
     from diffbotctl.printable import printable_stream
 
+    open_closed_streams()
     # Control characters become dots, and what the output's encoding lacks question marks.
     sys.stdout, sys.stderr = printable_stream(sys.stdout), printable_stream(sys.stderr)
     _fold_for_terminal()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import stat
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from diffbotctl.errors import Problem
 
 CSV_MARK = "diffbotctl"  # name of the last column of our tables, which is empty
+MEMORY_DEVICES = 1  # their major number in Linux: /dev/null, /dev/zero, /dev/full
 MARK_BYTES_MAX = 64 << 10  # our files carry their mark within so many bytes
 # Formats by their first bytes, and the mark near the beginning of a file that diffbotctl wrote.
 MARKS = {
@@ -69,6 +71,7 @@ def check_overwrite(output: Path, force: bool) -> None:
     from diffbotctl.errors import Problem, UsageError
     from diffbotctl.recording.recording_file import IN_USE, is_being_written
 
+    refuse_special_file(output)
     if not output.is_file():
         return
     if is_being_written(output):
@@ -87,6 +90,24 @@ def check_overwrite(output: Path, force: bool) -> None:
         cause = "the file exists already, and diffbotctl did not write it"
         fix = "choose another name, or add --force to overwrite it"
         raise UsageError(Problem("E-OUTPUT", str(output), cause, fix))
+
+
+def refuse_special_file(output: Path) -> None:
+    """Raises UsageError for a pipe, a socket, or a device other than /dev/null and /dev/full.
+
+    A pipe would wait for its reader, and what is written to the port of a board moves a robot.
+    """
+    from diffbotctl.errors import Problem, UsageError
+
+    try:
+        state = output.stat()
+    except OSError:
+        return  # a new file; one that cannot be written is reported when it is opened
+    mode = state.st_mode
+    is_memory = stat.S_ISCHR(mode) and os.major(state.st_rdev) == MEMORY_DEVICES
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode) or is_memory):
+        cause = "this is a device or a pipe, not a file"
+        raise UsageError(Problem("E-OUTPUT", str(output), cause, "choose another name"))
 
 
 def has_mark(start: bytes) -> bool:

@@ -9,7 +9,7 @@ import click
 
 from diffbotctl.cli.contradictions import check_span, exclusive, needs
 from diffbotctl.cli.options import FILE, Quantity, force_option, json_option, set_option
-from diffbotctl.cli.output import check_overwrite, print_json
+from diffbotctl.cli.output import check_overwrite, print_json, problem_record
 from diffbotctl.time import NEVER, SECOND
 
 if TYPE_CHECKING:
@@ -58,7 +58,8 @@ def command(
     With --set, a simulated robot drives again and reacts to the changes; any other robot moves as
     recorded. The metrics are printed beside those of the recording.
 
-    Exit code: 0 the same, 1 different or unreadable.
+    Exit code: 0 replayed and the same, 1 different, unreadable, or ended by an error, such as a
+    block that raised.
     """
     from diffbotctl.replay import recorded_run
     from diffbotctl.replay.replay import ReplayOptions, replay_run
@@ -87,16 +88,26 @@ def command(
     )
     if as_json:
         result = _replay_changed(run, options, same_motion) if sets else replay_run(run, options)
-        _print_json_result(result)
-        return int(result.difference is not None)
-    _print_begin(run)
-    if not sets:
+        _print_json_result(run, result)
+        return _code(result)
+    if not check:
+        _print_begin(run)
+    if sets:
+        _print_motion(run, same_motion)
+        result = _replay_changed(run, options, same_motion)
+    else:
         result = replay_run(run, options)
-        return _print_result(result) or _print_metrics(run, options, result)
-    _print_motion(run, same_motion)
-    result = _replay_changed(run, options, same_motion)
     _print_result(result)
-    return _print_metrics(run, options, result)
+    if result.difference is None:
+        _print_metrics(run, options, result)
+    return _code(result)
+
+
+def _code(result: ReplayResult) -> int:
+    """The exit code. Raises RunError for what ended the replay, which is then printed."""
+    if result.failure is not None:
+        raise result.failure
+    return int(result.difference is not None)
 
 
 def _check_record(file: Path, record: Path | None, force: bool) -> None:
@@ -131,8 +142,8 @@ def _replay_changed(run: RecordedRun, options: ReplayOptions, same_motion: bool)
     return replay_run(run, options)
 
 
-def _print_json_result(result: ReplayResult) -> None:
-    first = result.difference
+def _print_json_result(run: RecordedRun, result: ReplayResult) -> None:
+    first, failure = result.difference, result.failure
     print_json(
         {
             "version": result.version,
@@ -142,24 +153,27 @@ def _print_json_result(result: ReplayResult) -> None:
             "text_differences": result.text_differences,
             "left_out": dict(result.left_out),
             "difference": None if first is None else first._asdict(),
+            "failure": None if failure is None else problem_record(failure.problems[0]),
+            "cut": run.is_cut,
         }
     )
 
 
-def _print_result(result: ReplayResult) -> int:
-    """Print how the replay went; 1 when it differs from the recording."""
+def _print_result(result: ReplayResult) -> None:
+    """Print how the replay went, and where it differs from the recording."""
     from diffbotctl import __version__
 
     if result.version != __version__:
         click.echo(f"recorded with version {result.version}, replayed with {__version__}")
-    click.echo(f"replayed {result.ending.time / SECOND:.2f} s")
+    early = "" if result.failure is None else f", then it ended: {result.ending.cause}"
+    click.echo(f"replayed {result.ending.time / SECOND:.2f} s{early}")
     click.echo(f"digest {result.digest}")
     if result.difference is not None:
         first = result.difference
         click.echo(f"DIFFERENT at {first.time / SECOND:.6f} s on {first.wire}")
         click.echo(f"  recorded {first.recorded}")
         click.echo(f"  replayed {first.replayed}")
-        return 1
+        return
     for wire, count in result.left_out.items():
         click.echo(f"not compared: {count} messages on {wire}, a wire the recording does not have")
     if result.text_differences:
@@ -169,17 +183,16 @@ def _print_result(result: ReplayResult) -> int:
         )
     if result.compared:
         click.echo(f"same: {result.compared} messages compared, bit for bit")
-    return 0
 
 
-def _print_metrics(run: RecordedRun, options: ReplayOptions, result: ReplayResult) -> int:
+def _print_metrics(run: RecordedRun, options: ReplayOptions, result: ReplayResult) -> None:
     """The metrics of the replay beside those of the recording, when they can differ."""
     from diffbotctl.recording.metrics import recorded_metrics
     from diffbotctl.replay.replay import replay_run
     from diffbotctl.ui import recording_text
 
     if not options.sets and not options.begin and options.until == NEVER:
-        return 0
+        return
     if run.is_black_box:  # it holds no poses: they are computed again, without the changes
         before = replay_run(
             run, options._replace(sets=(), record=None, speed=None, show=None)
@@ -190,10 +203,11 @@ def _print_metrics(run: RecordedRun, options: ReplayOptions, result: ReplayResul
     click.echo()
     for line in recording_text.metrics_table(before, result.metrics, ("recorded", "replayed")):
         click.echo(line)
-    return 0
 
 
 def _print_begin(run: RecordedRun) -> None:
+    if run.is_cut:
+        click.echo(f"the recording is incomplete: it was cut at {run.last / SECOND:.2f} s")
     if run.begins == "state" and run.state is not None:
         click.echo(f"starts {run.state[0] / SECOND:.2f} s after the run's start, in a saved state")
     elif run.begins != "run":

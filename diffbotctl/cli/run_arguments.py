@@ -9,7 +9,7 @@ import click
 
 from diffbotctl.cli.contradictions import is_typed, refuse_pair
 from diffbotctl.cli.options import VIRTUAL_PORTS
-from diffbotctl.cli.output import check_overwrite
+from diffbotctl.cli.output import check_overwrite, refuse_special_file
 
 if TYPE_CHECKING:
     from diffbotctl.config.configuration import Configuration
@@ -72,6 +72,7 @@ def check_files(record: Path | None, force: bool, log: Path | None) -> None:
     if record is not None and _is_same(record, log):
         cause = "--record and --log name the same file"
         raise UsageError(Problem("E-LOG", str(log), cause, "give two files"))
+    refuse_special_file(log)
     try:
         with log.open("rb") as file:
             start = file.read(1) if log.is_file() else b""

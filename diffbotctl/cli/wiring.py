@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 WIRING_WARNINGS = ("W-WIRING-LEVEL", "W-WIRING-SHARED", "W-WIRING-LIGHT", "W-WIRING-SUPPLY")
 WIDTH = 80  # columns of the narrowest terminal in common use
+NOTE_MIN = 20  # columns; a narrower terminal folds them once more
 
 
 @click.command()
@@ -106,5 +107,7 @@ def _draw(harness: Harness, notes: Iterable[str]) -> None:
         PrintableConsole(width=WIDTH, highlight=False).print(wiring_text(harness))
         click.echo()
     for note in notes:
-        click.echo(fill(note, columns - 2, initial_indent="- ", subsequent_indent="  "))
+        click.echo(
+            fill(note, max(columns - 2, NOTE_MIN), initial_indent="- ", subsequent_indent="  ")
+        )
     click.echo()

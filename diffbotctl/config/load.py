@@ -102,7 +102,7 @@ def check(
     A name without a path is looked up among pipelines, then among robots.
     """
     try:
-        if lookup.is_path(name) and saved_view.is_view(Path(name)):
+        if _is_view(name):
             saved_view.read_view(name)
             return ()
         if _is_robot(name):
@@ -110,6 +110,18 @@ def check(
         return load(name, robot, sets, real=real).warnings
     except UserError as error:
         return error.problems
+
+
+def takes_robot(name: str) -> bool:
+    """Whether `check` reads `name` as a pipeline, for which a robot can be chosen."""
+    try:
+        return not _is_view(name) and not _is_robot(name)
+    except UserError:
+        return True  # `check` reports what is wrong with it
+
+
+def _is_view(name: str) -> bool:
+    return lookup.is_path(name) and saved_view.is_view(Path(name))
 
 
 def _is_robot(name: str) -> bool:

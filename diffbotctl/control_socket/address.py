@@ -53,7 +53,7 @@ class EngineAddress(NamedTuple):
 def own_folder() -> Path:
     """The folder of this user's sockets: only the user may enter it."""
     runtime = os.environ.get("XDG_RUNTIME_DIR")
-    if runtime and Path(runtime).is_dir():
+    if runtime and Path(runtime).is_absolute() and Path(runtime).is_dir():
         return Path(runtime) / PREFIX
     return Path("/tmp") / f"{PREFIX}-{os.getuid()}"
 

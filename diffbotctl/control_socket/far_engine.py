@@ -38,7 +38,8 @@ ERROR_MAX_BYTES = 4096
 BRIDGE = r"""
 import glob, json, os, select, socket, sys
 def sockets():
-    own = os.environ.get("XDG_RUNTIME_DIR")
+    own = os.environ.get("XDG_RUNTIME_DIR", "")
+    own = own if os.path.isabs(own) else ""
     # Without a login session ssh does not set it, but the engine may have been started in one.
     folders = [own or "/run/user/%d" % os.getuid()]
     folders = [folder + "/diffbotctl" for folder in folders]

@@ -149,4 +149,6 @@ def bootloader(board: BoardCode = BoardCode.MEGA2560) -> Path:
 
 def cache() -> Path:
     """Folder of the compiled emulator."""
-    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "diffbotctl"
+    named = os.environ.get("XDG_CACHE_HOME")
+    base = Path(named) if named and Path(named).is_absolute() else Path.home() / ".cache"
+    return base / "diffbotctl"

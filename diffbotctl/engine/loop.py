@@ -249,10 +249,12 @@ class Engine:
             blank = [None] * (len(self.graph.wires) - len(values))
             self.record((now, *values, *blank))
         code, cause = "E-BLOCK-RAISED", f"it raised {type(error).__name__}: {error}"
-        fix = "the robot was stopped; run again with --debug to see where in the block"
+        fix = "run it again with --debug to see where in the block"
         if isinstance(error, OutputError):
             code, cause = "E-BLOCK-OUTPUT", str(error)
-            fix = "the robot was stopped; correct what `react` returns"
+            fix = "correct what `react` returns"
+        if self.robot is not None:  # a replay has none
+            fix = f"the robot was stopped; {fix}"
         self.graph.block(name).log.error(cause)
         self.compiled.publish(now)
         raise RunError(Problem(code, f"block {name}", cause, fix)) from error

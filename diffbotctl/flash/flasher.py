@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from diffbotctl.board.session import BoardSession, JobEvent, JobMessage
+from diffbotctl.config.yaml_reader import open_regular
 from diffbotctl.drivers.board_ports import (
     BadImageError,
     NoBackupError,
@@ -28,13 +29,15 @@ from diffbotctl.links.diffbot_host import DiffbotHost
 from diffbotctl.links.diffbot_settings import BoardSettings
 from diffbotctl.links.link_protocol import USB_BAUD
 
+IMAGE_FILE_MAX_BYTES = 16 << 20  # far more than the flash of any board, as text
 WRITES = 2  # of the whole image, when a page that is read back differs
 
 
 def load(file: Path) -> bytes:
     """The program in a hex file, or in a UF2 file. Raises BadImageError."""
     try:
-        data = file.read_bytes()
+        with open_regular(file) as opened:
+            data = opened.read(IMAGE_FILE_MAX_BYTES)
         if is_uf2(data):
             return read_uf2(data, str(file))
         return read_hex(data.decode("ascii"), str(file))

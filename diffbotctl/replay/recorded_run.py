@@ -46,6 +46,7 @@ class RecordedRun(NamedTuple):
     operator_messages: tuple[tuple[str, Message], ...]
     wires: tuple[str, ...]
     has_published_messages: bool = False  # of clients and programs, on inputs of the pipeline
+    is_cut: bool = False  # messages after its last one may be lost
 
     @property
     def begins(self) -> str:
@@ -105,7 +106,10 @@ def read_run(path: Path) -> RecordedRun:
     except ValueError as error:
         cause = f"metadata 'run': {error}"
         raise RunError(Problem("E-RECORDING", str(path), cause)) from error
-    if reader.end is not None:
+    is_black_box = "flight" in reader.about
+    # A black box file begins with its end record, other recordings end with it.
+    is_cut = reader.cut is not None if is_black_box else reader.end is None
+    if reader.end is not None and not is_cut:
         last = int(reader.end["last"])
     return RecordedRun(
         path,
@@ -116,6 +120,7 @@ def read_run(path: Path) -> RecordedRun:
         tuple(operator_messages),
         tuple(reader.wires),
         has_published_messages,
+        is_cut,
     )
 
 

@@ -12,7 +12,7 @@ from diffbotctl.config.configuration import Configuration
 from diffbotctl.engine.clock import Clock, ScaledClock, VirtualClock
 from diffbotctl.engine.live_changes import live_sinks
 from diffbotctl.engine.loop import Engine, RunOutcome
-from diffbotctl.errors import Problem, RunError
+from diffbotctl.errors import Problem, RunError, UserError
 from diffbotctl.graph import Graph, Sink
 from diffbotctl.message_types import type_name
 from diffbotctl.params import declared
@@ -66,7 +66,8 @@ class ReplayResult(NamedTuple):
 
     `compared` counts messages; `difference` is the first one, or None. `left_out` counts the
     messages on wires that the recording does not have, `text_differences` those in which another
-    version worded a log line or a cause differently. `version` is the recording's.
+    version worded a log line or a cause differently. `version` is the recording's. `failure` is the
+    error that ended the replay, such as a block that raised; None when it came to its end.
     """
 
     ending: RunOutcome
@@ -78,6 +79,7 @@ class ReplayResult(NamedTuple):
     begins: str
     left_out: Mapping[str, int] = {}
     text_differences: int = 0
+    failure: UserError | None = None
 
 
 def replay(path: Path, check: bool = False) -> ReplayResult:
@@ -153,7 +155,8 @@ class _ReplayRun:
         self._close(outcome)
         if self.recorder is not None and self.recorder.lost is not None:
             raise recording_lost(self.options.record, self.recorder.lost)
-        is_complete = self.options.until > self.run.last
+        failure = self.engine.failure
+        is_complete = self.options.until > self.run.last and failure is None
         return ReplayResult(
             outcome,
             self.digest.text(),
@@ -164,6 +167,7 @@ class _ReplayRun:
             self.run.begins,
             self.checker.left_out,
             self.checker.text_differences,
+            failure,
         )
 
     def _start_screen(self) -> ScreenFeed | None:

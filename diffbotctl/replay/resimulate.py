@@ -50,14 +50,21 @@ def resimulate(run: RecordedRun, options: ReplayOptions) -> ReplayResult:
                 dash=options.dash,
             )
             result = Run(configuration, run_options, options.show).go()
-        if result.failure is not None:
-            raise result.failure
         if result.recording is not None:
             raise recording_lost(path, result.recording)
         until = options.until if options.until < NEVER else None
         metrics = recorded_metrics(path, options.begin, until)
     version = run.about.get("version", "")
-    return ReplayResult(result.ending, result.digest or "", 0, None, version, metrics, "run")
+    return ReplayResult(
+        result.ending,
+        result.digest or "",
+        0,
+        None,
+        version,
+        metrics,
+        "run",
+        failure=result.failure,
+    )
 
 
 def _duration(run: RecordedRun, options: ReplayOptions) -> float:

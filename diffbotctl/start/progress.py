@@ -59,8 +59,9 @@ class GuideProgress:
 
 def state_path() -> Path:
     """The file below the user's state folder."""
-    root = os.environ.get("XDG_STATE_HOME") or os.path.expanduser("~/.local/state")
-    return Path(root) / "diffbotctl" / "start.json"
+    state = os.environ.get("XDG_STATE_HOME")
+    base = Path(state) if state and Path(state).is_absolute() else Path.home() / ".local" / "state"
+    return base / "diffbotctl" / "start.json"
 
 
 def _read(path: Path) -> dict[str, object]:

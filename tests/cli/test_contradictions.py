@@ -136,6 +136,15 @@ def test_an_option_that_has_no_effect_alone(command, option, needed, tmp_path):
         (("bag", "plot", "x", "a.mcap", "--until", "0s"), "--until 0 s is not after the start"),
         (("bag", "plot", "x", "a.mcap", "--from", "-1s"), "--from -1 s is before the start"),
         (("ros2", "--at", "pi@robot"), "name it with --socket"),
+        (
+            ("check", "book_2wd", "--robot", "turtle"),
+            "--robot has no effect: book_2wd is no pipeline, whose robot it replaces; leave it "
+            "out, or check that robot: diffbotctl check turtle",
+        ),
+        (
+            ("check", "book_2wd", "book_2wd_stock", "--set", "limits.speed=9"),
+            "is set with --set robot.limits.speed",
+        ),
     ],
 )
 def test_what_else_has_no_effect(words, cause, tmp_path):

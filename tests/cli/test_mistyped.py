@@ -1,6 +1,7 @@
 """What a newcomer types by mistake, and what is said: place, cause, fix, and the exit code."""
 
 import os
+import socket
 import subprocess
 
 import pytest
@@ -108,6 +109,25 @@ def test_a_log_and_a_recording_are_two_files(tmp_path):
     assert code == 2 and "--record and --log name the same file" in text
 
 
+@pytest.mark.parametrize("option", ["--record", "--log"])
+@pytest.mark.parametrize("kind", ["pipe", "socket", "terminal"])
+def test_a_run_writes_to_files_only(option, kind, tmp_path):
+    path, (terminal, slave) = tmp_path / "out", os.openpty()
+    if kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "socket":
+        with socket.socket(socket.AF_UNIX) as bound:
+            bound.bind(str(path))
+    else:
+        path.symlink_to(os.ttyname(slave))  # as the port of a board
+    words = ("run", "goal", "--fast", "--quiet", option, "out")
+    for more in ((), ("--force",)) if option == "--record" else ((),):
+        code, text = told(tmp_path, *words, *more)
+        assert code == 2 and "this is a device or a pipe, not a file" in text
+    os.close(terminal)
+    os.close(slave)
+
+
 @pytest.mark.parametrize(
     ("option", "name", "field"),
     [("--record", "recording", "incomplete_recording"), ("--log", "log file", "incomplete_log")],
@@ -151,7 +171,7 @@ def test_a_device_is_not_replaced_by_a_file(tmp_path):
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     code, text = told(tmp_path, "bag", "recover", "a.mcap", "--output", "pipe")
-    assert code == 1 and "pipe E-RECORD this is a device or a folder" in text
+    assert code == 2 and "pipe E-OUTPUT this is a device or a pipe, not a file" in text
     assert pipe.is_fifo()
 
 

@@ -86,6 +86,16 @@ def test_no_word_of_a_command_is_broken(tmp_path, words):
     assert not drawing, narrow
 
 
+@pytest.mark.parametrize("columns", [1, 3, 12])
+@pytest.mark.parametrize("words", [*COMMANDS, ("bag", "plot", "odometry.odometry.x", "goal.mcap")])
+def test_a_terminal_of_a_few_columns_is_no_defect(tmp_path, monkeypatch, words, columns):
+    monkeypatch.chdir(tmp_path)
+    if words[0] == "bag":
+        record = ("run", "goal", "--fast", "--for", "1s", "--record", "goal.mcap")
+        assert "final stop confirmed" in shown(tmp_path, COLUMNS, record)
+    assert "E-DEFECT" not in shown(tmp_path, columns, words)
+
+
 LONG_NAME = "a_robot_with_a_long_name_that_its_owner_gave_it_to_describe_it"
 AT_80 = [  # with the robot of the long name
     ("frames", LONG_NAME),

@@ -104,3 +104,47 @@ def test_the_end_of_a_run_states_how_well_the_pose_is_known():
     process = said("run", "goal", "--fast", "--quiet")
     line = next(line for line in process.stdout.splitlines() if "estimated error" in line)
     assert line.endswith("deg (standard deviation)") and "; known to " in line and len(line) <= 80
+
+
+@pytest.mark.parametrize("closed", [(0,), (1,), (2,), (0, 1), (0, 1, 2)], ids=str)
+@pytest.mark.parametrize(
+    ("words", "code", "cause"),
+    [
+        (("flash", "firmware", "--port", "PORT"), 2, "no terminal to confirm"),
+        (("bluetooth", "baud", "9600", "--port", "PORT"), 2, "Nobody is there"),
+        (("calibrate", "encoders", "--port", "sim"), 2, "Nobody is there"),
+        (("run", "goal", "--dash"), 2, "--dash needs a terminal"),
+        (("dash",), 2, "E-NO-ENGINE"),
+        (("run", "goal", "--fast", "--for", "0.5s", "--record", "a.mcap"), 1, ""),
+    ],
+)
+def test_closed_streams_are_no_defect(words, code, cause, closed, tmp_path):
+    def close():
+        for descriptor in closed:
+            os.close(descriptor)
+
+    board, port = os.openpty()
+    words = [os.ttyname(port) if word == "PORT" else word for word in words]
+    folder = {"XDG_RUNTIME_DIR": str(tmp_path)}
+    done = said(*words, cwd=tmp_path, preexec_fn=close, **folder)
+    os.close(board)
+    os.close(port)
+    assert done.returncode == code, done.stderr
+    assert "E-DEFECT" not in done.stderr and "Traceback" not in done.stderr
+    assert 2 in closed or cause in done.stderr
+    if "--record" in words:  # what was printed is not in the file
+        assert said("bag", "info", "a.mcap", cwd=tmp_path).returncode == 0
+
+
+@pytest.mark.parametrize("folder", ["relative", ""])
+def test_folders_of_the_user_that_are_no_paths_from_the_root_are_ignored(folder, tmp_path):
+    """As the XDG base directory specification says: clients elsewhere would not find the socket."""
+    (tmp_path / "relative").mkdir()
+    variables = ("XDG_RUNTIME_DIR", "XDG_STATE_HOME", "XDG_CACHE_HOME")
+    named = {variable: folder for variable in variables} | {"HOME": str(tmp_path / "home")}
+    name = f"of-{tmp_path.name}"
+    words = ("run", "goal", "--fast", "--for", "0.5s", "--quiet", "--name", name)
+    assert "final stop confirmed" in said(*words, cwd=tmp_path, **named).stdout
+    assert said("start", "--status", cwd=tmp_path, **named).returncode == 0
+    assert list((tmp_path / "relative").iterdir()) == []
+    assert not (tmp_path / "diffbotctl").exists()

@@ -1,5 +1,6 @@
 """Flashing through the real stock bootloader on the emulated board, at real pace."""
 
+import os
 import time
 
 import pytest
@@ -105,6 +106,14 @@ def test_a_radio_port_is_refused(tmp_path):
 def test_no_image(tmp_path):
     with pytest.raises(BadImageError, match="No such file"):
         list(flash("/dev/null", tmp_path / "none.hex"))
+
+
+@pytest.mark.parametrize("kind", ["pipe", "device"])
+def test_an_image_that_is_no_file(kind, tmp_path):
+    image = tmp_path / "image.hex"
+    os.mkfifo(image) if kind == "pipe" else image.symlink_to("/dev/zero")
+    with pytest.raises(BadImageError, match="device or a pipe, not a file"):
+        list(flash("/dev/null", image))
 
 
 def usb_port(device, vendor, product):

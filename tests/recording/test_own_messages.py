@@ -3,8 +3,10 @@
 import json
 import os
 import signal
+import subprocess
 from math import inf, isnan, nan
 from pathlib import Path
+from shutil import copytree
 from typing import Annotated, Literal, NamedTuple
 
 import pytest
@@ -18,7 +20,7 @@ from diffbotctl.recording.json_codec import message_decoder, message_encoder
 from diffbotctl.recording.message_schema import json_schema, message_class
 from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.testing import own_package
-from diffbotctl.testing.running import PlainClient, cli, running
+from diffbotctl.testing.running import PlainClient, cli, command, running
 
 ROOT = Path(__file__).parents[2]
 
@@ -64,6 +66,34 @@ def test_the_graph_names_the_package(installed):
     assert types["range", "range"] == "Range"
     assert "odd_noses/Gas" in ok(folder, "graph", pipeline)
     assert "odd_noses/Face" in ok(folder, "blocks", "show", "smell")
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ((), "replayed 1."),
+        (("--check",), "DIFFERENT at 1."),
+        (("--json",), '"failure": {"severity": "error", "code": "E-BLOCK-RAISED"'),
+        (("--rate", "1000"), "replayed 1."),
+        (("--set", "nose.gain=2"), "the simulated robot drives again"),
+        (("--set", "nose.gain=2", "--same-motion"), "replayed 1."),
+        (("--set", "nose.gain=2", "--json"), '"failure": {"severity": "error"'),
+    ],
+)
+def test_a_replay_whose_block_raises_ends_as_a_run_does(options, said, installed, tmp_path):
+    folder, _, recording = installed
+    copytree(folder / "site", tmp_path / "site")
+    blocks = tmp_path / "site" / own_package.NAME / "blocks.py"
+    counting = "        self.count += 1\n"
+    raising = "        if now > 1_000_000_000:\n            raise ValueError('no nose')\n"
+    blocks.write_text(blocks.read_text().replace(counting, counting + raising))
+    line, environment = command(folder, "replay", recording, *options)
+    environment["PYTHONPATH"] = f"{ROOT}{os.pathsep}{tmp_path / 'site'}"
+    done = subprocess.run(line, env=environment, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1 and said in done.stdout, done.stdout
+    assert "block nose  E-BLOCK-RAISED\n  it raised ValueError: no nose" in done.stderr
+    drives_again = "--set" in options and "--same-motion" not in options
+    assert ("the robot was stopped" in done.stderr) == drives_again
 
 
 def test_a_recorded_run_is_replayed_bit_for_bit(installed):

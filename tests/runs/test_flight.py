@@ -150,6 +150,16 @@ def test_a_killed_engine_leaves_its_flight(tmp_path, monkeypatch):
     assert replay_run(recorded_run.read_run(path), ReplayOptions()).ending.code == 0
 
 
+def test_a_black_box_file_that_was_cut_is_replayed_up_to_there(tmp_path):
+    _, _, flights = fly(tmp_path)
+    path = tmp_path / "cut.mcap"
+    path.write_bytes(flights[-1].read_bytes()[:8000])  # its end record is before that
+    run = recorded_run.read_run(path)
+    assert run.is_cut and run.end is not None
+    assert run.last == max((item.time for item in RecordingReader(path).messages()), default=0)
+    assert not recorded_run.read_run(flights[-1]).is_cut
+
+
 def test_a_folder_that_cannot_be_made_is_said_and_the_run_goes_on(tmp_path):
     (tmp_path / "file").write_text("")
     result, told, _ = fly(tmp_path / "file" / "flights")

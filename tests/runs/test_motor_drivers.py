@@ -111,7 +111,7 @@ def test_a_hung_program_releases_two_pwm_inputs(tmp_path):
         bench.wait(40.4)
         assert all(bench.duty)
         bench.emulator.hang()
-        bench.wait(300)
+        bench.wait(150)
         assert bench.duty == [0.0, 0.0]
 
 

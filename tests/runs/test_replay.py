@@ -126,6 +126,17 @@ def test_beside_a_wire_that_is_left_out_a_single_lost_message_shows(goal, tmp_pa
     assert (first.wire, first.time, first.recorded) == (WHEELS, lost, "nothing")
 
 
+def test_a_recording_that_was_cut_is_replayed_up_to_there(goal, tmp_path):
+    path = tmp_path / "cut.mcap"
+    path.write_bytes(goal.path.read_bytes()[:90_000])
+    last = max(item.time for item in RecordingReader(path).messages())
+    code, text = said(path)
+    assert code == 0 and 0 < last < goal.last
+    assert f"the recording is incomplete: it was cut at {last / SECOND:.2f} s" in text
+    assert f"replayed {last / SECOND:.2f} s" in text
+    assert json.loads(said(path, "--json")[1])["cut"] is True
+
+
 @pytest.mark.parametrize("begin, until", [(0, 3), (2, 100), (2, 4), (6, 6.5)])
 def test_a_part_is_measured_as_in_the_recording(goal, begin, until):
     begin, until = round(begin * SECOND), round(until * SECOND)

@@ -25,7 +25,9 @@ from diffbotctl.time import MILLISECOND as MS
 LONGEST = 60.0  # s of virtual time for the goal, the wait included
 OFF_WITHIN = 320 * MS
 WAIT = 2_000 * MS  # before the operator consents: far more than any stop takes
-# m; a program that hangs drives on for 0.1 s, 30 mm at 0.3 m/s, and nobody counts.
+# m; a program that hangs drives on for 0.1 s, or 0.13 s if its interrupts are off, and nobody
+# counts. With a frame of 25 ms before and 12 mm of rolling out that is 60 mm at 0.3 m/s; the
+# odometry assumes the 37 mm of a reset that takes effect at once.
 STEP_MOST = 0.040
 MISHAPS: dict[str, Callable[[Emulator], None]] = {
     "line": lambda emulator: emulator.reset(LINE),

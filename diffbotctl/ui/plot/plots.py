@@ -96,12 +96,12 @@ COLUMNS_PER_TICK = 14  # columns between two numbers on the time axis
 def render_plots(
     plotted: Sequence[Series], width: int = 80, height: int = 24, font: DotFont = BRAILLE
 ) -> Iterator[str]:
-    """A panel for each series, over one time axis, as lines of at most `width` columns.
+    """A panel for each series, over one time axis, as lines of at most `width` columns, or of 24.
 
     `height` rows in total if the panels fit.
     """
     available = (height - 2) // len(plotted) - 1  # below all: time and its unit; above each: name
-    columns = width - PANEL_LABEL_WIDTH
+    columns = max(width - PANEL_LABEL_WIDTH, COLUMNS_PER_TICK)
     begin = min(series.times[0] for series in plotted)
     end = max(series.times[-1] for series in plotted)
     time = make_axis(begin, end, max(columns // COLUMNS_PER_TICK, 1))
