@@ -173,12 +173,22 @@ def diameter_sd(robot: Robot) -> float | None:
 
 
 def geometry_findings(fit: GeometryFit) -> list[Finding]:
-    """Both diameters and the track, with their standard deviations."""
+    """Both diameters and the track, with their standard deviations.
+
+    A wheel's own part is that of the ratio; the track's own part is that of the track in multiples
+    of the mean diameter, which is what turns depend on.
+    """
     geometry, errors = fit.geometry, fit.confidence
+    share = geometry.left / (geometry.right + geometry.left)  # of the ratio in the right wheel
+    lengths = (
+        (RIGHT_DIAMETER, geometry.right, errors.right.sd, share * errors.ratio.sd),
+        (LEFT_DIAMETER, geometry.left, errors.left.sd, (1 - share) * errors.ratio.sd),
+        (TRACK, geometry.track, errors.track.sd, errors.track_over_mean.sd),
+    )
+    # The part is larger than the whole where both errors partly cancel each other.
     return [
-        Finding(RIGHT_DIAMETER, geometry.right, geometry.right * errors.right.sd),
-        Finding(LEFT_DIAMETER, geometry.left, geometry.left * errors.left.sd),
-        Finding(TRACK, geometry.track, geometry.track * errors.track.sd),
+        Finding(field, length, length * max(sd, own), length * own)
+        for field, length, sd, own in lengths
     ]
 
 
