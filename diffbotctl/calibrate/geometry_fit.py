@@ -162,6 +162,7 @@ def fit_geometry(
         _outliers([*aligned, *dead], kept, result.geometry),
         sees_diameter,
     )
+    _refuse_other_size(fit, prior)
     refuse_unknown_scale(explanation, by_scale, HALF_WIDTH_MAX / STUDENT_T_95_LIMIT)
     _refuse_unproven(fit, prior)
     if mean_sd is None and not sees_diameter:
@@ -312,6 +313,17 @@ def _outliers(
     ]
 
 
+def _refuse_other_size(fit: GeometryFit, prior: GeometryPrior) -> None:
+    """Raises ValueError if both wheels have another size than any ruler leaves."""
+    mean = float(prior.offset(fit.geometry)[0])
+    if abs(mean) > MEAN_LOG_MAX:
+        raise ValueError(
+            f"the fit has wheels of {exp(mean):.3f} times the stated size, which is not plausible: "
+            "are x and y in metres, and is `slots` the number of counts per turn? Measure the "
+            "wheels, and correct the robot file first"
+        )
+
+
 def _refuse_unproven(fit: GeometryFit, prior: GeometryPrior) -> None:
     """Raises ValueError for a fit that is loose, implausible or no better than before."""
     errors = fit.confidence
@@ -335,12 +347,6 @@ def _refuse_unproven(fit: GeometryFit, prior: GeometryPrior) -> None:
             "plausible: measure wheels and track, and correct the robot file first"
         )
     _refuse_odd_wheel(mean, ratio)
-    if abs(mean) > MEAN_LOG_MAX:
-        raise ValueError(
-            f"the fit has wheels of {exp(mean):.3f} times the stated size, which is not plausible: "
-            "are x and y in metres, and is `slots` the number of counts per turn? Measure the "
-            "wheels, and correct the robot file first"
-        )
 
 
 def _refuse_odd_wheel(mean: float, ratio: float) -> None:
