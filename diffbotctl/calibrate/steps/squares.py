@@ -125,9 +125,9 @@ class SquaresStep:
         yield MotionNotice(
             f"The robot drives a square of {side:g} m, {self.runs} times clockwise and {self.runs} "
             f"times counter-clockwise, and stays within {reach:.2f} m of its start. It starts "
-            "along the first side; a clockwise square is on its right. Squares end up to "
-            f"{max(map(max, END_PLACES)) * side * MM:.0f} mm beside their start, each elsewhere: "
-            "that shows whether the answers follow.",
+            "along the first side; a clockwise square is on its right. Each square ends at "
+            f"another place, up to {max(map(max, END_PLACES)) * side * MM:.0f} mm beside its start: "
+            "the answers must follow, which shows wrong signs and units.",
             reach=reach,
         )
         ends: dict[str, list[SquareEnd]] = {CLOCKWISE: [], COUNTER: []}
