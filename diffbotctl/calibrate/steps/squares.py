@@ -121,13 +121,13 @@ class SquaresStep:
         self, session: RobotSession, side: float
     ) -> Generator[Event, Any, SquareErrors]:
         """The end errors of one round; corrected if the person confirms a mistake of reading."""
-        reach = side * REACH_RATIO
+        reach, beside = side * REACH_RATIO, max(map(max, END_PLACES)) * side * MM
         yield MotionNotice(
             f"The robot drives a square of {side:g} m, {self.runs} times clockwise and {self.runs} "
             f"times counter-clockwise, and stays within {reach:.2f} m of its start. It starts "
             "along the first side; a clockwise square is on its right. Each square ends at "
-            f"another place, up to {max(map(max, END_PLACES)) * side * MM:.0f} mm beside its start: "
-            "the answers must follow, which shows wrong signs and units.",
+            f"another place, up to {beside:.0f} mm beside its start: the "
+            "answers must follow, which shows wrong signs and units.",
             reach=reach,
         )
         ends: dict[str, list[SquareEnd]] = {CLOCKWISE: [], COUNTER: []}
