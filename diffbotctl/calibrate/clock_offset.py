@@ -1,8 +1,14 @@
-"""Alignment of two clocks: that of the counts and that of the true poses."""
+"""Alignment of two clocks: that of the counts and that of the true poses.
+
+The headings show it where the robot turns. A robot that drives ahead only shows it by its way,
+where it starts, stops and reverses.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from math import log
 
 import numpy as np
 
@@ -15,23 +21,30 @@ CLOCK_OFFSET_POSES_MAX = 4000  # of a long drive; the first ones are sufficient
 MOVING_MEAN_PERIOD_S = 2.0  # shorter than most drift, longer than a turn
 POSE_PERIOD_MAX_S = 0.2  # at longer periods, chords between poses hide the offset
 MISMATCH_RATIO_MAX = 0.98  # after over before; above, the robot hardly turned
+MISMATCH_MIN = 1e-5  # rad, and m: exact poses
 OTHER_CLOCK_MAX_S = 5.0
 OTHER_CLOCK_STEP_S = 0.02
 OTHER_CLOCK_RATIO_MAX = 0.5  # of the mismatch to that of the best offset that is no mistake
-OTHER_CLOCK_TURN_RATIO_MAX = 0.3  # of the mismatch to the turns of the robot
+OTHER_CLOCK_MOTION_RATIO_MAX = 0.3  # of the mismatch to the turns, or the way, of the robot
 TURNS_SD_MIN_RAD = 0.05  # of the headings around their moving mean; a straight drive has less
+WAYS_SD_MIN_M = 0.01  # of the ways, the same
 
 
 def clock_offset(drive: RecordedDrive, geometry: Geometry) -> float:
-    """The delay (s) of the counts that fits the true headings best; 0 if it cannot be seen."""
+    """The delay (s) of the counts that fits the true headings and ways best; 0 if it cannot be
+    seen."""
     step = CLOCK_OFFSET_STEP_S
     offsets = np.arange(-CLOCK_OFFSET_MAX_S, CLOCK_OFFSET_MAX_S + step / 2, step)
-    mismatches = _mismatches(drive, geometry, offsets)
-    if mismatches is None:
-        return 0.0
-    best = int(np.argmin(mismatches))
-    limit = MISMATCH_RATIO_MAX * mismatches[len(offsets) // 2]
-    return float(offsets[best]) if mismatches[best] < limit else 0.0
+    total = np.zeros(len(offsets))
+    for signal in (_headings, _ways):
+        mismatches = _mismatches(drive, geometry, signal, offsets)
+        if mismatches is None:
+            return 0.0
+        # The likelihood of normal errors whose standard deviation nobody knows.
+        total += np.log(np.maximum(mismatches, MISMATCH_MIN))
+    best = int(np.argmin(total))
+    is_seen = total[best] < log(MISMATCH_RATIO_MAX) + total[len(offsets) // 2]
+    return float(offsets[best]) if is_seen else 0.0
 
 
 def other_clock(drive: RecordedDrive, geometry: Geometry) -> float | None:
@@ -39,34 +52,57 @@ def other_clock(drive: RecordedDrive, geometry: Geometry) -> float | None:
     it is not, or cannot be seen."""
     step = OTHER_CLOCK_STEP_S
     offsets = np.arange(-OTHER_CLOCK_MAX_S, OTHER_CLOCK_MAX_S + step / 2, step)
-    mismatches = _mismatches(drive, geometry, offsets)
     standing = replace(drive, turns=np.zeros_like(drive.turns))
-    turns = _mismatches(standing, geometry, np.zeros(1))
-    if mismatches is None or turns is None or turns[0] < TURNS_SD_MIN_RAD:
-        return None
-    best = int(np.argmin(mismatches))
-    usual = mismatches[np.abs(offsets) <= CLOCK_OFFSET_MAX_S].min()
-    limit = min(OTHER_CLOCK_RATIO_MAX * usual, OTHER_CLOCK_TURN_RATIO_MAX * turns[0])
-    return float(offsets[best]) if mismatches[best] < limit else None
+    for signal, motion_min in ((_headings, TURNS_SD_MIN_RAD), (_ways, WAYS_SD_MIN_M)):
+        mismatches = _mismatches(drive, geometry, signal, offsets)
+        motion = _mismatches(standing, geometry, signal, np.zeros(1))
+        if mismatches is None or motion is None:
+            return None
+        if motion[0] < motion_min:
+            continue
+        best = int(np.argmin(mismatches))
+        usual = mismatches[np.abs(offsets) <= CLOCK_OFFSET_MAX_S].min()
+        limit = min(OTHER_CLOCK_RATIO_MAX * usual, OTHER_CLOCK_MOTION_RATIO_MAX * motion[0])
+        return float(offsets[best]) if mismatches[best] < limit else None
+    return None
 
 
-def _mismatches(drive: RecordedDrive, geometry: Geometry, offsets: Floats) -> Floats | None:
-    """(offsets,): of the headings, in rad, if the counts are delayed by each of the offsets (s);
-    None for too few poses."""
-    if len(drive.rows) < CLOCK_OFFSET_POSES_MIN:
-        return None
+Signal = Callable[[RecordedDrive, Geometry], tuple[Floats, Floats]]
+"""By the counts, (rows,), and by the true poses, (poses,)"""
+
+
+def _headings(drive: RecordedDrive, geometry: Geometry) -> tuple[Floats, Floats]:
+    """In rad."""
     rolled = drive.turns * np.pi * (geometry.right, geometry.left)
     headings = (rolled[:, 0] - rolled[:, 1]) / geometry.track
-    poses = drive.poses[:CLOCK_OFFSET_POSES_MAX]
-    times = drive.times[drive.rows[:CLOCK_OFFSET_POSES_MAX]]
-    true = np.unwrap(poses[:, 2])
+    return headings, np.unwrap(drive.poses[:, 2])
+
+
+def _ways(drive: RecordedDrive, geometry: Geometry) -> tuple[Floats, Floats]:
+    """In m, ahead."""
+    rolled = drive.turns * np.pi * (geometry.right, geometry.left)
+    steps, headings = np.diff(drive.poses[:, :2], axis=0), np.unwrap(drive.poses[:, 2])
+    middle = (headings[1:] + headings[:-1]) / 2
+    ahead = steps[:, 0] * np.cos(middle) + steps[:, 1] * np.sin(middle)
+    return rolled.mean(axis=1), np.concatenate(([0.0], np.cumsum(ahead)))
+
+
+def _mismatches(
+    drive: RecordedDrive, geometry: Geometry, signal: Signal, offsets: Floats
+) -> Floats | None:
+    """(offsets,): of the signal if the counts are delayed by each of the offsets (s); None for too
+    few poses."""
+    if len(drive.rows) < CLOCK_OFFSET_POSES_MIN:
+        return None
+    counted, true = signal(drive, geometry)
+    times, true = drive.times[drive.rows[:CLOCK_OFFSET_POSES_MAX]], true[:CLOCK_OFFSET_POSES_MAX]
     period = max(float(np.median(np.diff(times))), CLOCK_OFFSET_STEP_S)
     if period > POSE_PERIOD_MAX_S:
         return None
     span = min(2 * int(MOVING_MEAN_PERIOD_S / period / 2) + 1, 2 * (len(times) // 4) + 1)
     return np.array(
         [
-            _detrended_sd(np.interp(times - offset, drive.times, headings) - true, span)
+            _detrended_sd(np.interp(times - offset, drive.times, counted) - true, span)
             for offset in offsets
         ]
     )

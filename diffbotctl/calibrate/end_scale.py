@@ -15,10 +15,10 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from diffbotctl.calibrate.dead_reckoning import Geometry, RecordedDrive
+from diffbotctl.calibrate.dead_reckoning import Floats, Geometry, RecordedDrive
 from diffbotctl.calibrate.end_noise import NoiseGrid, linearize
 from diffbotctl.calibrate.geometry_posterior import GeometryPrior, average_over_noise
-from diffbotctl.calibrate.log_mistakes import Cut
+from diffbotctl.calibrate.log_mistakes import Cut, Explanation
 
 SCALE_SD = 0.1  # of the prior; other units are found by log_mistakes.py
 DIFFERENCE = 1e-4  # relative
@@ -33,6 +33,9 @@ SUSPECT_SDS = 2.5
 # Of the mean diameter. A ruler measures a wheel of 65 mm to 1 mm, which is 1.5 %.
 SUSPECT_MEAN_LOG = 0.03
 MEAN_CHANGE_LOG_MIN = 0.02  # below, the wheels hardly depend on the scale
+# Logarithm of the probability of each of the scales that explain_ends tries, to that of one scale
+# for both axes: with six of them, one set in 25 has another scale along an axis.
+OTHER_SCALE_LOG_PRIOR = -5.0
 
 
 class EndScale(NamedTuple):
@@ -75,6 +78,30 @@ def end_scales(
         sd = float(covariance[3, 3] ** 0.5)
         scales.append(EndScale(axis, float(mean[3]), sd, float(offset[0] + mean[0])))
     return scales
+
+
+def scale_covariance(found: Explanation, prior: GeometryPrior) -> Floats:
+    """(3, 3): of the logarithms of mean diameter, ratio and track, since an axis may have another
+    scale than the other one."""
+    solutions = [each for _, each in found.scaled]
+    logs = [each.score - found.plain.score + OTHER_SCALE_LOG_PRIOR for each in solutions]
+    weights = np.exp(np.array([0.0, *logs]) - np.logaddexp.reduce([0.0, *logs]))[1:]
+    middle = prior.offset(found.plain.geometry)
+    changes = np.array([prior.offset(each.geometry) - middle for each in solutions])
+    return np.asarray((changes.T * weights) @ changes) if len(changes) else np.zeros((3, 3))
+
+
+def refuse_unknown_scale(found: Explanation, covariance: Floats, sd_max: float) -> None:
+    """Raises ValueError if the scale of an axis alone makes the mean diameter too uncertain.
+
+    `covariance` as by scale_covariance; `sd_max`: relative.
+    """
+    if covariance[0, 0] <= sd_max**2:
+        return
+    text, _ = max(found.scaled, key=lambda each: each[1].score)
+    raise ValueError(
+        f"these drives do not show whether {text}, or add drives that end in other directions"
+    )
 
 
 def refuse_other_scale(scales: Sequence[EndScale], mean_log: float) -> None:

@@ -12,13 +12,13 @@ drive is found first, from the change of the heading within seconds, where geome
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import exp, hypot, inf, log
+from math import exp, expm1, hypot, inf, log
 from typing import NamedTuple, NoReturn
 
 import numpy as np
 
 from diffbotctl.calibrate.clock_offset import clock_offset, delay_counts, other_clock
-from diffbotctl.calibrate.confidence import Confidence, confidence
+from diffbotctl.calibrate.confidence import STUDENT_T_95_LIMIT, Confidence, confidence
 from diffbotctl.calibrate.dead_reckoning import (
     MOTION_CAPTURE,
     SEGMENT_OVERLAP,
@@ -31,7 +31,12 @@ from diffbotctl.calibrate.dead_reckoning import (
 )
 from diffbotctl.calibrate.drive_doubts import drive_doubt, is_dead, told_doubts
 from diffbotctl.calibrate.end_noise import CAMERA_NOISE, TAPE_NOISE, NoiseGrid
-from diffbotctl.calibrate.end_scale import end_scales, refuse_other_scale
+from diffbotctl.calibrate.end_scale import (
+    end_scales,
+    refuse_other_scale,
+    refuse_unknown_scale,
+    scale_covariance,
+)
 from diffbotctl.calibrate.geometry_posterior import (
     DIAMETER_SD,
     RATIO_SD,
@@ -43,7 +48,7 @@ from diffbotctl.calibrate.geometry_posterior import (
     solve,
     squared_error,
 )
-from diffbotctl.calibrate.log_mistakes import explain_ends
+from diffbotctl.calibrate.log_mistakes import Explanation, explain_ends
 from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, TRACK, Finding
 from diffbotctl.config.robot import Robot
 from diffbotctl.units import quantity
@@ -67,6 +72,8 @@ RIVAL_LOG_RATIO_MIN = 4.0  # 55 to 1
 # encoder that misses edges. A tyre is at most some per cent smaller under its load; 6 % is a wrong
 # unit of length, or a wrong number of slots. Tracks are measured at the edges of wide tyres too.
 MEAN_LOG_MAX, RATIO_LOG_MAX, TRACK_LOG_MAX = log(1.06), log(1.05), log(1.35)
+# Of one wheel that differs much more than the other one, beyond twice the error of a ruler.
+WHEEL_LOG_MAX, OTHER_WHEEL_RATIO_MAX = log(1.04), 0.6
 # Of the track over the stated one, from drives that show only its ratio to the diameters: twice
 # the error of a ruler across two tyres, 2 mm of 125 mm.
 UNSEEN_TRACK_LOG_MAX = 0.032
@@ -119,7 +126,10 @@ def fit_geometry(
     sd = DIAMETER_SD if mean_sd is None else mean_sd
     prior = GeometryPrior(stated, (sd, RATIO_SD, TRACK_SD))
     _refuse_other_clocks(drives, stated)
-    rough = _explain(drives, GeometryPrior(stated, (sd, *USUAL_SDS)))
+    usual_prior = GeometryPrior(stated, (sd, *USUAL_SDS))
+    explanation = _explain(drives, usual_prior)
+    rough = explanation.plain
+    by_scale = scale_covariance(explanation, usual_prior)
     offsets = [clock_offset(drive, rough.geometry) for drive in drives]
     aligned = [
         delay_counts(drive, offset) if offset else drive
@@ -140,6 +150,7 @@ def fit_geometry(
     mean_log, mean_log_sd = _mean_by_drives(result, prior)
     if not sees_diameter:
         result = result.with_mean(stated.mean)
+    result = result.wider(by_scale)
     if noise is TAPE_NOISE:
         result = result.with_scale_sd(TAPE_SCALE_SD)
     fit = GeometryFit(
@@ -151,6 +162,8 @@ def fit_geometry(
         _outliers([*aligned, *dead], kept, result.geometry),
         sees_diameter,
     )
+    _refuse_other_size(fit, prior)
+    refuse_unknown_scale(explanation, by_scale, HALF_WIDTH_MAX / STUDENT_T_95_LIMIT)
     _refuse_unproven(fit, prior)
     if mean_sd is None and not sees_diameter:
         _refuse_other_wheels(fit, mean_log, mean_log_sd)
@@ -173,16 +186,26 @@ def diameter_sd(robot: Robot) -> float | None:
 
 
 def geometry_findings(fit: GeometryFit) -> list[Finding]:
-    """Both diameters and the track, with their standard deviations."""
+    """Both diameters and the track, with their standard deviations.
+
+    A wheel's own part is that of the ratio; the track's own part is that of the track in multiples
+    of the mean diameter, which is what turns depend on.
+    """
     geometry, errors = fit.geometry, fit.confidence
+    share = geometry.left / (geometry.right + geometry.left)  # of the ratio in the right wheel
+    lengths = (
+        (RIGHT_DIAMETER, geometry.right, errors.right.sd, share * errors.ratio.sd),
+        (LEFT_DIAMETER, geometry.left, errors.left.sd, (1 - share) * errors.ratio.sd),
+        (TRACK, geometry.track, errors.track.sd, errors.track_over_mean.sd),
+    )
+    # The part is larger than the whole where both errors partly cancel each other.
     return [
-        Finding(RIGHT_DIAMETER, geometry.right, geometry.right * errors.right.sd),
-        Finding(LEFT_DIAMETER, geometry.left, geometry.left * errors.left.sd),
-        Finding(TRACK, geometry.track, geometry.track * errors.track.sd),
+        Finding(field, length, length * max(sd, own), length * own)
+        for field, length, sd, own in lengths
     ]
 
 
-def _explain(drives: Sequence[RecordedDrive], prior: GeometryPrior) -> Solution:
+def _explain(drives: Sequence[RecordedDrive], prior: GeometryPrior) -> Explanation:
     """The most likely geometry. Raises ValueError if something else explains the ends better."""
 
     def cut(drives: Sequence[RecordedDrive]) -> tuple[list[Segment], Floats]:
@@ -202,7 +225,7 @@ def _explain(drives: Sequence[RecordedDrive], prior: GeometryPrior) -> Solution:
             f"{best.geometry.track * 1000:.1f} mm and one of {rival.geometry.track * 1000:.1f} mm; "
             "add shorter drives with fewer turns"
         )
-    return best
+    return found
 
 
 def _refuse_mistake(
@@ -290,6 +313,17 @@ def _outliers(
     ]
 
 
+def _refuse_other_size(fit: GeometryFit, prior: GeometryPrior) -> None:
+    """Raises ValueError if both wheels have another size than any ruler leaves."""
+    mean = float(prior.offset(fit.geometry)[0])
+    if abs(mean) > MEAN_LOG_MAX:
+        raise ValueError(
+            f"the fit has wheels of {exp(mean):.3f} times the stated size, which is not plausible: "
+            "are x and y in metres, and is `slots` the number of counts per turn? Measure the "
+            "wheels, and correct the robot file first"
+        )
+
+
 def _refuse_unproven(fit: GeometryFit, prior: GeometryPrior) -> None:
     """Raises ValueError for a fit that is loose, implausible or no better than before."""
     errors = fit.confidence
@@ -307,18 +341,36 @@ def _refuse_unproven(fit: GeometryFit, prior: GeometryPrior) -> None:
                 "right, with the heading of each end"
             )
     mean, ratio, track = prior.offset(fit.geometry)
-    if abs(ratio) > RATIO_LOG_MAX or abs(track) > TRACK_LOG_MAX:
+    if abs(track) > TRACK_LOG_MAX:
         raise ValueError(
-            f"the fit has a track of {exp(track):.2f} times and a wheel ratio of "
-            f"{exp(ratio):.3f} times the stated one, which is not plausible: does one encoder miss "
-            "edges? Measure wheels and track, and correct the robot file first"
+            f"the fit has a track of {exp(track):.2f} times the stated one, which is not "
+            "plausible: measure wheels and track, and correct the robot file first"
         )
-    if abs(mean) > MEAN_LOG_MAX:
-        raise ValueError(
-            f"the fit has wheels of {exp(mean):.3f} times the stated size, which is not plausible: "
-            "are x and y in metres, and is `slots` the number of counts per turn? Measure the "
-            "wheels, and correct the robot file first"
-        )
+    _refuse_odd_wheel(mean, ratio)
+
+
+def _refuse_odd_wheel(mean: float, ratio: float) -> None:
+    """Raises ValueError if one wheel differs so much from the stated one that its encoder is the
+    likely cause. `mean`, `ratio`: logarithms of the fitted over the stated ones.
+
+    An encoder that misses edges makes its wheel look larger, and the mean diameter by half of that;
+    one whose edges bounce makes it look smaller.
+    """
+    logs = {"right": mean + ratio / 2, "left": mean - ratio / 2}
+    odd, other = sorted(logs, key=lambda wheel: -abs(logs[wheel]))
+    is_odd = abs(logs[odd]) > WHEEL_LOG_MAX
+    is_alone = abs(logs[other]) < OTHER_WHEEL_RATIO_MAX * abs(logs[odd])
+    if abs(ratio) <= RATIO_LOG_MAX and not (is_odd and is_alone):
+        return
+    percent, size = 100 * abs(expm1(logs[odd])), "larger" if logs[odd] > 0.0 else "smaller"
+    large, small = ("right", "left") if ratio > 0.0 else ("left", "right")
+    raise ValueError(
+        f"the fit has a {odd} wheel {percent:.0f} % {size} than stated, and a wheel ratio of "
+        f"{exp(ratio):.3f} times the stated one, which is not plausible: does the {large} encoder "
+        f"miss edges, or does the {small} one count edges twice? `diffbotctl calibrate encoders` "
+        "counts both. If they are right, check the tape, measure the wheels, and correct the robot "
+        "file first"
+    )
 
 
 def _mean_by_drives(result: Posterior, prior: GeometryPrior) -> tuple[float, float]:

@@ -79,10 +79,14 @@ class Posterior:
         step = self.covariance[:, 0] / self.covariance[0, 0] * change
         return replace(self, geometry=apply_log_step(self.geometry, step))
 
+    def wider(self, covariance: Floats) -> Posterior:
+        """The posterior with a further error of this `covariance` (3, 3)."""
+        return replace(self, covariance=self.covariance + covariance)
+
     def with_scale_sd(self, sd: float) -> Posterior:
         """The posterior if all lengths were measured with a common relative error of `sd`."""
         scale = np.array([sd, 0.0, sd])
-        return replace(self, covariance=self.covariance + np.outer(scale, scale))
+        return self.wider(np.outer(scale, scale))
 
 
 def apply_log_step(geometry: Geometry, step: Floats) -> Geometry:

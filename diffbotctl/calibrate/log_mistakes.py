@@ -45,6 +45,7 @@ class Mistake(NamedTuple):
     """of corrected over noted positions"""
     heading_scale: float = 1.0
     changes_counts: bool = False
+    is_axis_scale: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +61,9 @@ class Explanation:
     """the second-best geometry for the files as they are"""
     good_ratio: float
     """of the ends that the solution explains"""
+    scaled: list[tuple[str, Solution]]
+    """x and y of different scales, in words, and the solutions without them, whose scores are for
+    the files as they are"""
 
 
 def explain_ends(drives: Drives, prior: GeometryPrior, cut: Cut) -> Explanation:
@@ -73,6 +77,7 @@ def explain_ends(drives: Drives, prior: GeometryPrior, cut: Cut) -> Explanation:
     mistakes += [*_stretch_mistakes(drives), *_point_mistakes(drives)]
     if not _is_usual(segments, weights, plain):
         mistakes += _count_mistakes(drives)
+    scaled = []
     for mistake in mistakes:
         segments, weights = cut(mistake.drives)
         own_grid = EndGrid(segments, prior) if mistake.changes_counts else grid
@@ -81,15 +86,18 @@ def explain_ends(drives: Drives, prior: GeometryPrior, cut: Cut) -> Explanation:
             continue
         solution = own_grid.solutions(segments, weights, MISTAKE_MAXIMA)[0]
         score = solution.score + offset
+        if mistake.is_axis_scale:
+            scaled.append((mistake.text, replace(solution, score=score)))
         if best is None or score > best[0]:
             best = score, mistake, solution
     rival = others[0] if others else None
     if best is not None and best[0] > plain.score + MISTAKE_LOG_RATIO_MIN:
         _, mistake, solution = best
         _, weights = cut(mistake.drives)
-        return Explanation(mistake, solution, plain, rival, _good_ratio(solution, weights))
+        good_ratio = _good_ratio(solution, weights)
+        return Explanation(mistake, solution, plain, rival, good_ratio, scaled)
     _, weights = cut(drives)
-    return Explanation(None, plain, plain, rival, _good_ratio(plain, weights))
+    return Explanation(None, plain, plain, rival, _good_ratio(plain, weights), scaled)
 
 
 def _good_ratio(solution: Solution, weights: Floats) -> float:
@@ -211,7 +219,7 @@ def _stretch_mistakes(drives: Drives) -> list[Mistake]:
             f"{long} of the true poses is about {percent:.0f} % too long, or {short} too short: "
             "measure both with the same tape"
         )
-        found.append(Mistake(text, scaled, position_scale=sqrt(stretch)))
+        found.append(Mistake(text, scaled, position_scale=sqrt(stretch), is_axis_scale=True))
     return found
 
 

@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from diffbotctl.calibrate.copied_drive import copied_ratio
 from diffbotctl.calibrate.csv_table import (
     CSV_ENCODING,
     column_names,
@@ -199,22 +200,33 @@ def refuse_repeated(drives: Sequence[CountLog | RecordedDrive]) -> None:
 
     It would count as a second measurement, and one name stands for one end.
     """
-    seen: dict[bytes, str] = {}
     names: set[str] = set()
-    for drive in drives:
+    for number, drive in enumerate(drives):
         if drive.name in names:
             raise unusable_log(
                 Path(drive.name),
                 "two of the files have this name: give each file once, or rename one",
             )
         names.add(drive.name)
-        # Rounded, because a difference of two times depends on which clock they are from. Adding
-        # 0.0 makes zeros alike.
-        times = np.round(drive.times - drive.times[0], SAME_TIME_DIGITS) + 0.0
-        counted = np.concatenate([times, drive.turns.ravel() + 0.0]).tobytes()
-        other = seen.setdefault(counted, drive.name)
-        if other != drive.name:
-            raise unusable_log(Path(drive.name), f"contains the same drive as {other}: give one")
+        for other in drives[:number]:
+            _refuse_copy(drive, other)
+
+
+def _refuse_copy(drive: CountLog | RecordedDrive, other: CountLog | RecordedDrive) -> None:
+    # Adding 0.0 makes zeros alike.
+    one, another = (
+        np.column_stack([np.round(each.times - each.times[0], SAME_TIME_DIGITS), each.turns]) + 0.0
+        for each in (drive, other)
+    )
+    if np.array_equal(one, another):
+        raise unusable_log(Path(drive.name), f"contains the same drive as {other.name}: give one")
+    ratio = copied_ratio(*((each.times, each.turns / each.tick) for each in (drive, other)))
+    if ratio:
+        cause = (
+            f"contains the same drive as {other.name}, of which rows are missing: "
+            f"{100 * ratio:.0f} % of the rows of the shorter file are in both"
+        )
+        raise unusable_log(Path(drive.name), cause, "give the file with the whole drive alone")
 
 
 def refuse_dead_encoder(drives: Sequence[CountLog]) -> None:

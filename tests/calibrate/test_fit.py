@@ -7,7 +7,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as some
 
 from diffbotctl.calibrate.dead_reckoning import Geometry, cut_segments, dead_reckon, whole_drive
-from diffbotctl.calibrate.geometry_fit import fit_geometry
+from diffbotctl.calibrate.geometry_fit import fit_geometry, geometry_findings
 from tests.calibrate.driven import STATED, drive, squares, wander
 
 TRUE = STATED.reshaped(1.004, 0.140 * 1.02)
@@ -61,6 +61,22 @@ def test_slip_leaves_the_truth_within_the_stated_confidence():
     assert shape.half_width < 0.003
     # The drives do not show the size of the wheels: all lengths are as uncertain as the stated one.
     assert 0.02 < fit.confidence.track.half_width < 0.05
+
+
+@pytest.mark.parametrize("sees_diameter", [False, True])
+def test_what_is_left_of_the_deviations_for_an_exact_mean_diameter(sees_diameter):
+    lines = [drive(f"arc-{k}", wander(k), TRUE, slip=0.0005, seed=k) for k in (1, 2, 3)]
+    drives = squares(TRUE, slip=0.0005, each_way=3) + (lines if sees_diameter else [])
+    fit = fit_geometry(drives, STATED)
+    assert fit.sees_diameter == sees_diameter
+    errors = fit.confidence
+    right, left, track = geometry_findings(fit)
+    assert right.own_sd / right.value == pytest.approx(errors.ratio.sd / 2, rel=0.01)
+    assert left.own_sd / left.value == pytest.approx(errors.ratio.sd / 2, rel=0.01)
+    assert track.own_sd / track.value == pytest.approx(errors.track_over_mean.sd)
+    for each in (right, left, track):
+        assert each.own_sd <= each.sd
+        assert each.sd / each.value >= errors.mean.sd * 0.9
 
 
 def test_squares_leave_the_mean_diameter_as_stated():

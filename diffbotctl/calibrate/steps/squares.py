@@ -29,10 +29,13 @@ from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, SLIP, TRA
 from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.slip_fit import SLIP_USABLE, SlipFit, fit_slip
 from diffbotctl.calibrate.square_ends import (
+    END_PLACES,
     MISTAKE_QUESTION,
     SquareEnd,
     ask_mistake,
     contradicting_ends,
+    end_place,
+    refuse_other_factor,
     square_errors,
 )
 from diffbotctl.calibrate.square_outliers import without_outliers
@@ -118,18 +121,20 @@ class SquaresStep:
         self, session: RobotSession, side: float
     ) -> Generator[Event, Any, SquareErrors]:
         """The end errors of one round; corrected if the person confirms a mistake of reading."""
-        reach = side * REACH_RATIO
+        reach, beside = side * REACH_RATIO, max(map(max, END_PLACES)) * side * MM
         yield MotionNotice(
             f"The robot drives a square of {side:g} m, {self.runs} times clockwise and {self.runs} "
             f"times counter-clockwise, and stays within {reach:.2f} m of its start. It starts "
-            "along the first side; a clockwise square is on its right.",
+            "along the first side; a clockwise square is on its right. Each square ends at "
+            f"another place, up to {beside:.0f} mm beside its start: the "
+            "answers must follow, which shows wrong signs and units.",
             reach=reach,
         )
         ends: dict[str, list[SquareEnd]] = {CLOCKWISE: [], COUNTER: []}
         zeros = self._zero_readings()
         for direction, driven in ends.items():
-            waypoints = corners(side, direction == CLOCKWISE)
             for number in range(self.runs):
+                waypoints = corners(side, direction == CLOCKWISE, end_place(number, side))
                 yield StepProgress(f"squares {direction}", number, self.runs)
                 yield MarkFloor(
                     f"Square {number + 1} of {self.runs}, {direction}: put the robot at the start, "
@@ -140,7 +145,9 @@ class SquaresStep:
         squares = square_errors(side, ends[CLOCKWISE], ends[COUNTER])
         if umbmark.squares_look_swapped(squares):
             mistake = yield from ask_mistake()
+            refuse_other_factor(ends[CLOCKWISE], ends[COUNTER], mistake)
             return square_errors(side, ends[CLOCKWISE], ends[COUNTER], mistake)
+        refuse_other_factor(ends[CLOCKWISE], ends[COUNTER])
         return squares
 
     def _zero_readings(self) -> tuple[ZeroReadings, ZeroReadings]:
@@ -202,14 +209,14 @@ def _usable_slip(squares: SquareErrors, geometry: Geometry) -> SlipFit | None:
     return slip
 
 
-def corners(side: float, clockwise: bool) -> list[Waypoint]:
-    """The square from the origin along x, with a turn on the spot at each corner."""
+def corners(side: float, clockwise: bool, end: tuple[float, float] = (0.0, 0.0)) -> list[Waypoint]:
+    """The square from the origin along x to `end`, with a turn on the spot at each corner."""
     turn = -1.0 if clockwise else 1.0
     return [
         (side, 0.0, turn * pi / 2),
         (side, turn * side, pi),
         (0.0, turn * side, -turn * pi / 2),
-        (0.0, 0.0, 0.0),
+        (*end, 0.0),
     ]
 
 
