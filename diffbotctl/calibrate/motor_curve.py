@@ -35,7 +35,8 @@ from diffbotctl.config.robot import Decay
 from diffbotctl.estimation.wheel_kalman import LAG_DUTY
 
 # The parameter that both motors share: sag or viscous friction. Beyond these limits the motors
-# follow another law: a line is as good.
+# follow another law: a line is as good, unless the law of fast decay is far better even at a limit.
+# The inductance of the windings takes duty at low speeds and makes `viscous` look negative.
 SHARED_MIN, SHARED_MAX = -0.02, 0.30
 SHARED_STEP = 0.001
 SPEED_SD_RATIO_MIN = 0.0007  # of a mean speed: ripple of the gears over the last, unfinished turn
@@ -109,7 +110,7 @@ class _CurveFit(NamedTuple):
 def fit_curves(points: Mapping[str, Sequence[tuple[float, float]]]) -> dict[str, MotorCurve]:
     """The curves of all motors, from (duty, rad/s) by motor, at equal duties of both.
 
-    Empty if these motors follow another law.
+    Empty if these motors follow another law, of which a line is as good a description.
     """
     tables = [np.abs(np.array(rows, dtype=float)) for rows in points.values()]
     tables = [table[table[:, 1] > 0.0] for table in tables]
@@ -119,7 +120,7 @@ def fit_curves(points: Mapping[str, Sequence[tuple[float, float]]]) -> dict[str,
     is_certain = better.error < CERTAIN_RATIO_MAX * other.error
     if not is_certain and better.decay == "fast":
         better = other  # of motors that show no difference the simpler law is as good
-    if not better.is_within:
+    if not better.is_within and not (is_certain and better.decay == "fast"):
         return {}
     if better.decay == "fast":
         curves = _fast_curves(tables)

@@ -98,6 +98,22 @@ def test_two_standard_deviations_contain_the_truth_of_a_fast_decay():
     assert sum(inside) >= 0.9 * len(inside)
 
 
+def inductive_points(speeds):
+    return list(zip(DUTIES, speeds, strict=True))
+
+
+def test_a_fast_decay_beyond_the_limit_of_its_law_is_no_line():
+    """Speeds (rad/s) of a simulated L298N with 490 Hz and windings of 0.3 ms: breakaway at 0.13 and
+    0.14. A line through them would state no friction at all."""
+    left = inductive_points((6.27, 7.80, 8.57, 8.97, 9.23))
+    right = inductive_points((6.62, 8.16, 8.83, 9.22, 9.44))
+    assert fit_line(left).static < 0.0
+    curves = fit_curves({"left": left, "right": right})
+    assert [curve.decay for curve in curves.values()] == ["fast", "fast"]
+    for curve in curves.values():
+        assert 0.10 < curve.static < 0.16
+
+
 def test_the_lag_of_a_fast_decay_is_stated_for_one_duty():
     curve = MotorCurve(0.1, 10.0, 0.0, 0.0, "fast", 0.1)
     assert curve.lag_share(0.5) == pytest.approx(1.0)
