@@ -62,7 +62,7 @@ class WheelOdometer:
         edges = known_edges(side.encoder, priors)
         self.filter = WheelFilter(priors, time, count, slots, edges)
         self.mirror = SpeedLoopMirror(speed_gains(motor), slots, time)
-        self.counting = FineWheelOdometer(side, time, count, timing)
+        self.counting = FineWheelOdometer(side, time, count, timing, finds_steps=False)
         self.intervals = EdgeIntervals()
         self.skipped: tuple[int, float] | None = None  # command in the next frame: ns, value
         self.travel = 0.0  # m, since the last report

@@ -263,7 +263,9 @@ def _counting(present: dict[str, Any]) -> FineWheelOdometer:
         encoder=SimpleNamespace(counts=slots, slots=slots),
     )
     timing = LinkTiming(0.0, 0.0, hypothesis.motion.priors.has_edge_times)
-    counting = FineWheelOdometer(side, hypothesis.time, present["count"], timing)
+    counting = FineWheelOdometer(
+        side, hypothesis.time, present["count"], timing, finds_steps=False
+    )
     counting.position = hypothesis.motion.travel
     return counting
 
