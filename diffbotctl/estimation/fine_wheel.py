@@ -82,6 +82,7 @@ class FineWheelOdometer:
         is_even = counts == side.encoder.slots
         self.faults = CountFaults(timing.has_edge_times and is_even, counts > LEARNABLE_SLOTS_MAX)
         self.steps, self.finds_steps = RateSteps(timing.has_edge_times), finds_steps
+        self.mirrored_duty = None  # that of a board's loop does not matter here
         self.travel = self.start_correction = 0.0
         self.lost_share, self.lost_text = 0.0, ""  # of every second edge
         self.disagreement = 0.0

@@ -205,6 +205,8 @@ ADDED: dict[str, dict[str, Any]] = {
         "late_corrections": (),
         "disagreement_frames": 0,
         "skipped": None,
+        "shares_mirror": False,
+        "mirrored_duty": None,
     },
 }
 
