@@ -235,7 +235,7 @@ class WheelOdometer:
         late = 0.0
         if motion is not before.motion:
             corrections = before.corrections(hypothesis)
-            late = sum(corrections)
+            late = sum(corrections, 0.0)
             self.late_corrections = [each * self.pitch for each in corrections]
             self.reported_hypothesis = hypothesis
         self.start_correction = start_shift * self.pitch
