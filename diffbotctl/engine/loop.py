@@ -22,7 +22,7 @@ from diffbotctl.messages import LogLine
 from diffbotctl.time import NEVER, SECOND
 
 INTERRUPTED = 130  # exit code after SIGINT, as in shells
-# New objects after which garbage is collected in a run that follows no clock. The messages that wait
+# New objects after which garbage is collected in a run that follows no clock. Messages that wait
 # for a file are no garbage, but would be searched for it again and again: 5 % of the time.
 GARBAGE_THRESHOLD = 20_000
 STOP_TIMEOUT = 2 * SECOND  # for the confirmation of the final stop
