@@ -201,7 +201,7 @@ ADDED: dict[str, dict[str, Any]] = {
         "end_variance": 0.0,
         "disagreement": 0.0,
         "fault_share": 0.0,
-        "late_corrections": (),
+        "late_corrections": [],
         "disagreement_frames": 0,
         "skipped": None,
         "shares_mirror": False,
