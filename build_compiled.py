@@ -16,7 +16,7 @@ ROOT = Path(__file__).parent
 PACKAGE = "diffbotctl"
 BUILD = ROOT / "build" / "compiled"
 FOLDERS = ("control", "estimation", "plant")
-FURTHER = ("engine/loop.py", "engine/overspeed.py")
+FURTHER = ("engine/overspeed.py",)
 # Not worth it, or with what the compiler does not take: class attributes, and sections of the robot
 # file whose values may be missing although their types do not say so.
 LEFT_OUT = frozenset(
