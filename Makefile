@@ -31,7 +31,7 @@ AGAINST ?=
 OPTIODOM ?=
 SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 
-.PHONY: demo test pico ros2 prove bench packages package clean
+.PHONY: demo test pico ros2 prove bench compiled interpreted packages package clean
 
 demo: $(VENV)/installed
 	$(BIN)/diffbotctl run pipelines/goal.yaml
@@ -88,6 +88,14 @@ bench: $(VENV)/tested
 	$(BIN)/python -m prove.bench
 	$(if $(AGAINST),$(BIN)/python -m prove.bench --against $(AGAINST))
 
+# Compiles the modules in which a simulated run spends its time: the same results, nearly three times as fast.
+# Their sources are not read any more: compile again after a change, or go back with `make interpreted`.
+compiled: $(VENV)/tested
+	$(BIN)/python build_compiled.py
+
+interpreted: $(VENV)/tested
+	$(BIN)/python build_compiled.py --remove
+
 # The source distribution and the wheel, in dist/.
 package: $(VENV)/tested
 	$(BIN)/python -m pip install -q build
@@ -109,4 +117,6 @@ $(VENV)/tested: setup.cfg | $(VENV)/bin/python
 	touch $@ $(VENV)/installed
 
 clean:
+	find . -maxdepth 1 -name 'diffbotctl__mypyc*.so' -delete
+	find diffbotctl -name '*.so' -delete
 	rm -rf $(VENV) build dist *.egg-info

@@ -206,7 +206,8 @@ class OdometryBlock(Block):
             and isinstance(left, EncoderWheel)
             and isinstance(right, EncoderWheel)
         ):
-            self.lost_by_edges.update(encoders, since)
+            duties = left.mirrored_duty, right.mirrored_duty
+            self.lost_by_edges.update(encoders, since, *duties)
             self._lost_edges.tell(left, right)
         left.report()
         right.report()

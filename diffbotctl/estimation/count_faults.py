@@ -109,8 +109,10 @@ def rounding_variance(rate: float) -> float:
 def _smoothed(rate: float) -> float:
     """The same where `rate` is known to `RATE_SD`: the mean over a normal distribution."""
     weights = {0.25 * step: exp(-0.5 * (0.25 * step) ** 2) for step in range(-12, 13)}
-    total = sum(weight * rounding_variance(rate + sds * RATE_SD) for sds, weight in weights.items())
-    return total / sum(weights.values())
+    total = sum(
+        (weight * rounding_variance(rate + sds * RATE_SD) for sds, weight in weights.items()), 0.0
+    )
+    return total / sum(weights.values(), 0.0)
 
 
 RATES = 50  # in which a whole edge is divided
@@ -179,14 +181,14 @@ class CountSpans:
     def _deviation(self) -> Deviation | None:
         rates = [rate for rate, _ in self.rates]
         number = len(rates)
-        mean = sum(rates) / number
+        mean = sum(rates, 0.0) / number
         # The slope of a straight line through five points (least squares).
         slope = (2.0 * (rates[4] - rates[0]) + rates[3] - rates[1]) / 10.0
         if abs(slope) * number > SLOPE_MAX * mean:
             return None
         edges = sum(edges for _, edges in self.rates) / number
         scale = edges / mean  # seconds of a span
-        square = (scale * sum(map(mul, WEIGHTS, rates))) ** 2
+        square = (scale * sum(map(mul, WEIGHTS, rates), 0.0)) ** 2
         self.number += 1
         # The rate of many spans: an edge in excess also changes the rate of its own ones.
         predicted = self.edges_mean + slope * scale

@@ -69,7 +69,7 @@ class DiscAlignment:
             weight = exp(hypothesis.motion.log_likelihood - best_log_likelihood)
             weights[slot] = weights.get(slot, 0.0) + weight
         other_disc = exp(unaligned.motion.log_likelihood - best_log_likelihood)
-        probability = weights[_slot_at_barrier(best)] / (sum(weights.values()) + other_disc)
+        probability = weights[_slot_at_barrier(best)] / (sum(weights.values(), 0.0) + other_disc)
         return best if probability >= PROBABILITY_MIN else None
 
     def has_failed(self, unaligned: EdgeHypothesis) -> bool:

@@ -200,9 +200,11 @@ class ExplainedEdges:
         edge_time: int | None,
         changes: Sequence[tuple[int, float]],
         is_duty: bool,
+        mirrored_duty: float | None = None,
     ) -> bool:
         """Take one frame. `changes`: commands (duties or rad/s) with the times (ns) since when they
-        are in effect. Returns whether the wheel was driven."""
+        are in effect. `mirrored_duty`: the duty at the end of each frame, where another mirror with
+        the same edges has found it. Returns whether the wheel was driven."""
         edges, self.count = abs(count - self.count), count
         before, self.time = self.time, time
         span = (time - before) * 1e-9
@@ -211,6 +213,8 @@ class ExplainedEdges:
         command = changes[-1][1]
         if is_duty:
             duty = command
+        elif mirrored_duty is not None:
+            duty = mirrored_duty
         else:
             edge = edge_time
             if edge is None:

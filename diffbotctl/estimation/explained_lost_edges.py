@@ -74,16 +74,23 @@ class ExplainedLostEdges(LostEdges):
         self.right.restart(encoders.time, encoders.right)
         self.steps.restart()
 
-    def update(self, frame: Encoders, since: int) -> None:
-        """Take a frame whose commands are in effect since `since` (ns)."""
+    def update(
+        self,
+        frame: Encoders,
+        since: int,
+        left_duty: float | None = None,
+        right_duty: float | None = None,
+    ) -> None:
+        """Take a frame whose commands are in effect since `since` (ns); duties as the
+        `mirrored_duty` of each wheel."""
         is_duty, time = frame.command_kind == "duty", frame.time
         left, right = [(since, frame.left_command)], [(since, frame.right_command)]
         skipped = frame.skipped_command_time
         if skipped is not None:
             left.insert(0, (skipped, frame.skipped_left_command))
             right.insert(0, (skipped, frame.skipped_right_command))
-        self.left.update(time, frame.left, frame.left_edge, left, is_duty)
-        self.right.update(time, frame.right, frame.right_edge, right, is_duty)
+        self.left.update(time, frame.left, frame.left_edge, left, is_duty, left_duty)
+        self.right.update(time, frame.right, frame.right_edge, right, is_duty, right_duty)
         driven = max(self.left.driven, self.right.driven)
         if driven >= self.compared + COMPARE_S:
             self.compared = driven

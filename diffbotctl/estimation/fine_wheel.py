@@ -40,8 +40,16 @@ PUSHED_EDGES_MIN, PUSHED_ANGLE_MIN = 3, 0.1
 class FineWheelOdometer:
     """A wheel whose travel is its edges times the pitch."""
 
-    def __init__(self, side: SideConfig, time: int, count: int, timing: LinkTiming) -> None:
-        """Start at `time` (ns) with the board's `count`."""
+    def __init__(
+        self,
+        side: SideConfig,
+        time: int,
+        count: int,
+        timing: LinkTiming,
+        finds_steps: bool = True,
+    ) -> None:
+        """Start at `time` (ns) with the board's `count`. `finds_steps`: whether somebody asks for
+        `steps`."""
         motor, counts = side.motor, side.encoder.counts
         self.pitch = pi * side.wheel.diameter / counts
         self.pitches_per_rad = 0.5 * counts / pi
@@ -73,7 +81,8 @@ class FineWheelOdometer:
         # Two to four edges of a slot are not at equal distances: their times show less.
         is_even = counts == side.encoder.slots
         self.faults = CountFaults(timing.has_edge_times and is_even, counts > LEARNABLE_SLOTS_MAX)
-        self.steps = RateSteps(timing.has_edge_times)
+        self.steps, self.finds_steps = RateSteps(timing.has_edge_times), finds_steps
+        self.mirrored_duty = None  # that of a board's loop does not matter here
         self.travel = self.start_correction = 0.0
         self.lost_share, self.lost_text = 0.0, ""  # of every second edge
         self.disagreement = 0.0
@@ -166,7 +175,7 @@ class FineWheelOdometer:
         if edges or not self.has_edge_times:
             self.edge_time = edge
             self.faults.add(edge_span, edges, self.direction if self.rolled_for == 0.0 else 0)
-            if sign == self.direction and self.rolled_for == 0.0:
+            if self.finds_steps and sign == self.direction and self.rolled_for == 0.0:
                 self.steps.add(edge_span, edges, speed * self.pitches_per_rad)
             else:
                 self.steps.restart()

@@ -37,6 +37,10 @@ HALF_PROBABILITY = 0.005  # of each fault of each wheel, before anything was cou
 BOTH_PROBABILITY = 0.002  # of each fault of both wheels alike
 # Below it such an encoder is not considered: what its wheel has to move may be the reason.
 PROBABILITY_MIN = 0.1
+# Logarithms of the ratio of both gains, and of what they share, within which working encoders
+# explain them: whatever the variances, the probability of all faults is then below a quarter of
+# that one. It need not be computed in each frame.
+USUAL_RATIO_MAX, USUAL_LEVEL_MIN, USUAL_LEVEL_MAX = 0.3, -1.0, 0.25
 FRAMES_MIN = 20  # in a row: a gain that changes suddenly needs some time to be found again
 # What has been as likely as this stays told.
 LASTING_PROBABILITY_MIN = 0.15
@@ -147,7 +151,9 @@ class LostEdges:
     def compare(self, left: MotorGain, right: MotorGain, are_even: bool = False) -> None:
         """Take the gains of both motors after a frame. `are_even`: the edges that both wheels count
         are as many as their duties explain, or both wrong alike."""
-        faults = gain_probabilities(left, right)
+        faults = FaultProbabilities()
+        if not are_usual(left, right):
+            faults = gain_probabilities(left, right)
         if are_even:
             faults = FaultProbabilities(both_lost=faults.both_lost, both_twice=faults.both_twice)
         self._take(faults, PROBABILITY_MIN, 1)
@@ -163,7 +169,7 @@ class LostEdges:
 
     def _take(self, faults: FaultProbabilities, least: float, frames: int) -> None:
         """Suspect what has been likelier than `least` for some time, in the last `frames` too."""
-        probability = sum(faults)
+        probability = sum(faults, 0.0)
         self.frames = self.frames + frames if probability >= least else 0
         if self.frames < FRAMES_MIN:
             self.present = NO_SUSPICION
@@ -175,11 +181,21 @@ class LostEdges:
 
 def suspicion(faults: FaultProbabilities) -> Suspicion:
     """What is told of the likeliest fault, with the probability of all of them."""
-    probability = sum(faults)
+    probability = sum(faults, 0.0)
     index = faults.index(max(faults))
     texts, share = TOLD[index], sqrt(probability) * ERRORS[index]
     left, right = (share if text else 0.0 for text in texts)
     return Suspicion(probability, (left, right), texts)
+
+
+def are_usual(left: MotorGain, right: MotorGain) -> bool:
+    """Whether working encoders explain the gains of both motors, however badly these are known."""
+    if left.value <= 0.0 or right.value <= 0.0:
+        return False
+    left_log, right_log = log(left.value), log(right.value)
+    level = 0.5 * (left_log + right_log)
+    is_even = abs(left_log - right_log) < USUAL_RATIO_MAX
+    return is_even and USUAL_LEVEL_MIN < level < USUAL_LEVEL_MAX
 
 
 def gain_probabilities(left: MotorGain, right: MotorGain) -> FaultProbabilities:
@@ -224,7 +240,7 @@ def gain_probabilities(left: MotorGain, right: MotorGain) -> FaultProbabilities:
 
 def normalized(likelihoods: Sequence[float], healthy: float) -> FaultProbabilities:
     """Probabilities of all faults, by their likelihoods and that of working encoders."""
-    total = healthy + sum(likelihoods)
+    total = healthy + sum(likelihoods, 0.0)
     if total <= 0.0:
         return FaultProbabilities()
     return FaultProbabilities(*(likelihood / total for likelihood in likelihoods))

@@ -157,7 +157,7 @@ class RateSteps:
 
 
 def _sum(spans: list[Span]) -> Span:
-    seconds = sum(span.seconds for span in spans)
+    seconds = sum((span.seconds for span in spans), 0.0)
     return Span(seconds, sum(span.edges for span in spans), spans[0].commanded if spans else 0.0)
 
 

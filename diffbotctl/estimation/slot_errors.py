@@ -13,6 +13,7 @@ pitch, which places the edges that are seen backward.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
@@ -136,9 +137,7 @@ class SlotErrors:
 
     def copy(self) -> SlotErrors:
         """An independent copy, for a new hypothesis."""
-        twin = object.__new__(SlotErrors)
-        for name in SlotErrors.__slots__:
-            setattr(twin, name, getattr(self, name))
+        twin = copy(self)
         twin.errors = self.errors[:]
         twin.cross_covariance = [row[:] for row in self.cross_covariance]
         twin.covariance = [row[:] for row in self.covariance]

@@ -24,6 +24,7 @@ stops it.
 
 from __future__ import annotations
 
+from copy import copy
 from enum import IntEnum
 from math import exp, inf, log, sqrt
 from typing import NamedTuple
@@ -277,9 +278,7 @@ class WheelKalman:
 
     def copy(self) -> WheelKalman:
         """An independent copy, for a new hypothesis."""
-        twin = object.__new__(WheelKalman)
-        for name in WheelKalman.__slots__:
-            setattr(twin, name, getattr(self, name))
+        twin = copy(self)
         twin.disc = self.disc.copy()
         return twin
 

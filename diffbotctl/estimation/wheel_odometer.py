@@ -62,7 +62,11 @@ class WheelOdometer:
         edges = known_edges(side.encoder, priors)
         self.filter = WheelFilter(priors, time, count, slots, edges)
         self.mirror = SpeedLoopMirror(speed_gains(motor), slots, time)
-        self.counting = FineWheelOdometer(side, time, count, timing)
+        # Without edge times the filter estimates them, as nobody else does.
+        self.shares_mirror = timing.has_edge_times and slots == side.encoder.counts
+        self.mirrored_duty: float | None = None
+        """at the end of the last frame, where it follows from the frames alone"""
+        self.counting = FineWheelOdometer(side, time, count, timing, finds_steps=False)
         self.intervals = EdgeIntervals()
         self.skipped: tuple[int, float] | None = None  # command in the next frame: ns, value
         self.travel = 0.0  # m, since the last report
@@ -148,6 +152,8 @@ class WheelOdometer:
             skipped = DriveChange(self.skipped[0], self._drive(duties[0]), duties[0])
             self.skipped = None
         drive, duty = self._drive(duties[-1]), duties[-1]
+        if self.shares_mirror:
+            self.mirrored_duty = duty
         self.filter.update(
             WheelFrame(time, count, edge_time, drive, command_since, duty, skipped, is_mixed)
         )
@@ -229,7 +235,7 @@ class WheelOdometer:
         late = 0.0
         if motion is not before.motion:
             corrections = before.corrections(hypothesis)
-            late = sum(corrections)
+            late = sum(corrections, 0.0)
             self.late_corrections = [each * self.pitch for each in corrections]
             self.reported_hypothesis = hypothesis
         self.start_correction = start_shift * self.pitch
@@ -253,8 +259,7 @@ class CountWheelOdometer(WheelOdometer):
 def share_response(left: WheelOdometer, right: WheelOdometer) -> None:
     """Decide for both wheels together how their motors respond: they are of the same type."""
     hypotheses = left.filter.hypotheses + right.filter.hypotheses
-    responses = {hypothesis.motion.response for hypothesis in hypotheses}
-    if len(hypotheses) == 2 or len(responses) == 1:
+    if len(hypotheses) == 2 or len({one.motion.response for one in hypotheses}) == 1:
         return
     likely = left.filter.response_log_likelihoods(), right.filter.response_log_likelihoods()
     best = max(

@@ -84,6 +84,6 @@ class RecoveringBattery(SimulatedBattery):
             decay = 1.0 - ratio if ratio < 0.01 else exp(-ratio)
             target = part * drop
             self._drops[number] = target + (self._drops[number] - target) * decay
-        share = 1.0 - PROMPT_PART * drop - sum(self._drops)
+        share = 1.0 - PROMPT_PART * drop - sum(self._drops, 0.0)
         self.share = self._rest_share * self.supply * max(share, SHARE_MIN)
         self.motor_share = self._bridge.supply(self.share)

@@ -11,7 +11,6 @@ from diffbotctl.blocks.obstacle_stop import ObstacleStop
 from diffbotctl.control.goal_pursuit import Coast, Pursuit
 from diffbotctl.control.speed_loop import (
     SpeedGains,
-    SpeedLoop,
     SpeedLoopMirror,
     default_gains,
 )
@@ -202,9 +201,11 @@ ADDED: dict[str, dict[str, Any]] = {
         "end_variance": 0.0,
         "disagreement": 0.0,
         "fault_share": 0.0,
-        "late_corrections": (),
+        "late_corrections": [],
         "disagreement_frames": 0,
         "skipped": None,
+        "shares_mirror": False,
+        "mirrored_duty": None,
     },
 }
 
@@ -263,7 +264,7 @@ def _counting(present: dict[str, Any]) -> FineWheelOdometer:
         encoder=SimpleNamespace(counts=slots, slots=slots),
     )
     timing = LinkTiming(0.0, 0.0, hypothesis.motion.priors.has_edge_times)
-    counting = FineWheelOdometer(side, hypothesis.time, present["count"], timing)
+    counting = FineWheelOdometer(side, hypothesis.time, present["count"], timing, finds_steps=False)
     counting.position = hypothesis.motion.travel
     return counting
 
@@ -272,8 +273,10 @@ def _speed_loop_mirror(loop: Any, slope: float, present: dict[str, Any]) -> dict
     """The state of a mirror, whose measurement of the speed begins anew."""
     gains = SpeedGains(loop.static, slope, *default_gains(slope))
     mirror = SpeedLoopMirror(gains, 1, present["time"])
-    names = (*SpeedLoop.__slots__, *SpeedLoopMirror.__slots__)
-    return {**{name: getattr(mirror, name) for name in names}, **present}
+    # Not by `__slots__`, which a compiled class does not have.
+    values = {name: getattr(mirror, name) for name in dir(mirror) if not name.startswith("__")}
+    state = {name: value for name, value in values.items() if not callable(value)}
+    return {**state, **present}
 
 
 def _goal_follower(old: dict[str, Any]) -> dict[str, Any]:

@@ -50,14 +50,7 @@ def drive(seed: int, missed: float):
     use = next(use for use in setup.blocks if use.name == "odometry")
     odometry = use.cls(**use.values)
     odometry.reset()
-    rng, count_edge = Random(seed), robot.board.edge
-    left = robot.board.sides[0]
-
-    def lossy_edge(side, time):
-        if not (side is left and left.count > 20 and rng.random() < missed):
-            count_edge(side, time)
-
-    robot.board.edge = lossy_edge
+    pin, left = robot.wheels[0]._pins, robot.board.sides[0]
     now = 0
     for span, *speeds in TOUR:
         until = now + span * MS
@@ -65,6 +58,8 @@ def drive(seed: int, missed: float):
             robot.command(now, Wheels(now, *speeds))
             now += 20 * MS
             robot.advance(now)
+            if left.count > 20:
+                pin._disc = pin._disc._replace(missed=missed)
             for port, message in robot.deliver():
                 if port == "encoders":
                     pose, _ = odometry.react(message.time, message)

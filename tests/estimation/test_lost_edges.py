@@ -2,9 +2,21 @@
 
 from __future__ import annotations
 
+from math import exp
+
 import pytest
 
-from diffbotctl.estimation.lost_edges import FRAMES_MIN, LostEdges, MotorGain
+from diffbotctl.estimation.lost_edges import (
+    FRAMES_MIN,
+    PROBABILITY_MIN,
+    USUAL_LEVEL_MAX,
+    USUAL_LEVEL_MIN,
+    USUAL_RATIO_MAX,
+    LostEdges,
+    MotorGain,
+    are_usual,
+    gain_probabilities,
+)
 
 
 def compared(left, right, sd=0.05, frames=FRAMES_MIN):
@@ -91,3 +103,24 @@ def test_a_gain_that_is_not_known_is_no_evidence():
 
 def test_a_moment_is_not_enough():
     assert compared(0.5, 1.0, frames=FRAMES_MIN - 1).shares == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("sd", [0.0, 0.03, 0.1, 0.3, 1.0])
+def test_usual_gains_make_no_fault_likely_whatever_is_known_of_them(sd):
+    """The whole range in which the probabilities are not computed, with its limits."""
+    for level in range(26):
+        for ratio in range(-10, 11):
+            mean = USUAL_LEVEL_MIN + (USUAL_LEVEL_MAX - USUAL_LEVEL_MIN) * level / 25
+            half = 0.5 * USUAL_RATIO_MAX * ratio / 10
+            left, right = exp(mean + half), exp(mean - half)
+            gains = MotorGain(left, (sd * left) ** 2), MotorGain(right, (sd * right) ** 2)
+            is_inside = abs(ratio) < 10 and 0 < level < 25
+            assert not is_inside or are_usual(*gains)
+            assert sum(gain_probabilities(*gains)) < 0.25 * PROBABILITY_MIN
+
+
+@pytest.mark.parametrize(
+    "left, right", [(1.0, 0.73), (0.73, 1.0), (1.3, 1.3), (0.36, 0.36), (0.0, 1.0), (1.0, -0.1)]
+)
+def test_gains_beyond_the_usual_ones_are_compared(left, right):
+    assert not are_usual(MotorGain(left, 0.01), MotorGain(right, 0.01))

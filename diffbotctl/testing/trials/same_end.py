@@ -7,7 +7,7 @@ and cause of the latched stops have to be equal, and the board's rate of telemet
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 from diffbotctl.config.load import load
@@ -15,6 +15,7 @@ from diffbotctl.drivers.simulated_robot import SimulatedRobotDriver
 from diffbotctl.engine.clock import Clock, VirtualClock
 from diffbotctl.graph import Sink
 from diffbotctl.messages import Encoders, Goal
+from diffbotctl.plant.simulated_robot import SimulatedRobot
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
 from diffbotctl.testing.trials.row import Row, print_rows
@@ -166,17 +167,24 @@ class UnprovenRun(CountingRun):
         return VirtualClock()
 
 
+class InterruptedRobot:
+    """A simulated robot whose commands go through `command`."""
+
+    def __init__(self, robot: SimulatedRobot, command: Callable[..., None]) -> None:
+        self._robot, self.command = robot, command
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._robot, name)
+
+
 def _interrupt(run: Run, span: tuple[float, float]) -> list[int]:
     """Lose what the host sends in `span` (s). The list gets the time (ns) of motors off."""
     begin, end = (round(time * SECOND) for time in span)
     off_at: list[int] = []
     robot: Any = run.robot
     deliver = robot.deliver
-    if isinstance(robot, SimulatedRobotDriver):
-        line, name = robot.robot, "command"
-    else:
-        line, name = robot.board, "send"
-    send = getattr(line, name)
+    is_simulated = isinstance(robot, SimulatedRobotDriver)
+    send = robot.robot.command if is_simulated else robot.board.send
 
     def lossy(now: int, *words: Any) -> None:
         if not begin <= now < end:
@@ -184,7 +192,7 @@ def _interrupt(run: Run, span: tuple[float, float]) -> list[int]:
 
     def watching(now: int) -> Any:
         deliveries = deliver(now)
-        if isinstance(robot, SimulatedRobotDriver):
+        if is_simulated:
             duties = [side.duty for side in robot.robot.board.sides]
         else:
             duties = robot.board.duty
@@ -192,7 +200,10 @@ def _interrupt(run: Run, span: tuple[float, float]) -> list[int]:
             off_at.append(now)
         return deliveries
 
-    setattr(line, name, lossy)
+    if is_simulated:
+        robot.robot = InterruptedRobot(robot.robot, lossy)
+    else:
+        robot.board.send = lossy
     robot.deliver = watching
     return off_at
 

@@ -1,0 +1,73 @@
+"""The build of the compiled modules, and those that were compiled."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+SPEC = importlib.util.spec_from_file_location("build_compiled", ROOT / "build_compiled.py")
+build_compiled = importlib.util.module_from_spec(SPEC)
+SPEC.loader.exec_module(build_compiled)
+
+SOURCE = """\
+\"\"\"A module.\"\"\"
+
+from math import log
+from typing import NamedTuple
+
+SIZE, SHARE = 4, 1.0 / 3.0  # of something
+PRIORS = (0.5, log(0.5))
+
+
+class Pair(NamedTuple):
+    left: float
+
+
+@decorated
+class Filter:
+    pass
+"""
+ATTRIBUTED = """\
+\"\"\"A module.\"\"\"
+
+from math import log
+from typing import NamedTuple; from typing import TYPE_CHECKING, Final
+if TYPE_CHECKING: from mypy_extensions import mypyc_attr
+SIZE: Final = 4; SHARE: Final = 1.0 / 3.0
+PRIORS = (0.5, log(0.5))
+
+
+class Pair(NamedTuple):
+    left: float
+
+@mypyc_attr(serializable=True, allow_interpreted_subclasses=True)
+@decorated
+class Filter:
+    pass
+"""
+
+
+def test_the_compiler_is_told_of_classes_and_constants_and_lines_keep_their_numbers():
+    assert build_compiled.attributed(SOURCE) == ATTRIBUTED
+
+
+@pytest.mark.parametrize("name", build_compiled.modules())
+def test_each_module_that_is_compiled_can_be_prepared(name):
+    source = (ROOT / "diffbotctl" / name).read_text()
+    compile(build_compiled.attributed(source), name, "exec")
+
+
+def test_what_is_left_out_exists():
+    assert all((ROOT / "diffbotctl" / name).exists() for name in build_compiled.LEFT_OUT)
+
+
+def test_no_compiled_module_is_older_than_its_source():
+    for compiled in (ROOT / "diffbotctl").rglob("*.so"):
+        source = compiled.with_name(compiled.name.partition(".")[0] + ".py")
+        assert compiled.stat().st_mtime > source.stat().st_mtime, (
+            f"{source.relative_to(ROOT)} has changed since it was compiled; "
+            "run `make compiled`, or `make interpreted`"
+        )
