@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
+from math import log
 from typing import NamedTuple
 
 from diffbotctl.estimation.edge_residual import (
     GAIN_SD,
-    EdgeLogRatio,
     MotorHypothesis,
     Residual,
     density,
@@ -67,10 +67,16 @@ class EdgeRatioSteps:
             if age > len(self.pairs):
                 break
             before = self.pairs[-age]
-            sides = (before.left, left), (before.right, right)
+            changes = _change_of_ratio(before.left, left), _change_of_ratio(before.right, right)
+            if changes[0] is None or changes[1] is None:
+                continue
+            is_even = abs(changes[0] - changes[1]) < STEP_LOG_MIN
+            if is_even and changes[0] + changes[1] > -2.0 * STEP_LOG_MIN:
+                continue
             faults = step_probabilities(
-                [then.ratios for then, _ in sides],
-                [now.since(then) for then, now in sides],
+                [before.left.ratios, before.right.ratios],
+                [left.since(before.left), right.since(before.right)],
+                is_even,
                 self.motors,
             )
             likeliest = max(likeliest, faults, key=sum)
@@ -81,20 +87,11 @@ class EdgeRatioSteps:
 def step_probabilities(
     before: Sequence[Sequence[EdgeRatio]],
     after: Sequence[Sequence[EdgeRatio]],
+    is_even: bool,
     motors: Sequence[MotorHypothesis],
 ) -> FaultProbabilities:
     """Probabilities of faults that began between `before` and `after`, of the left and of the right
-    wheel, in classes of duties each."""
-    totals = [[_total(ratios) for ratios in when] for when in (before, after)]
-    if min(total.explained for when in totals for total in when) < EXPLAINED_MIN:
-        return FaultProbabilities()
-    left, right = (
-        EdgeLogRatio.of(now).value - EdgeLogRatio.of(then).value
-        for then, now in zip(*totals, strict=True)
-    )
-    is_even = abs(left - right) < STEP_LOG_MIN
-    if is_even and left + right > -2.0 * STEP_LOG_MIN:
-        return FaultProbabilities()
+    wheel, in classes of duties each. `is_even`: both wheels have changed alike."""
     old, new = ([of_classes(ratios) for ratios in when] for when in (before, after))
     if not all((*old, *new)):
         return FaultProbabilities()
@@ -119,8 +116,14 @@ def step_probabilities(
     return normalized(faults, healthy)
 
 
-def _total(ratios: Sequence[EdgeRatio]) -> EdgeRatio:
-    return EdgeRatio(*map(sum, zip(*ratios, strict=True)))
+def _change_of_ratio(before: EdgeState, now: EdgeState) -> float | None:
+    """Logarithm of the ratio since `before` over that until then; None of too few edges."""
+    then, fade = before.whole, now.fade(before)
+    explained = now.whole.explained - fade * then.explained
+    if min(explained, then.explained) < EXPLAINED_MIN:
+        return None
+    counted = now.whole.counted - fade * then.counted
+    return log(max(counted, 1.0) * then.explained / (explained * max(then.counted, 1.0)))
 
 
 def _change(was: Residual, now: Residual) -> Residual:

@@ -97,15 +97,34 @@ class EdgeRatio(NamedTuple):
     """edges explained by the board's loop, whose edges had no times"""
 
 
+def whole(ratios: Sequence[EdgeRatio]) -> EdgeRatio:
+    """The sums of all of `ratios`."""
+    counted = explained = friction = load = transient = untimed = 0.0
+    for edges in ratios:
+        counted += edges.counted
+        explained += edges.explained
+        friction += edges.friction
+        load += edges.load
+        transient += edges.transient
+        untimed += edges.untimed
+    return EdgeRatio(counted, explained, friction, load, transient, untimed)
+
+
 class EdgeState(NamedTuple):
-    """The sums of a wheel by class of duties, after `driven` seconds of driving."""
+    """The sums of a wheel after `driven` seconds of driving."""
 
     driven: float
     ratios: list[EdgeRatio]
+    """by class of duties"""
+    whole: EdgeRatio
+
+    def fade(self, before: EdgeState) -> float:
+        """What an edge of `before` weighs now."""
+        return exp((before.driven - self.driven) / MEMORY_S)
 
     def since(self, before: EdgeState) -> list[EdgeRatio]:
         """The sums since `before`."""
-        fade = exp((before.driven - self.driven) / MEMORY_S)
+        fade = self.fade(before)
         return [
             EdgeRatio(*(value - fade * old for value, old in zip(now, then, strict=True)))
             for now, then in zip(self.ratios, before.ratios, strict=True)
@@ -116,17 +135,25 @@ class EdgeSums:
     """The values of an `EdgeRatio`, which grow."""
 
     def __init__(self) -> None:
-        self.values = [0.0] * len(EdgeRatio._fields)
+        self.counted = self.explained = self.friction = 0.0
+        self.load = self.transient = self.untimed = 0.0
 
-    def add(self, weight: float, values: Sequence[float]) -> None:
-        """Add `values` times `weight`."""
-        sums = self.values
-        for index, value in enumerate(values):
-            sums[index] += weight * value
+    def ratio(self, weight: float) -> EdgeRatio:
+        """The sums, divided by `weight`."""
+        share = 1.0 / weight
+        return EdgeRatio(
+            share * self.counted,
+            share * self.explained,
+            share * self.friction,
+            share * self.load,
+            share * self.transient,
+            share * self.untimed,
+        )
 
-    def scale(self, factor: float) -> None:
-        """Multiply all by `factor`."""
-        self.values = [factor * value for value in self.values]
+    def set(self, values: EdgeRatio) -> None:
+        """Go on with `values`."""
+        self.counted, self.explained, self.friction = values[:3]
+        self.load, self.transient, self.untimed = values[3:]
 
 
 class EdgeTracker:
@@ -180,18 +207,18 @@ class ExplainedEdges:
     @property
     def ratios(self) -> list[EdgeRatio]:
         """The sums of each class of duties."""
-        weight = self.weight
-        return [EdgeRatio(*(value / weight for value in sums.values)) for sums in self.sums]
+        return [sums.ratio(self.weight) for sums in self.sums]
 
     @property
     def state(self) -> EdgeState:
         """What a later state is compared with."""
-        return EdgeState(self.driven, self.ratios)
+        ratios = self.ratios
+        return EdgeState(self.driven, ratios, whole(ratios))
 
     @property
     def ratio(self) -> EdgeRatio:
         """The sums of all classes."""
-        return EdgeRatio(*(sum(values) for values in zip(*self.ratios, strict=True)))
+        return whole(self.ratios)
 
     def update(
         self,
@@ -227,15 +254,15 @@ class ExplainedEdges:
             return False
         self._fade(span)
         steepness = self.curve.steepness(size)
-        values = (
-            edges,
-            travel,
-            (1.0 - size) * self.friction_rate * steepness * span,
-            self.load_rate * steepness * span,
-            change * self.curve.slowness(size) * span,
-            0.0 if is_duty or edge_time is not None else travel,
-        )
-        self.sums[bisect(CLASSES, size - self.curve.static)].add(self.weight, values)
+        weight = self.weight
+        sums = self.sums[bisect(CLASSES, size - self.curve.static)]
+        sums.counted += weight * edges
+        sums.explained += weight * travel
+        sums.friction += weight * (1.0 - size) * self.friction_rate * steepness * span
+        sums.load += weight * self.load_rate * steepness * span
+        sums.transient += weight * change * self.curve.slowness(size) * span
+        if not is_duty and edge_time is None:
+            sums.untimed += weight * travel
         return True
 
     def _moved(self, duty: float, edges: int, span: float) -> float:
@@ -264,5 +291,5 @@ class ExplainedEdges:
         self.weight *= exp(span / MEMORY_S)
         if self.weight > WEIGHT_MAX:
             for sums in self.sums:
-                sums.scale(1.0 / self.weight)
+                sums.set(sums.ratio(self.weight))
             self.weight = 1.0

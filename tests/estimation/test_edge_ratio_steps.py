@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from diffbotctl.estimation.edge_ratio_steps import EdgeRatioSteps, step_probabilities
+from diffbotctl.estimation.edge_ratio_steps import EdgeRatioSteps
 from diffbotctl.estimation.edge_residual import MEASURED_MOTORS, MOTORS
-from diffbotctl.estimation.explained_edges import EdgeRatio, EdgeState
+from diffbotctl.estimation.explained_edges import EdgeRatio, EdgeState, whole
 
 NOTHING = EdgeRatio(0.0, 0.0, 0.0, 0.0, 0.0)
 
@@ -17,9 +17,13 @@ def edges(share, explained=100.0, friction=0.2, load=3.0):
 
 
 def after(left, right, was=(1.0, 1.0), motors=MEASURED_MOTORS, **duty):
-    """Probabilities after both shares became `left` and `right`."""
-    before = [[edges(share)] for share in was]
-    return step_probabilities(before, [[edges(left, **duty)], [edges(right, **duty)]], motors)
+    """Probabilities after both shares became `left` and `right`, in one comparison."""
+    steps = EdgeRatioSteps(motors)
+    before = [edges(share) for share in was]
+    steps.compare(*(EdgeState(0.0, [each, NOTHING], each) for each in before))
+    shares = zip(before, (left, right), strict=True)
+    now = [[then, edges(share, **duty)] for then, share in shares]
+    return steps.compare(*(EdgeState(0.0, classes, whole(classes)) for classes in now))
 
 
 @pytest.mark.parametrize(
@@ -71,10 +75,9 @@ def test_the_states_of_the_last_seconds_are_compared():
     steps, counted, told = EdgeRatioSteps(MEASURED_MOTORS), 0.0, []
     for number in range(1, 25):
         counted += 10.0 if number <= 12 else 5.0
-        left = EdgeState(0.0, [NOTHING, EdgeRatio(counted, 10.0 * number, number, number, 0.1)])
-        right = EdgeState(
-            0.0, [NOTHING, EdgeRatio(10.0 * number, 10.0 * number, number, number, 0.1)]
-        )
+        full = 10.0 * number
+        sums = [EdgeRatio(each, 10.0 * number, number, number, 0.1) for each in (counted, full)]
+        left, right = (EdgeState(0.0, [NOTHING, each], each) for each in sums)
         told.append(steps.compare(left, right).left_lost)
     assert max(told[:12]) < 0.005
     assert max(told[13:18]) > 0.15
