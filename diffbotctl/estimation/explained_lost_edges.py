@@ -97,21 +97,21 @@ class ExplainedLostEdges(LostEdges):
             self._compare_edges()
 
     def _compare_edges(self) -> None:
-        left, right = self.left.ratio, self.right.ratio
-        explained = min(left.explained, right.explained)
+        left, right = self.left.state, self.right.state
+        explained = min(left.whole.explained, right.whole.explained)
         self.are_even = False
         if explained < EVEN_MIN:
             return
-        whole = EdgeLogRatio.of(left), EdgeLogRatio.of(right)
+        whole = EdgeLogRatio.of(left.whole), EdgeLogRatio.of(right.whole)
         self.are_even = abs(whole[0].value - whole[1].value) < RATIO_LOG_MIN
         if explained < EXPLAINED_MIN:
             return
         if self.are_even and whole[0].value + whole[1].value > -2.0 * LEVEL_LOG_MIN:
             faults = FaultProbabilities()
         else:
-            ratios = [of_classes(edges.ratios) for edges in (self.left, self.right)]
-            faults = ratio_probabilities(ratios[0], ratios[1], self.are_even, self.motors)
-        stepped = self.steps.compare(self.left.state, self.right.state)
+            ratios = of_classes(left.ratios), of_classes(right.ratios)
+            faults = ratio_probabilities(*ratios, self.are_even, self.motors)
+        stepped = self.steps.compare(left, right)
         faults = max(faults, stepped, key=sum)
         self._take(faults, EXPLAINED_PROBABILITY_MIN, FRAMES_MIN // 2)
 
