@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from math import log
 
 import numpy as np
 
@@ -35,15 +34,13 @@ def clock_offset(drive: RecordedDrive, geometry: Geometry) -> float:
     seen."""
     step = CLOCK_OFFSET_STEP_S
     offsets = np.arange(-CLOCK_OFFSET_MAX_S, CLOCK_OFFSET_MAX_S + step / 2, step)
-    total = np.zeros(len(offsets))
-    for signal in (_headings, _ways):
-        mismatches = _mismatches(drive, geometry, signal, offsets)
-        if mismatches is None:
-            return 0.0
-        # The likelihood of normal errors whose standard deviation nobody knows.
-        total += np.log(np.maximum(mismatches, MISMATCH_MIN))
-    best = int(np.argmin(total))
-    is_seen = total[best] < log(MISMATCH_RATIO_MAX) + total[len(offsets) // 2]
+    signal = _clearest_signal(drive, geometry)
+    mismatches = None if signal is None else _mismatches(drive, geometry, signal, offsets)
+    if mismatches is None:
+        return 0.0
+    mismatches = np.maximum(mismatches, MISMATCH_MIN)
+    best = int(np.argmin(mismatches))
+    is_seen = mismatches[best] < MISMATCH_RATIO_MAX * mismatches[len(offsets) // 2]
     return float(offsets[best]) if is_seen else 0.0
 
 
@@ -52,19 +49,16 @@ def other_clock(drive: RecordedDrive, geometry: Geometry) -> float | None:
     it is not, or cannot be seen."""
     step = OTHER_CLOCK_STEP_S
     offsets = np.arange(-OTHER_CLOCK_MAX_S, OTHER_CLOCK_MAX_S + step / 2, step)
-    standing = replace(drive, turns=np.zeros_like(drive.turns))
-    for signal, motion_min in ((_headings, TURNS_SD_MIN_RAD), (_ways, WAYS_SD_MIN_M)):
-        mismatches = _mismatches(drive, geometry, signal, offsets)
-        motion = _mismatches(standing, geometry, signal, np.zeros(1))
-        if mismatches is None or motion is None:
-            return None
-        if motion[0] < motion_min:
-            continue
-        best = int(np.argmin(mismatches))
-        usual = mismatches[np.abs(offsets) <= CLOCK_OFFSET_MAX_S].min()
-        limit = min(OTHER_CLOCK_RATIO_MAX * usual, OTHER_CLOCK_MOTION_RATIO_MAX * motion[0])
-        return float(offsets[best]) if mismatches[best] < limit else None
-    return None
+    signal = _clearest_signal(drive, geometry)
+    if signal is None:
+        return None
+    mismatches, motion = _mismatches(drive, geometry, signal, offsets), _motion(drive, signal)
+    if mismatches is None or motion is None:
+        return None
+    best = int(np.argmin(mismatches))
+    usual = mismatches[np.abs(offsets) <= CLOCK_OFFSET_MAX_S].min()
+    limit = min(OTHER_CLOCK_RATIO_MAX * usual, OTHER_CLOCK_MOTION_RATIO_MAX * motion)
+    return float(offsets[best]) if mismatches[best] < limit else None
 
 
 Signal = Callable[[RecordedDrive, Geometry], tuple[Floats, Floats]]
@@ -85,6 +79,25 @@ def _ways(drive: RecordedDrive, geometry: Geometry) -> tuple[Floats, Floats]:
     middle = (headings[1:] + headings[:-1]) / 2
     ahead = steps[:, 0] * np.cos(middle) + steps[:, 1] * np.sin(middle)
     return rolled.mean(axis=1), np.concatenate(([0.0], np.cumsum(ahead)))
+
+
+def _clearest_signal(drive: RecordedDrive, geometry: Geometry) -> Signal | None:
+    """The headings where the robot turns, or else its ways; None where it hardly moves.
+
+    Half a count by which the counts are late on average delays the ways more than the headings.
+    """
+    for signal, motion_min in ((_headings, TURNS_SD_MIN_RAD), (_ways, WAYS_SD_MIN_M)):
+        motion = _motion(drive, signal)
+        if motion is not None and motion >= motion_min:
+            return signal
+    return None
+
+
+def _motion(drive: RecordedDrive, signal: Signal) -> float | None:
+    """Standard deviation of a true signal around its moving mean; None for too few poses."""
+    standing = replace(drive, turns=np.zeros_like(drive.turns))
+    motion = _mismatches(standing, Geometry(1.0, 1.0, 1.0), signal, np.zeros(1))
+    return None if motion is None else float(motion[0])
 
 
 def _mismatches(
