@@ -32,7 +32,7 @@ GAIN_SD, FRICTION_SD, CURVE_SD, LAG_SD = 0.07, 0.4, 0.2, 0.2
 # The same of one class of duties; edges, of the cut at both ends of the time.
 CLASS_SD, ROUNDING_SD = 0.04, 0.6
 # The same where the times of the edges, which the loop of the board had, are not known.
-MIRROR_SD = 0.2
+MIRROR_SD = 0.45
 CLASS_EDGES_MIN = 3.0  # explained; a class with less shows nothing
 
 

@@ -21,6 +21,7 @@ from diffbotctl.estimation.wheel_side import (
 )
 
 MEMORY_S = 5.0  # of driving, after which an edge weighs 1/e
+FEW_EDGES = 1.5  # in a frame; the times of more matter less, in inverse proportion
 WEIGHT_MAX = 1e6  # of an edge relative to one of the start; then all sums are scaled
 # Duties beyond the static one at which classes of sums begin: what friction and a load take of the
 # edges depends on the duty, and what a fault of the encoder takes does not.
@@ -94,7 +95,7 @@ class EdgeRatio(NamedTuple):
     transient: float
     """edges by which the lag of the motor may be wrong: speed changes times the frames' time"""
     untimed: float = 0.0
-    """edges explained by the board's loop, whose edges had no times"""
+    """edges explained by the board's loop, whose edges had no times; less for many in a frame"""
 
 
 def whole(ratios: Sequence[EdgeRatio]) -> EdgeRatio:
@@ -262,7 +263,7 @@ class ExplainedEdges:
         sums.load += weight * self.load_rate * steepness * span
         sums.transient += weight * change * self.curve.slowness(size) * span
         if not is_duty and edge_time is None:
-            sums.untimed += weight * travel
+            sums.untimed += weight * travel * min(FEW_EDGES / max(edges, 1), 1.0)
         return True
 
     def _moved(self, duty: float, edges: int, span: float) -> float:

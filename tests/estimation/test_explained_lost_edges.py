@@ -150,6 +150,36 @@ def test_the_sums_since_a_state_are_those_of_the_frames_after_it():
     assert [edges.explained > 0.1 for edges in since] == [False, False, True, False]
 
 
+@pytest.mark.parametrize(("edges", "share"), [(0, 1.0), (1, 1.0), (3, 0.5), (30, 0.05)])
+def test_the_loop_of_a_board_is_less_certain_where_few_edges_come_without_times(edges, share):
+    """From 1.5 edges in a frame on, in inverse proportion."""
+    explained = ExplainedEdges(side())
+    for frame in range(1, 51):
+        explained.update(frame * FRAME, edges * frame, None, [(0, 5.0)], False)
+    assert explained.ratio.untimed == pytest.approx(share * explained.ratio.explained)
+    timed = ExplainedEdges(side())
+    for frame in range(1, 51):
+        timed.update(frame * FRAME, 3 * frame, frame * FRAME - 1_000_000, [(0, 5.0)], False)
+    assert timed.ratio.explained > 0.0 and timed.ratio.untimed == 0.0
+
+
+def test_a_standing_wheel_explains_one_edge_until_its_first_one():
+    """Its duty does not overcome static friction: it stands for a second with a duty of 0.3."""
+    explained = ExplainedEdges(side())
+    for frame in range(1, 51):
+        explained.update(frame * FRAME, 0, None, [(0, 0.3)], True)
+    assert explained.ratio.explained <= 1.0
+
+
+def test_friction_stops_a_motor_with_open_windings():
+    """From 8 rad/s with lag 0.1 s at 0.6: at duty 0 the damping is 0.05, the lag 1.2 s and the
+    friction 10 x 1.05 / 0.9 x 0.1 / 0.05 = 23.3 rad/s against it: 1.2 ln(31.3 / 23.3) = 0.35 s."""
+    curve = ExplainedEdges(side("fast")).curve
+    speed, travel = curve.moved(8.0, 0.0, 0.34)
+    assert 0.0 < speed < 0.4
+    assert curve.moved(8.0, 0.0, 1.0) == (0.0, pytest.approx(travel, abs=0.01))
+
+
 def test_frames_without_a_command_or_near_friction_do_not_count():
     explained = ExplainedEdges(side())
     explained.restart(0, 0)
