@@ -83,9 +83,10 @@ def test_exchanged_directions_are_named(robot):
     # counter-clockwise (-2 L alpha, +2 L alpha), each typed for the other direction.
     text = robot.read_text().replace("slip: 0.5 mm", "slip: 0 mm")
     robot.write_text(text + "\n")
-    clockwise, counter = ["-94"] * 2, ["94"] * 2
+    # The odometry ends the first square 40 mm in front and to the left, the second one opposite.
+    clockwise, counter = ["-54", "-134"], ["134", "54"]
     lines = [
-        "geometry.forward: [-94, -94, -94, -94]",
+        "geometry.forward: [-54, -134, -54, -134]",
         f"geometry.left: [{', '.join(counter + clockwise)}]",
         "geometry.swapped: directions",
     ]
