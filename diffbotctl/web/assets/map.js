@@ -104,7 +104,11 @@ export class RunMap {
   zoom(factor, px = this.width / 2, py = this.height / 2) {
     const [x, y] = this.toFloor(px, py);
     const { camera } = this;
-    camera.scale = Math.min(Math.max(camera.scale * factor, SCALE_MIN), SCALE_MAX);
+    const before = camera.scale;
+    camera.scale = Math.min(Math.max(before * factor, SCALE_MIN), SCALE_MAX);
+    // The map may be hidden before it is painted again.
+    this.shownWidth *= before / camera.scale;
+    this.wantedWidth /= factor;
     camera.x = x - (px - this.width / 2) / camera.scale;
     camera.y = y + (py - this.height / 2) / camera.scale;
     if (this.mode === "all") this.mode = "free";
