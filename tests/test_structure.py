@@ -27,6 +27,7 @@ LAYERS = [
         "block",
         "device",
         "printable",
+        "user_folders",
     ],
     ["geometry", "control", "estimation", "blocks", "links", "graph"],
     ["config"],

@@ -20,7 +20,6 @@ CLOCK_OFFSET_POSES_MAX = 4000  # of a long drive; the first ones are sufficient
 MOVING_MEAN_PERIOD_S = 2.0  # shorter than most drift, longer than a turn
 POSE_PERIOD_MAX_S = 0.2  # at longer periods, chords between poses hide the offset
 MISMATCH_RATIO_MAX = 0.98  # after over before; above, the robot hardly turned
-MISMATCH_MIN = 1e-5  # rad, and m: exact poses
 OTHER_CLOCK_MAX_S = 5.0
 OTHER_CLOCK_STEP_S = 0.02
 OTHER_CLOCK_RATIO_MAX = 0.5  # of the mismatch to that of the best offset that is no mistake
@@ -30,15 +29,14 @@ WAYS_SD_MIN_M = 0.01  # of the ways, the same
 
 
 def clock_offset(drive: RecordedDrive, geometry: Geometry) -> float:
-    """The delay (s) of the counts that fits the true headings and ways best; 0 if it cannot be
+    """The delay (s) of the counts that fits the true headings, or ways, best; 0 if it cannot be
     seen."""
     step = CLOCK_OFFSET_STEP_S
     offsets = np.arange(-CLOCK_OFFSET_MAX_S, CLOCK_OFFSET_MAX_S + step / 2, step)
-    signal = _clearest_signal(drive, geometry)
-    mismatches = None if signal is None else _mismatches(drive, geometry, signal, offsets)
+    found = _clearest_signal(drive)
+    mismatches = None if found is None else _mismatches(drive, geometry, found[0], offsets)
     if mismatches is None:
         return 0.0
-    mismatches = np.maximum(mismatches, MISMATCH_MIN)
     best = int(np.argmin(mismatches))
     is_seen = mismatches[best] < MISMATCH_RATIO_MAX * mismatches[len(offsets) // 2]
     return float(offsets[best]) if is_seen else 0.0
@@ -49,11 +47,12 @@ def other_clock(drive: RecordedDrive, geometry: Geometry) -> float | None:
     it is not, or cannot be seen."""
     step = OTHER_CLOCK_STEP_S
     offsets = np.arange(-OTHER_CLOCK_MAX_S, OTHER_CLOCK_MAX_S + step / 2, step)
-    signal = _clearest_signal(drive, geometry)
-    if signal is None:
+    found = _clearest_signal(drive)
+    if found is None:
         return None
-    mismatches, motion = _mismatches(drive, geometry, signal, offsets), _motion(drive, signal)
-    if mismatches is None or motion is None:
+    signal, motion = found
+    mismatches = _mismatches(drive, geometry, signal, offsets)
+    if mismatches is None:
         return None
     best = int(np.argmin(mismatches))
     usual = mismatches[np.abs(offsets) <= CLOCK_OFFSET_MAX_S].min()
@@ -81,23 +80,19 @@ def _ways(drive: RecordedDrive, geometry: Geometry) -> tuple[Floats, Floats]:
     return rolled.mean(axis=1), np.concatenate(([0.0], np.cumsum(ahead)))
 
 
-def _clearest_signal(drive: RecordedDrive, geometry: Geometry) -> Signal | None:
-    """The headings where the robot turns, or else its ways; None where it hardly moves.
+def _clearest_signal(drive: RecordedDrive) -> tuple[Signal, float] | None:
+    """The headings where the robot turns, or else its ways, with their standard deviation around
+    their moving mean; None where it hardly moves, and for too few poses.
 
     Half a count by which the counts are late on average delays the ways more than the headings.
     """
-    for signal, motion_min in ((_headings, TURNS_SD_MIN_RAD), (_ways, WAYS_SD_MIN_M)):
-        motion = _motion(drive, signal)
-        if motion is not None and motion >= motion_min:
-            return signal
-    return None
-
-
-def _motion(drive: RecordedDrive, signal: Signal) -> float | None:
-    """Standard deviation of a true signal around its moving mean; None for too few poses."""
     standing = replace(drive, turns=np.zeros_like(drive.turns))
-    motion = _mismatches(standing, Geometry(1.0, 1.0, 1.0), signal, np.zeros(1))
-    return None if motion is None else float(motion[0])
+    any_geometry = Geometry(1.0, 1.0, 1.0)  # the wheels of that drive stand
+    for signal, motion_min in ((_headings, TURNS_SD_MIN_RAD), (_ways, WAYS_SD_MIN_M)):
+        motion = _mismatches(standing, any_geometry, signal, np.zeros(1))
+        if motion is not None and motion[0] >= motion_min:
+            return signal, float(motion[0])
+    return None
 
 
 def _mismatches(

@@ -9,6 +9,7 @@ import subprocess
 from pathlib import Path
 from typing import NamedTuple
 
+from diffbotctl import user_folders
 from diffbotctl.config.board_pins import BOARDS
 from diffbotctl.config.lookup import folder
 from diffbotctl.errors import Problem, RunError
@@ -149,6 +150,4 @@ def bootloader(board: BoardCode = BoardCode.MEGA2560) -> Path:
 
 def cache() -> Path:
     """Folder of the compiled emulator."""
-    named = os.environ.get("XDG_CACHE_HOME")
-    base = Path(named) if named and Path(named).is_absolute() else Path.home() / ".cache"
-    return base / "diffbotctl"
+    return user_folders.cache_folder()

@@ -15,9 +15,12 @@ from typing import NamedTuple
 
 from diffbotctl.estimation.edge_residual import (
     GAIN_SD,
+    LOAD_PROBABILITY,
     MotorHypothesis,
     Residual,
     density,
+    fault_likelihoods,
+    loaded_likelihood,
     of_classes,
     residual,
 )
@@ -35,9 +38,8 @@ EXPLAINED_MIN = 8.0  # edges, before the step and after it
 STEP_LOG_MIN = 0.3  # of the difference between both wheels, or of both; less is no reason to look
 STEP_SD = 0.08  # of the logarithm of a ratio that has not changed
 LEVEL_SD = 0.08  # of what both wheels share: the battery
-# A load that begins to act, or ceases to: its probability, and the standard deviation of the
-# logarithm of the ratio, on one of the wheels; of what both share and what each has of its own.
-LOAD_PROBABILITY, LOAD_SD = 0.1, 0.35
+# A load that begins to act on both wheels, or ceases to: its probability, and standard deviations
+# of the logarithm of the ratio, of what both share and what each has of its own.
 FLOOR_PROBABILITY, FLOOR_SD, FLOOR_OWN_SD = 0.1, 0.5, 0.15
 HEALTHY = 1.0 - LOAD_PROBABILITY - FLOOR_PROBABILITY - sum(SHIFT_PRIORS)
 
@@ -96,7 +98,7 @@ def step_probabilities(
     if not all((*old, *new)):
         return FaultProbabilities()
     healthy, faults = 0.0, [0.0] * len(SHIFTS)
-    load, floor, gain = LOAD_SD * LOAD_SD, FLOOR_OWN_SD * FLOOR_OWN_SD, GAIN_SD * GAIN_SD
+    floor, gain = FLOOR_OWN_SD * FLOOR_OWN_SD, GAIN_SD * GAIN_SD
     for motor in motors:
         (was_left, was_right), (is_left, is_right) = (
             [residual(ratios, motor.curve, motor.load) for ratios in when] for when in (old, new)
@@ -105,14 +107,11 @@ def step_probabilities(
         a, b = _change(was_left, is_left), _change(was_right, is_right)
         healthy += weight * (
             HEALTHY * density(a, b, LEVEL_SD)
-            + 0.5 * LOAD_PROBABILITY * density(a.moved(0.0, load), b, LEVEL_SD)
-            + 0.5 * LOAD_PROBABILITY * density(a, b.moved(0.0, load), LEVEL_SD)
+            + loaded_likelihood(a, b, LEVEL_SD)
             + FLOOR_PROBABILITY * density(a.moved(0.0, floor), b.moved(0.0, floor), FLOOR_SD)
         )
-        for index, (left_shift, right_shift) in enumerate(SHIFTS):
-            if not is_even or left_shift == right_shift:
-                shifted = density(a.moved(left_shift), b.moved(right_shift), LEVEL_SD)
-                faults[index] += weight * SHIFT_PRIORS[index] * shifted
+        for index, likelihood in enumerate(fault_likelihoods(a, b, is_even, LEVEL_SD)):
+            faults[index] += weight * likelihood
     return normalized(faults, healthy)
 
 

@@ -13,7 +13,7 @@ from math import exp, log, sqrt
 from typing import NamedTuple
 
 from diffbotctl.estimation.explained_edges import EdgeRatio
-from diffbotctl.estimation.lost_edges import LEVEL_SD
+from diffbotctl.estimation.lost_edges import LEVEL_SD, SHIFT_PRIORS, SHIFTS
 
 # Error of the typical curve from duty to speed, in edges that friction takes, with probabilities:
 # 0 is a linear motor with its dead band. Motors that are quick to coast between two pulses take
@@ -33,6 +33,9 @@ GAIN_SD, FRICTION_SD, CURVE_SD, LAG_SD = 0.07, 0.4, 0.2, 0.2
 CLASS_SD, ROUNDING_SD = 0.04, 0.6
 # The same where the times of the edges, which the loop of the board had, are not known.
 MIRROR_SD = 0.45
+# A load that one of the wheels has of its own: its probability, and the standard deviation of the
+# logarithm of the ratio by it.
+LOAD_PROBABILITY, LOAD_SD = 0.1, 0.35
 CLASS_EDGES_MIN = 3.0  # explained; a class with less shows nothing
 
 
@@ -129,3 +132,23 @@ def density(left: Residual, right: Residual, level_sd: float = LEVEL_SD) -> floa
     square = yy * x * x - 2.0 * level * x * y + xx * y * y
     classes = left.likelihood * right.likelihood
     return classes * exp(-0.5 * square / determinant) / sqrt(determinant)
+
+
+def loaded_likelihood(left: Residual, right: Residual, level_sd: float = LEVEL_SD) -> float:
+    """Of working encoders and a load on one of the wheels, with its probability."""
+    variance = LOAD_SD * LOAD_SD
+    on_left = density(left.moved(0.0, variance), right, level_sd)
+    on_right = density(left, right.moved(0.0, variance), level_sd)
+    return 0.5 * LOAD_PROBABILITY * (on_left + on_right)
+
+
+def fault_likelihoods(
+    left: Residual, right: Residual, is_even: bool, level_sd: float = LEVEL_SD
+) -> list[float]:
+    """Of each of SHIFTS, with its probability. `is_even`: none of one encoder alone."""
+    return [
+        prior * density(left.moved(left_shift), right.moved(right_shift), level_sd)
+        if not is_even or left_shift == right_shift
+        else 0.0
+        for prior, (left_shift, right_shift) in zip(SHIFT_PRIORS, SHIFTS, strict=True)
+    ]

@@ -206,20 +206,10 @@ class ExplainedEdges:
         self.is_standing = True  # no edge since it was at rest
 
     @property
-    def ratios(self) -> list[EdgeRatio]:
-        """The sums of each class of duties."""
-        return [sums.ratio(self.weight) for sums in self.sums]
-
-    @property
     def state(self) -> EdgeState:
         """What a later state is compared with."""
-        ratios = self.ratios
+        ratios = [sums.ratio(self.weight) for sums in self.sums]
         return EdgeState(self.driven, ratios, whole(ratios))
-
-    @property
-    def ratio(self) -> EdgeRatio:
-        """The sums of all classes."""
-        return whole(self.ratios)
 
     def update(
         self,

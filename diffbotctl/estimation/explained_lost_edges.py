@@ -16,11 +16,14 @@ from collections.abc import Sequence
 from diffbotctl.estimation.edge_ratio_steps import EdgeRatioSteps
 from diffbotctl.estimation.edge_residual import (
     GAIN_SD,
+    LOAD_PROBABILITY,
     MEASURED_MOTORS,
     MOTORS,
     EdgeLogRatio,
     MotorHypothesis,
     density,
+    fault_likelihoods,
+    loaded_likelihood,
     of_classes,
     residual,
 )
@@ -46,11 +49,8 @@ LEVEL_LOG_MIN = 0.3  # by which both are low; less is no reason for a doubt abou
 # Edges that must be explained: two or three frames of a fine encoder.
 EXPLAINED_MIN = 20.0
 EVEN_MIN = 5.0  # the same for sums that are even: gains of few edges are known even less
-# A load on one of the wheels: its probability, and its standard deviation.
-LOAD_PROBABILITY, LOAD_SD = 0.1, 0.35
 # None of these, with OTHER_PROBABILITY: mean and standard deviation of what both logarithms share,
-# and standard deviations of what each has of its own,
-# and each class of duties.
+# and standard deviations of what each has of its own, and each class of duties.
 OTHER_MEAN, OTHER_LEVEL_SD, OTHER_SD, OTHER_CLASS_SD = -0.4, 0.8, 0.4, 0.2
 HEALTHY = 1.0 - LOAD_PROBABILITY - OTHER_PROBABILITY - sum(SHIFT_PRIORS)
 
@@ -130,17 +130,10 @@ def ratio_probabilities(
         OTHER_LEVEL_SD,
     )
     faults = [0.0] * len(SHIFTS)
-    variance, gain = LOAD_SD * LOAD_SD, GAIN_SD * GAIN_SD
+    gain = GAIN_SD * GAIN_SD
     for curve, load, weight in motors:
         a, b = (residual(wheel, curve, load).moved(0.0, gain) for wheel in (left, right))
-        healthy += weight * (
-            HEALTHY * density(a, b)
-            + 0.5 * LOAD_PROBABILITY * density(a.moved(0.0, variance), b)
-            + 0.5 * LOAD_PROBABILITY * density(a, b.moved(0.0, variance))
-        )
-        for index, (left_shift, right_shift) in enumerate(SHIFTS):
-            if is_even and left_shift != right_shift:
-                continue
-            shifted = density(a.moved(left_shift), b.moved(right_shift))
-            faults[index] += weight * SHIFT_PRIORS[index] * shifted
+        healthy += weight * (HEALTHY * density(a, b) + loaded_likelihood(a, b))
+        for index, likelihood in enumerate(fault_likelihoods(a, b, is_even)):
+            faults[index] += weight * likelihood
     return normalized(faults, healthy)

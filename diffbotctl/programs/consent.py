@@ -13,6 +13,7 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
+from diffbotctl import user_folders
 from diffbotctl.config.configuration import Configuration, ProgramUse
 
 KEPT_MAX = 1000  # consents in the file; older ones are asked for again
@@ -20,9 +21,7 @@ KEPT_MAX = 1000  # consents in the file; older ones are asked for again
 
 def consent_file() -> Path:
     """The file with the consents of this user."""
-    state = os.environ.get("XDG_STATE_HOME")
-    base = Path(state) if state and Path(state).is_absolute() else Path.home() / ".local" / "state"
-    return base / "diffbotctl" / "allowed_programs.json"
+    return user_folders.state_folder() / "allowed_programs.json"
 
 
 def program_files(use: ProgramUse) -> list[Path]:

@@ -20,6 +20,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
+from diffbotctl import user_folders
 from diffbotctl.processes.child_process import close_inherited_files, fork, report, split_frames
 from diffbotctl.recording.black_box import EngineState, StopEvent
 from diffbotctl.recording.writer import RecordingHeader, RecordingWriter
@@ -47,9 +48,7 @@ class RunMetadata(NamedTuple):
 
 def black_box_folder() -> Path:
     """The folder of this user's black box files."""
-    state = os.environ.get("XDG_STATE_HOME")
-    base = Path(state) if state and Path(state).is_absolute() else Path.home() / ".local" / "state"
-    return base / "diffbotctl" / "flights"
+    return user_folders.state_folder() / "flights"
 
 
 def write_black_box(run: RunMetadata, number: int, ring: InputRing, summary: dict[str, str]) -> str:

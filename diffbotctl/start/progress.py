@@ -7,6 +7,7 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
+from diffbotctl import user_folders
 from diffbotctl.config.yaml_reader import open_regular
 from diffbotctl.errors import Problem, RunError
 
@@ -59,9 +60,7 @@ class GuideProgress:
 
 def state_path() -> Path:
     """The file below the user's state folder."""
-    state = os.environ.get("XDG_STATE_HOME")
-    base = Path(state) if state and Path(state).is_absolute() else Path.home() / ".local" / "state"
-    return base / "diffbotctl" / "start.json"
+    return user_folders.state_folder() / "start.json"
 
 
 def _read(path: Path) -> dict[str, object]:

@@ -15,6 +15,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
+from diffbotctl import user_folders
 from diffbotctl.errors import Problem, RunError
 
 VALIDITY = timedelta(days=800)  # iOS accepts at most 825 days of a certificate that a person trusts
@@ -31,9 +32,7 @@ class ServerCertificate(NamedTuple):
 
 def state_folder() -> Path:
     """The folder of the certificate."""
-    state = os.environ.get("XDG_STATE_HOME")
-    base = Path(state) if state and Path(state).is_absolute() else Path.home() / ".local" / "state"
-    return base / "diffbotctl" / "web"
+    return user_folders.state_folder() / "web"
 
 
 def load_certificate(folder: Path, addresses: list[str], now: datetime) -> ServerCertificate:

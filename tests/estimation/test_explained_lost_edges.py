@@ -119,10 +119,10 @@ def test_the_explained_edges_of_a_constant_duty_are_those_of_its_settled_speed()
     explained.restart(0, 0)
     for frame in range(1, 101):
         explained.update(frame * FRAME, 6 * frame, None, [(0, 0.55)], True)
-    first = explained.ratio
+    first = explained.state.whole
     for frame in range(101, 103):
         explained.update(frame * FRAME, 6 * frame, None, [(0, 0.55)], True)
-    second = explained.ratio
+    second = explained.state.whole
     forgotten = (1.0 - 0.008) * first.explained  # two frames of a memory of 5 s
     assert second.explained - forgotten == pytest.approx(2 * 0.02 * 318.3, rel=1e-3)
     assert second.counted - (1.0 - 0.008) * first.counted == pytest.approx(12.0, rel=1e-3)
@@ -156,11 +156,11 @@ def test_the_loop_of_a_board_is_less_certain_where_few_edges_come_without_times(
     explained = ExplainedEdges(side())
     for frame in range(1, 51):
         explained.update(frame * FRAME, edges * frame, None, [(0, 5.0)], False)
-    assert explained.ratio.untimed == pytest.approx(share * explained.ratio.explained)
+    assert explained.state.whole.untimed == pytest.approx(share * explained.state.whole.explained)
     timed = ExplainedEdges(side())
     for frame in range(1, 51):
         timed.update(frame * FRAME, 3 * frame, frame * FRAME - 1_000_000, [(0, 5.0)], False)
-    assert timed.ratio.explained > 0.0 and timed.ratio.untimed == 0.0
+    assert timed.state.whole.explained > 0.0 and timed.state.whole.untimed == 0.0
 
 
 def test_a_standing_wheel_explains_one_edge_until_its_first_one():
@@ -168,7 +168,7 @@ def test_a_standing_wheel_explains_one_edge_until_its_first_one():
     explained = ExplainedEdges(side())
     for frame in range(1, 51):
         explained.update(frame * FRAME, 0, None, [(0, 0.3)], True)
-    assert explained.ratio.explained <= 1.0
+    assert explained.state.whole.explained <= 1.0
 
 
 def test_friction_stops_a_motor_with_open_windings():
@@ -186,7 +186,7 @@ def test_frames_without_a_command_or_near_friction_do_not_count():
     assert not explained.update(FRAME, 5, None, [(0, 0.0)], True)
     assert not explained.update(2 * FRAME, 10, None, [(0, 0.11)], True)
     assert not explained.update(2 * FRAME + 130_000_000, 15, None, [(0, 0.5)], True)  # too long
-    assert explained.ratio == EdgeRatio(0.0, 0.0, 0.0, 0.0, 0.0)
+    assert explained.state.whole == EdgeRatio(0.0, 0.0, 0.0, 0.0, 0.0)
     explained.restart(2 * FRAME, 10)
     assert explained.update(3 * FRAME, 15, None, [(0, 0.5)], True)
 

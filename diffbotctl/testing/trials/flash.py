@@ -168,5 +168,5 @@ def _row(what: str, figures: FlashFigures, target: float) -> Row:
     answers = "answers" if figures.answers else "SILENT"
     result = f"{same}, dirty {figures.dirty}, {answers}"
     shown = f"{figures.seconds:.2f} s, {figures.bootloader}, {result}"
-    expected = f"<= {target:.3g} s, equal, dirty 0, answers"
+    expected = f"<= {target:g} s, equal, dirty 0, answers"
     return Row(what, shown, expected, is_right and figures.seconds <= target)

@@ -1,0 +1,27 @@
+"""Folders for the files of the program that belong to one user (XDG base directory specification).
+
+A variable that is no absolute path is ignored, as the specification says.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+NAME = "diffbotctl"
+
+
+def state_folder() -> Path:
+    """What lasts from run to run, and is no setting."""
+    return _named("XDG_STATE_HOME", ".local/state")
+
+
+def cache_folder() -> Path:
+    """What can be made again."""
+    return _named("XDG_CACHE_HOME", ".cache")
+
+
+def _named(variable: str, below_home: str) -> Path:
+    named = os.environ.get(variable)
+    base = Path(named) if named and Path(named).is_absolute() else Path.home() / below_home
+    return base / NAME
