@@ -248,6 +248,7 @@ class OdometryBlock(Block):
             self.command_jitter,
             self.edge_times,
             zero_is_forward=self.protocol == "rosserial",
+            takes_duties=self.protocol == "rosserial",
         )
         return (
             self._wheel_kind(self.left_side)(self.left_side, time, encoders.left, timing),

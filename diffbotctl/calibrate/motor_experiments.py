@@ -24,7 +24,8 @@ MEASURING_TIME_S = 2.5  # more than a turn of usual motors
 # ripple of the gears cancel over whole turns only, and at the lowest level they decide friction.
 MEASURING_TIME_MAX_S = 8.0
 BREAKAWAY_DUTY_MIN, BREAKAWAY_DUTY_MAX = 0.02, 0.30  # the board detects a stall above the maximum
-BISECTIONS = 6  # to 0.005 of duty
+BISECTIONS = 6
+BREAKAWAY_RESOLUTION = (BREAKAWAY_DUTY_MAX - BREAKAWAY_DUTY_MIN) / 2**BISECTIONS
 BREAKAWAY_TIME_S = 2.0  # a wheel that starts reaches a slot in this time
 CREEP_SPEED_M_S = 0.03
 CREEP_TIME_S = 5.0  # the wheels must have settled in the second half

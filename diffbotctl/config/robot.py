@@ -275,6 +275,15 @@ class MotorSection(Section):
         maximum=0.75,
         help="Duty at which friction just stops a turning wheel; none: as loop.static.",
     )
+    breakaway = Param(
+        float,
+        unit="1",
+        none=True,
+        default=None,
+        minimum=0.0,
+        maximum=1.0,
+        help="Duty at which a standing wheel begins to turn; none: unknown.",
+    )
     loop = Param(SpeedLoopSection, default=SpeedLoopSection(), help="Speed loop of the wheel.")
     bridge_share = 0.0
     """share of the full battery's voltage that the driver's transistors take from a shorted motor;

@@ -133,6 +133,11 @@ class EdgeHypothesis:
         """Hypotheses with equal keys describe the same history."""
         return self.last_edge, self.motion.is_dry, self.motion.kind
 
+    def moves_as(self, other: EdgeHypothesis) -> bool:
+        """Whether both passed the last edge in the same direction, and neither or both reverse."""
+        same = self.edge_direction == other.edge_direction
+        return same and self.is_reversed == other.is_reversed
+
     def copy(self) -> EdgeHypothesis:
         """An independent copy, for a split."""
         return replace(self, motion=self.motion.copy(), travels=self.travels.copy())
@@ -200,7 +205,7 @@ class EdgeHypothesis:
             self._end_frame(time, changes)
             return self._update_bounds(abs(motion.speed) > motion.priors.creep, False)
         if motion.speed == 0.0 and frame.drive * self.edge_direction > 0.0:
-            motion.release(abs(frame.drive), (time - begin) * 1e-9)
+            motion.release(frame.drive, frame.duty, (time - begin) * 1e-9)
         window = 0.0 if has_edge else abs(motion.speed) * (time - begin) * 1e-9
         branches = []
         for hypothesis in self._pass_edges(steps, window):

@@ -160,15 +160,15 @@ class WheelFilter:
         aligned = alignment.aligned(unaligned)
         if aligned is None:
             return
-        agreeing = [
-            hypothesis
-            for hypothesis in self.hypotheses
-            if hypothesis.last_edge == aligned.last_edge
-        ]
+        # Those that count other edges until there see the same slot: the pattern does not tell
+        # which of two edges was passed first after a reversal.
+        agreeing = [each for each in self.hypotheses if each.moves_as(aligned)]
         if not agreeing:
             return
-        assert isinstance(aligned.motion.disc, KnownSlotErrors)
+        disc = aligned.motion.disc
+        assert isinstance(disc, KnownSlotErrors)
         for hypothesis in agreeing:
-            hypothesis.motion.set_known_slots(aligned.motion.disc)
+            later = hypothesis.edge_slot - aligned.edge_slot
+            hypothesis.motion.set_known_slots(KnownSlotErrors(disc.edges, disc.first_slot - later))
         self.hypotheses = agreeing
         self.alignment = None

@@ -26,7 +26,7 @@ from __future__ import annotations
 
 from copy import copy
 from enum import IntEnum
-from math import exp, inf, log, sqrt
+from math import copysign, exp, inf, log, sqrt
 from typing import NamedTuple
 
 from diffbotctl.estimation.likelihood import (
@@ -61,6 +61,12 @@ LOG_LAG_MIN, LOG_LAG_MAX = log(0.001), log(2.0)  # of lags that a robot file may
 # sudden change, which may have been one of the gain or of the encoder.
 UNUSUAL_OFFSET_SDS = 2.0
 RELEASED_RATIO = 0.5  # of the drive's speed, of a wheel that friction was taken to hold
+# Ratio of the duty at which a wheel begins to turn to the measured one: it differs with the place
+# of the gear's teeth and with the load.
+BREAKAWAY_MIN, BREAKAWAY_MAX = 0.95, 1.05
+# Mean acceleration since the first moment at which a wheel may have begun to turn, over that at the
+# last one: the duty has risen meanwhile.
+STARTING_RATIO = 0.5
 ELAPSED_MIN = 0.005  # s; a motion does not change faster
 WITHIN_RATIO = 1.0  # taken for z within its bounds, which says little of the noise
 # Free-wheeling motors: friction that grows with the speed, in stall torques at the no-load speed,
@@ -126,6 +132,7 @@ class WheelKalman:
         "driven_noise",
         "elapsed",
         "gain",
+        "held_time",
         "is_driven",
         "is_dry",
         "is_free_wheeling",
@@ -158,6 +165,7 @@ class WheelKalman:
         self.coasting_noise = max(self.coasting_noise, self._coasting_noise_min)
         self.is_driven = True  # in the last prediction
         self.elapsed = 0.0  # s, since the last measurement
+        self.held_time = 0.0  # s, in which it may have begun to turn
         self.disc: Slots = SlotErrors(
             slots, priors.slot, priors.open_share, priors.open_share_error
         )
@@ -298,10 +306,13 @@ class WheelKalman:
         sign = (drive > 0.0) - (drive < 0.0)
         if self.gain * drive * sign + self.offset <= 0.0:  # friction never drives the wheel
             drive, sign = 0.0, 0
+        if self.speed == 0.0:
+            if self._is_held(span, drive, abs(duty)):
+                self.elapsed += span
+                return
+            if self.held_time:
+                self._start(drive, abs(duty))
         speed = self.speed
-        if speed == 0.0 and not drive:
-            self.elapsed += span
-            return
         if not duty and self.priors.shorted_speed and self.is_free_wheeling:
             span -= self._brake_shorted(span)
             if span <= 0.0:
@@ -316,6 +327,44 @@ class WheelKalman:
         self._move(span, drive, sign, response, is_driven=drive != 0.0)
         if not drive and abs(self.speed) < self.priors.creep:
             self._stop(response[0])
+
+    def _is_held(self, span: float, drive: float, duty: float) -> bool:
+        """Whether friction holds a standing wheel for the next `span` seconds."""
+        if not drive:
+            self.held_time = 0.0
+            return True
+        breakaway = self.priors.breakaway
+        if breakaway is None:
+            return False
+        ratio = duty * self.gain / breakaway if breakaway else BREAKAWAY_MAX
+        if ratio < BREAKAWAY_MIN:
+            self.held_time = 0.0
+            return True
+        if ratio < BREAKAWAY_MAX:
+            self.held_time += span
+            return True
+        return False
+
+    def _start(self, drive: float, duty: float) -> None:
+        """Let a wheel turn that has begun to at any time within `held_time`, with a constant
+        acceleration a.
+
+        With the time t since then uniform in 0 to T, its speed a t and its travel a t**2 / 2 have
+        the means a T / 2 and a T**2 / 6, the variances (a T)**2 / 12 and (a T**2)**2 / 45, and the
+        covariance a**2 T**3 / 24.
+        """
+        time, self.held_time = self.held_time, 0.0
+        lag, factor = self._response(duty)
+        direction = 1 if drive > 0.0 else -1
+        driving = max(self.gain * abs(drive) + self.offset, 0.0)
+        change = direction * STARTING_RATIO * factor * driving / lag * time
+        self.speed = 0.5 * change
+        self.z += change * time / 6.0
+        covariance = list(self.covariance)
+        covariance[Z_Z] += (change * time) ** 2 / 45.0
+        covariance[Z_SPEED] += change * change * time / 24.0
+        covariance[DIAGONAL[1]] += change * change / 12.0
+        self.covariance = tuple(covariance)
 
     def _response(self, duty: float) -> tuple[float, float]:
         """Lag (s) at a duty, and factor of the speed at which the motor settles."""
@@ -501,11 +550,15 @@ class WheelKalman:
             ff,
         )
 
-    def release(self, drive: float, elapsed: float) -> None:
-        """Let a wheel turn that was taken for standing under `drive` (pitches/s, positive) and has
-        passed an edge within `elapsed` seconds: the drive exceeds its friction."""
-        settled = self.gain * drive + self.offset
-        rise = max(RELEASED_RATIO * self.gain * drive - settled, 0.0)
+    def release(self, drive: float, duty: float, elapsed: float) -> None:
+        """Let a wheel turn that was taken for standing under `drive` (pitches/s) at a `duty` and
+        has passed an edge within `elapsed` seconds: the drive exceeds its friction."""
+        if self.held_time:
+            self._start(drive, abs(duty))
+        if self.priors.breakaway is not None and self.speed == 0.0:
+            self.speed = copysign(self.priors.creep, drive)  # a wheel that turns is not held
+        settled = self.gain * abs(drive) + self.offset
+        rise = max(RELEASED_RATIO * self.gain * abs(drive) - settled, 0.0)
         self.offset += rise
         elapsed = max(elapsed, ELAPSED_MIN)  # frames that have queued up have one time
         covariance = list(self.covariance)

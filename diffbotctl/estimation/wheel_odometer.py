@@ -45,6 +45,7 @@ class WheelOdometer:
             lag=motor.lag,
             friction=friction,
             dead_band=self.static,
+            breakaway=motor.breakaway if timing.has_duties else None,
             brakes=brakes,
             shorted_speed=motor.bridge_share * no_load_speed(motor.rated + friction)
             if brakes

@@ -11,12 +11,14 @@ from diffbotctl.control.speed_loop import MotorSettings
 
 class MotorConfig(MotorSettings, Protocol):
     """The motor section of a side; `lag` in s, `idle` coast or brake, `decay` slow, fast or None,
-    `friction` a duty or None, `bridge_share` a share of the full battery's voltage."""
+    `friction` and `breakaway` duties or None, `bridge_share` a share of the full battery's
+    voltage."""
 
     lag: float
     idle: str
     decay: str | None
     friction: float | None
+    breakaway: float | None
     bridge_share: float
 
 
@@ -47,13 +49,19 @@ class SideConfig(Protocol):
 
 class LinkTiming(NamedTuple):
     """Accuracy of the times: standard deviations (s) of a frame's time and of the time at which a
-    command takes effect, whether the board reports edge times, and whether it counts forward at a
-    command of zero."""
+    command takes effect, whether the board reports edge times, whether it counts forward at a
+    command of zero, and whether it takes duties."""
 
     frame_time: float
     command_time: float
     has_edge_times: bool
     zero_is_forward: bool = False
+    takes_duties: bool = False
+
+    @property
+    def has_duties(self) -> bool:
+        """Whether each duty is known: that of a board's own loop only by the times of the edges."""
+        return self.has_edge_times or self.takes_duties
 
 
 def settled_speed(duty: float, static: float, rated: float) -> float:

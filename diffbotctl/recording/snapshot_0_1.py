@@ -192,6 +192,7 @@ ADDED: dict[str, dict[str, Any]] = {
         "driven_noise": 1.0,
         "coasting_noise": 1.0,
         "elapsed": 0.0,
+        "held_time": 0.0,
     },
     "TurtleCanvas": {"placements": ()},
     "PoseFilter": {"geometry": (), "unit_effects": NO_EFFECTS},

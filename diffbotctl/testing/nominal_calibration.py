@@ -11,7 +11,11 @@ import numpy as np
 
 from diffbotctl.calibrate.dead_reckoning import EndError, Geometry
 from diffbotctl.calibrate.motor_curve import fit_curves
-from diffbotctl.calibrate.motor_experiments import DIRECTIONS, DUTY_LEVELS
+from diffbotctl.calibrate.motor_experiments import (
+    BREAKAWAY_RESOLUTION,
+    DIRECTIONS,
+    DUTY_LEVELS,
+)
 from diffbotctl.calibrate.motor_fit import SPEED_POINTS_MIN, LagFit, fit_line
 from diffbotctl.calibrate.slip_fit import POSITION_SD, SlipFit, fit_slip, square_covariance
 from diffbotctl.calibrate.steps.motors import MotorFit, motor_findings
@@ -112,7 +116,10 @@ def _motors(plant: SimulatedRobot, rng: Random) -> dict[str, MotorFit]:
         rows = points[side] if len(points[side]) >= SPEED_POINTS_MIN else WEAK_MOTOR
         line = fit_line(rows)
         lines = dict.fromkeys(DIRECTIONS, line)
-        start = dict.fromkeys(DIRECTIONS, plant.motors[number].start)
+        duty = plant.motors[number].start
+        # Its draw does not advance `rng`: the other errors stay as they are without it.
+        duty += BREAKAWAY_RESOLUTION * Random(f"breakaway {duty}").uniform(-0.5, 0.5)
+        start = dict.fromkeys(DIRECTIONS, duty)
         motors[side] = MotorFit(start, lines, line, fitted_lag, curves.get(side) or line.curve())
     return motors
 

@@ -1,12 +1,17 @@
 """A measured disc is identified after power-on; another disc is rejected."""
 
-from math import pi
+from math import exp, pi
 from random import Random
 from statistics import fmean
 
 import pytest
 
 from diffbotctl.config.load import load
+from diffbotctl.estimation.edge_hypothesis import WheelFrame
+from diffbotctl.estimation.priors import Priors
+from diffbotctl.estimation.slot_errors import EdgeErrors, SlotEstimate
+from diffbotctl.estimation.wheel_filter import WheelFilter
+from diffbotctl.estimation.wheel_side import settled_speed
 from diffbotctl.messages import Wheels
 from diffbotctl.plant.robot_parameters import plant_parameters
 from diffbotctl.plant.simulated_robot import SimulatedRobot
@@ -96,3 +101,56 @@ def test_another_disc_is_rejected(seed):
     odometry, _ = drive(seed, 1.0, 1.0, mirrored)
     for wheel in odometry.wheels:
         assert not any(wheel.filter.motion.disc.backward_errors)
+
+
+def test_what_was_counted_before_stays_open():
+    """Of a wheel that may have passed one edge more before, the pattern shows only which slot is
+    under the barrier now."""
+    rng = Random(4)
+    pattern = [rng.gauss(0.0, 0.04) for _ in range(SLOTS)]
+    priors = Priors(has_edge_times=True)
+    known = EdgeErrors(pattern, (), SlotEstimate(0.0, 1e-4), priors.slot)
+    wheel = WheelFilter(priors, 0, 0, SLOTS, known)
+    drive = settled_speed(1.0, 0.1, 10.0) * SLOTS / (2 * pi)  # pitches/s
+    lag, first_slot = priors.lag, 7
+    place = 0.5  # pitches, of slot 0
+    edges = []  # times (s)
+    for slot in range(1, 41):
+        target = slot + pattern[(slot + first_slot) % SLOTS]
+        low, high = 0.0, 3.0
+        while high - low > 1e-9:  # z = 0.5 + drive * (t - lag (1 - exp(-t / lag)))
+            time = 0.5 * (low + high)
+            is_late = place + drive * (time - lag * (1.0 - exp(-time / lag))) > target
+            low, high = (low, time) if is_late else (time, high)
+        edges.append(low)
+    is_doubted = False
+    for frame in range(1, 60):
+        passed = [time for time in edges if time <= frame * 0.02]
+        edge_time = round(passed[-1] * 1e9) if passed else None
+        wheel.update(WheelFrame(frame * 20 * MS, len(passed), edge_time, drive, 0, 1.0))
+        if wheel.alignment is None and passed:
+            break
+        if len(passed) == 2 and not is_doubted:
+            is_doubted = True
+            twins = [hypothesis.copy() for hypothesis in wheel.hypotheses]
+            for twin in twins:
+                twin.edge_slot += 1
+                twin.motion.z += 1.0
+            wheel.hypotheses += twins
+    assert is_doubted and wheel.alignment is None, "the rotation has not been found"
+    best = wheel.motion
+    others = [
+        each.motion for each in wheel.hypotheses if abs(each.motion.travel - best.travel) > 0.5
+    ]
+    assert others, "the other count was dropped without a reason"
+    here, there = (
+        wheel.hypotheses[0],
+        next(each for each in wheel.hypotheses if each.motion is others[0]),
+    )
+    assert abs(here.edge_slot - there.edge_slot) == 1
+    differences = [
+        here.motion.disc.errors[(here.edge_slot + ahead) % SLOTS]
+        - there.motion.disc.errors[(there.edge_slot + ahead) % SLOTS]
+        for ahead in range(SLOTS)
+    ]
+    assert fmean(each * each for each in differences) ** 0.5 < 0.015, "others differ by 0.05"

@@ -10,6 +10,8 @@ from typing import NamedTuple
 from diffbotctl.calibrate.fast_decay_lag import fit_fast_lags
 from diffbotctl.calibrate.motor_curve import MotorCurve, fit_curves, with_duty_sd
 from diffbotctl.calibrate.motor_experiments import (
+    BREAKAWAY_DUTY_MAX,
+    BREAKAWAY_RESOLUTION,
     CM,
     DIRECTIONS,
     DUTY_LEVELS,
@@ -230,6 +232,7 @@ def motor_findings(robot: Robot, motors: dict[str, MotorFit]) -> list[Finding]:
             Finding(f"{path}.loop.speed", line.slope, line.slope_sd),
             Finding(f"{path}.loop.proportional", proportional),
             Finding(f"{path}.loop.integral", integral),
+            *_breakaway_findings(path, motor.breakaway),
         ]
         if curve.decay is not None:
             findings += [
@@ -244,6 +247,16 @@ def motor_findings(robot: Robot, motors: dict[str, MotorFit]) -> list[Finding]:
     if limit < robot.limits.speed:
         findings.append(Finding("limits.speed", limit))
     return findings
+
+
+def _breakaway_findings(path: str, duties: Mapping[str, float]) -> list[Finding]:
+    """The duty at which a wheel begins to turn, the mean of both directions; none where one of them
+    lies beyond the duties that were tried."""
+    forward, backward = (duties[direction] for direction in DIRECTIONS)
+    if max(forward, backward) > BREAKAWAY_DUTY_MAX - BREAKAWAY_RESOLUTION:
+        return []
+    sd = hypot(0.5 * (forward - backward), BREAKAWAY_RESOLUTION)
+    return [Finding(f"{path}.breakaway", 0.5 * (forward + backward), sd)]
 
 
 def _delay_findings(nominal: Robot, motors: dict[str, MotorFit]) -> list[Finding]:
