@@ -24,6 +24,7 @@ from operator import mul
 from typing import NamedTuple
 
 from diffbotctl.estimation.likelihood import normal_density
+from diffbotctl.estimation.timed_fault_shares import TimedFaultShares
 
 # The first span has so many edges, as rounding hides faults in shorter ones, fewer where edges come
 # slowly, and very few where they have times. The next ones have as many frames, so that rounding is
@@ -94,6 +95,7 @@ HYPOTHESES = (
 )
 # Factor of the variance by rounding that an uneven motor explains, before a fault is told.
 UNEVEN_MAX = 2.0
+FAULTY_MIN = 0.9  # probability of faults, of a fine encoder with edge times, for them to be told
 SHARE_UNKNOWN = sqrt(FAULTY * sum(share * share * part for share, part in SHARES))
 
 
@@ -213,6 +215,9 @@ class CountFaults:
         self.sum_squares = self.sum_fourths = 0.0
         self.sum_noise = 0.0
         self.logs = [prior for _, _, prior in HYPOTHESES]
+        self.timed = (
+            TimedFaultShares(WEIGHTS, FAULTY, SHARES, SLOT_VARIANCE) if may_be_short else None
+        )
         self.share = SHARE_UNKNOWN
         """standard deviation: missed or additional edges per edge"""
         self.is_certain = False
@@ -256,7 +261,8 @@ class CountFaults:
         excess = self.sum_squares - UNEVEN_MAX * self.sum_noise
         error = sqrt(max(self.sum_fourths - self.sum_squares**2 / self.number, 0.0))
         is_enough = self.number >= DEVIATIONS_MIN
-        self.is_certain = is_enough and excess > CERTAIN_ERRORS_MIN * error
+        is_probable = self.timed is None or self.timed.probability > FAULTY_MIN
+        self.is_certain = is_enough and is_probable and excess > CERTAIN_ERRORS_MIN * error
 
     def _noise(self, edges: float, slope: float) -> float:
         """Variance without faults of five successive counts: `edges` on average, `slope` more in
@@ -273,6 +279,10 @@ class CountFaults:
         square, edges, slope = deviation
         rough = self._noise(edges, slope) + (ROUGH_CHANGE * edges) ** 2
         other = ROUGH_SHARE * normal_density(square, rough)
+        if self.timed is not None:
+            self.timed.add(square, edges, other, 1.0 / deviations_per_sample)
+            self.share = sqrt(self.timed.mean_square)
+            return
         for index, (uneven, share, _) in enumerate(HYPOTHESES):
             noise = self._noise(edges * (1.0 - share), slope) + SQUARES * (uneven * edges) ** 2
             likely = normal_density(square, noise)
