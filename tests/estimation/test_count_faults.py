@@ -147,3 +147,41 @@ def test_jolts_and_an_uneven_motor_are_no_faults_of_the_encoder(seed, has_edge_t
 @pytest.mark.parametrize("has_edge_times", [False, True])
 def test_faults_are_found_in_spite_of_jolts(seed, has_edge_times):
     assert rough(seed, 0.02, has_edge_times).share == pytest.approx(0.02, abs=0.01)
+
+
+def cogging(seed, missed, amplitude=0.12, slots=82, rate=17.0):
+    """The same of a slow wheel with edge times, whose gear cogs twelve times a turn."""
+    rng, faults = Random(seed), CountFaults(has_edge_times=True)
+    phase, counted_time = rng.random(), 0.0
+    time, place, edges, lost, all_lost, all_edges = 0.0, rng.random(), 0, 0, 0, 0
+    for step in range(60_000):  # of a millisecond
+        time += 0.001
+        turned = place / slots
+        place += rate * (1.0 + amplitude * sin(2 * pi * (12 * turned + phase))) * 0.001
+        if int(place) > edges + lost:
+            all_edges += 1
+            if rng.random() < missed:
+                lost += 1
+                all_lost += 1
+            else:
+                edges += 1
+                last = time
+        if step % 25 == 24 and edges:
+            faults.add(last - counted_time, edges, 1)
+            counted_time, edges, place, lost = last, 0, place - edges - lost, 0
+            phase += 12 * (turned - place / slots)
+    return faults, all_lost / all_edges
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_gear_that_cogs_is_no_fault_of_the_encoder(seed):
+    """By 12 %: 0.3 edges in a span of three. A fault changes a count by a whole one."""
+    faults, _ = cogging(seed, 0.0)
+    assert faults.number > 50 and faults.share < 0.01 and faults.text == ""
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_missed_edges_are_found_in_spite_of_a_gear_that_cogs(seed):
+    faults, share = cogging(seed, 0.05, amplitude=0.06)
+    assert faults.share == pytest.approx(share, rel=0.5)
+    assert "edges are missing or counted twice" in faults.text
