@@ -73,8 +73,8 @@ def true_values(plant: SimulatedRobot) -> dict[str, float]:
     """Actual values by field path, in SI.
 
     `rated` is the speed at full duty with the full battery voltage at the motor; `friction` the
-    duty at which friction just stops a wheel that turns. So is `loop.static` where the speed is
-    linear in the duty.
+    duty at which friction just stops a wheel that turns, `breakaway` that at which one begins to.
+    `loop.static` is the former where the speed is linear in the duty.
     """
     chassis = plant.chassis
     values = {
@@ -98,6 +98,7 @@ def true_values(plant: SimulatedRobot) -> dict[str, float]:
             f"drive.{side}.motor.rated": motor.speed,
             f"drive.{side}.motor.lag": motor.lag,
             f"drive.{side}.motor.friction": motor.keep,
+            f"drive.{side}.motor.breakaway": motor.start,
             f"drive.{side}.encoder.slots": slots,
             f"drive.{side}.encoder.open_share": 1 - open_share
             if plant.parameters.falling
