@@ -186,11 +186,11 @@ class FineWheelOdometer:
 
     def _hidden_edges(self, edges: int, expected: float, span: float) -> int:
         """Edges that cancel in the board's count of a frame in which it has changed the sign."""
-        missing = expected - edges
-        if missing < HIDDEN_SDS * sqrt(self.speed_variance) * span:
-            return 0
-        pairs = int(0.5 * missing)
-        self.added_since += (0.5 * pairs) ** 2
+        missing = max(expected - edges, 0.0)
+        is_clear = missing >= HIDDEN_SDS * sqrt(self.speed_variance) * span
+        pairs = int(0.5 * missing) if is_clear else 0
+        # Without a whole pair, none of them to all.
+        self.added_since += (0.5 * pairs) ** 2 if pairs else missing * missing / 3.0
         return 2 * pairs
 
     def _predicted(self, drive: float, sign: int, span: float) -> tuple[float, float]:
@@ -246,11 +246,13 @@ class FineWheelOdometer:
         """The same while the drive is against the last direction."""
         self.rolled_for += span
         old = self.direction
+        rolls_on = predicted * old > 0.0 and self.rolled_for < LAG_FACTOR * self.lag
         if edges == 0:
-            self._turn()
+            if not (self.is_mixed and rolls_on):  # else edges of both signs may have cancelled
+                self._turn()
             return 0.0
         if edges < FEW_EDGES:
-            if predicted * old > 0.0 and self.rolled_for < LAG_FACTOR * self.lag:
+            if rolls_on:
                 return float(old * edges)
             self._turn()
             self.added_since += edges * edges

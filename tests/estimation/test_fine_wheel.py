@@ -125,3 +125,24 @@ def test_a_wheel_that_friction_holds_does_not_jump_when_its_drive_reverses():
         odometer.update(frame * FRAME, 1, None, command, is_duty=False, command_since=0)
         assert abs(odometer.position + odometer.beyond - before) < 0.65
         assert 0.0 <= odometer.beyond <= 1.0
+
+
+@pytest.mark.parametrize("counted", [0, 2])
+def test_a_frame_whose_edges_cancel_does_not_turn_a_wheel_that_rolls(counted):
+    """At 80 pitches/s it passes 1.6 edges in the frame in which the sign changes, one before it and
+    one after, and two more until it stops. A wheel that had turned would be four edges away."""
+    odometer = FineWheelOdometer(SIDE, 0, 0, LinkTiming(0.0, 0.0, has_edge_times=False))
+    command, time, count = 80.0 / odometer.pitches_per_rad, 0, 0
+    for frame in range(1, 31):
+        time = frame * FRAME
+        count = int(80.0 * time * 1e-9)
+        odometer.update(time, count, None, command, False, time - FRAME)
+    odometer.report()
+    before = odometer.reversal_variance
+    odometer.update(time + FRAME, count, None, -0.1 * command, False, time + FRAME // 2)
+    odometer.update(time + 2 * FRAME, count - counted, None, -0.1 * command, False, time)
+    odometer.report()
+    assert odometer.reversals == (0 if counted else 1)
+    assert odometer.position - count == counted
+    # Of the two edges that have cancelled, none to both.
+    assert odometer.reversal_variance - before > 0.5
