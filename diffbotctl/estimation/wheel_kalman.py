@@ -484,7 +484,7 @@ class WheelKalman:
     def _stop(self, time: float) -> None:
         """Friction stops the wheel; the distance until then is as uncertain as the speed was, over
         `time` seconds."""
-        self.speed = 0.0
+        self.speed = self.held_time = 0.0
         covariance = list(self.covariance)
         covariance[Z_Z] += self.speed_variance * time * time
         for entry in SPEED_ENTRIES:
