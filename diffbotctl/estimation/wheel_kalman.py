@@ -26,7 +26,7 @@ from __future__ import annotations
 
 from copy import copy
 from enum import IntEnum
-from math import copysign, exp, inf, log, sqrt
+from math import exp, inf, log, sqrt
 from typing import NamedTuple
 
 from diffbotctl.estimation.likelihood import (
@@ -555,8 +555,8 @@ class WheelKalman:
         has passed an edge within `elapsed` seconds: the drive exceeds its friction."""
         if self.held_time:
             self._start(drive, abs(duty))
-        if self.priors.breakaway is not None and self.speed == 0.0:
-            self.speed = copysign(self.priors.creep, drive)  # a wheel that turns is not held
+        elif self.priors.breakaway is not None:  # its friction is not the measured one
+            self.priors = self.priors._replace(breakaway=None)
         settled = self.gain * abs(drive) + self.offset
         rise = max(RELEASED_RATIO * self.gain * abs(drive) - settled, 0.0)
         self.offset += rise
