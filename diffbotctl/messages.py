@@ -118,6 +118,10 @@ class Encoders(NamedTuple):
         Field("rad", "Sum of the gyro's rate since the start, uncorrected; none without a gyro."),
     ] = None
     turn_fault: Annotated[str, Field("", "Why the turn is wrong; empty when it is not.")] = ""
+    left_level: Annotated[
+        int | None, Field("", "Level of the left encoder's pin, 0 or 1; none where it is not told.")
+    ] = None
+    right_level: Annotated[int | None, Field("", "The same, right.")] = None
 
 
 class Volts(NamedTuple):

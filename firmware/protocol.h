@@ -63,7 +63,7 @@ enum { REFUSAL_NONE = 0, REFUSAL_MOVING = 1, REFUSAL_PIN_MISSING = 2, REFUSAL_PI
 enum { ITEM_UPTIME = 0, ITEM_FLAGS = 1, ITEM_BATTERY = 2, ITEM_FREE_STACK = 3, ITEM_LOOP = 4, ITEM_LEFT_REJECTED = 5, ITEM_RIGHT_REJECTED = 6, ITEM_DAMAGED = 7, ITEM_FOREIGN = 8, ITEM_DROPPED = 9 };
 enum { ACTION_LIGHT = 0, ACTION_CLEAR = 1, ACTION_CAPTURE = 2 };
 enum { BOARD_UNKNOWN = 0, BOARD_MEGA2560 = 1, BOARD_ATMEGA328P = 2, BOARD_RP2040 = 3, BOARD_ESP32 = 4 };
-enum { CAPABILITY_EDGE_TIMES = 0, CAPABILITY_CAPTURE = 1, CAPABILITY_STORMS = 2, CAPABILITY_BATTERY_STOP = 3, CAPABILITY_QUADRATURE = 4, CAPABILITY_EVERY_EDGE = 5, CAPABILITY_ENABLE_IN1_IN2 = 8, CAPABILITY_ENABLE_DIRECTION = 9, CAPABILITY_TWO_PWM = 10, CAPABILITY_STANDBY = 11, CAPABILITY_ANALOG_RANGE = 16, CAPABILITY_ECHO_RANGE = 17, CAPABILITY_SEVERAL_RANGES = 18, CAPABILITY_MPU6050 = 24, CAPABILITY_LSM6 = 25, CAPABILITY_GRAVITY = 26 };
+enum { CAPABILITY_EDGE_TIMES = 0, CAPABILITY_CAPTURE = 1, CAPABILITY_STORMS = 2, CAPABILITY_BATTERY_STOP = 3, CAPABILITY_QUADRATURE = 4, CAPABILITY_EVERY_EDGE = 5, CAPABILITY_LEVELS = 6, CAPABILITY_ENABLE_IN1_IN2 = 8, CAPABILITY_ENABLE_DIRECTION = 9, CAPABILITY_TWO_PWM = 10, CAPABILITY_STANDBY = 11, CAPABILITY_ANALOG_RANGE = 16, CAPABILITY_ECHO_RANGE = 17, CAPABILITY_SEVERAL_RANGES = 18, CAPABILITY_MPU6050 = 24, CAPABILITY_LSM6 = 25, CAPABILITY_GRAVITY = 26 };
 enum { UPWARD_UNCHECKED = 0, UPWARD_UP = 1, UPWARD_DOWN = 2 };
 enum { DRIVER_ENABLE_IN1_IN2 = 0, DRIVER_ENABLE_DIRECTION = 1, DRIVER_TWO_PWM = 2 };
 enum { EDGE_BOTH = 1, EDGE_FALLING = 2, EDGE_RISING = 3 };
@@ -181,7 +181,7 @@ typedef struct __attribute__((packed)) {
     uint8_t boot : 4; /* changes at each restart */
     uint8_t sequence : 6; /* sequence number of frames of this type */
     uint8_t dropped : 1; /* a frame was dropped since the last one */
-    uint8_t reserved : 1; /* zero */
+    uint8_t level : 1; /* of a pin: of the left encoder in frames of even sequence, else of the right one */
     uint8_t mode : 4; /* code */
     uint16_t command_age : 12; /* 128 us */
     uint16_t time; /* 64 us, low bits */
@@ -222,7 +222,7 @@ typedef struct __attribute__((packed)) {
     uint8_t boot : 4; /* changes at each restart */
     uint8_t sequence : 6; /* sequence number of frames of this type */
     uint8_t dropped : 1; /* a frame was dropped since the last one */
-    uint8_t reserved : 1; /* zero */
+    uint8_t level : 1; /* of a pin: of the left encoder in frames of even sequence, else of the right one */
     uint8_t mode : 4; /* code */
     uint16_t command_age : 12; /* 128 us */
     uint16_t time; /* 64 us, low bits */

@@ -48,10 +48,11 @@ static void send(const void *payload, uint8_t size, uint8_t backlog)
 }
 
 /* One structure for three types of frame: a counts frame is the beginning of a state frame, and that of
-   an inertial one. */
+   an inertial one, which has its turn_fault in the place of their level. */
 static void send_state(const deadman_t *deadman)
 {
     inertial_t frame = {.type = state_type, .turn_fault = gyro_faults() != 0, .turn = gyro_turn()};
+    const encoder_t *shown = sequence & 1 ? &RIGHT->encoder : &LEFT->encoder;
     uint8_t drops = (uint8_t)status[ITEM_DROPPED];
     ticks_t now;
     ATOMIC
@@ -61,6 +62,8 @@ static void send_state(const deadman_t *deadman)
         frame.right = RIGHT->encoder.count;
         frame.left_age = encoders_age(&LEFT->encoder, now);
         frame.right_age = encoders_age(&RIGHT->encoder, now);
+        if (state_type != TYPE_INERTIAL && board_read(&shown->in))
+            frame.turn_fault = true;
     }
     ticks_t age = (now - deadman->since) / COMMAND_UNIT_TICKS;
     frame.boot = reset_boot();

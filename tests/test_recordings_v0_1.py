@@ -233,6 +233,8 @@ LATER_FIELDS = {
         "skipped_left_command",
         "skipped_right_command",
         "skipped_command_time",
+        "left_level",
+        "right_level",
     ),
 }  # added after version 0.1
 

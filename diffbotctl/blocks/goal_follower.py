@@ -44,7 +44,7 @@ MISSED_RATIO = 2.5
 ALIGNED_DISTANCE_RATIO = 0.6  # of the tolerance; closer, only the heading is corrected
 STEERED_ERROR_MAX = 8 * pi / 180  # remaining turn that is steered on the way to the goal,
 STEERED_DISTANCE_MIN = 0.3  # m, if that is as far as this
-TURN_TOLERANCE_RATIO, ALIGN_TOLERANCE_RATIO = 1.5, 0.8  # of the heading tolerance
+TURN_TOLERANCE_RATIO, ALIGN_TOLERANCE_RATIO = 1.5, 0.5  # of the heading tolerance
 TIME_LIMIT_BASE, TIME_LIMIT_RATIO = 30.0, 5.0  # s, and multiple of the shortest possible time
 # Of the time limit. After it, a robot need not come nearer to the goal than its pose is known (one
 # standard deviation): more attempts would follow the error of the pose.

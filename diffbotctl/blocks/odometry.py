@@ -13,7 +13,9 @@ from diffbotctl.estimation.geometry_deviation import CalibratedValue, geometry_d
 from diffbotctl.estimation.gyro_heading import SCALE_SD, GyroHeading
 from diffbotctl.estimation.gyro_pose_filter import GyroPoseFilter
 from diffbotctl.estimation.lost_edges import BOTH_TEXTS, LostEdges
+from diffbotctl.estimation.pin_level import COUNTED_LEVELS
 from diffbotctl.estimation.pose_filter import PoseFilter
+from diffbotctl.estimation.pulse_width import PulseWidth
 from diffbotctl.estimation.slot_errors import LEARNABLE_SLOTS_MAX
 from diffbotctl.estimation.timestamp_filter import TimestampFilter
 from diffbotctl.estimation.wheel_odometer import (
@@ -93,6 +95,7 @@ class OdometryBlock(Block):
         self.wheels: tuple[Wheel, Wheel] | None = None
         sides = self.left_side, self.right_side
         self.lost_by_gains = LostEdges()
+        self.pulse_widths = PulseWidth(), PulseWidth()
         self.lost_by_edges = (
             ExplainedLostEdges(*sides) if all(side.encoder.channels for side in sides) else None
         )
@@ -193,6 +196,7 @@ class OdometryBlock(Block):
         if skipped is not None:
             left.skipped_command(encoders.skipped_left_command, is_duty, skipped)
             right.skipped_command(encoders.skipped_right_command, is_duty, skipped)
+        self._take_levels(encoders, left, right)
         left.update(time, encoders.left, encoders.left_edge, encoders.left_command, is_duty, since)
         right.update(
             time, encoders.right, encoders.right_edge, encoders.right_command, is_duty, since
@@ -212,6 +216,22 @@ class OdometryBlock(Block):
         left.report()
         right.report()
         self.pose.move(left, right)
+
+    def _take_levels(self, encoders: Encoders, left: Wheel, right: Wheel) -> None:
+        """Take the levels of the pins, of which a frame tells one at most."""
+        time = encoders.time
+        if encoders.left_level is not None or encoders.right_level is not None:
+            a = _has_counted_level(encoders.left_level, self.left_side)
+            b = _has_counted_level(encoders.right_level, self.right_side)
+            for wheel, level in ((left, a), (right, b)):
+                if level is not None and isinstance(wheel, WheelOdometer):
+                    wheel.take_level(level)
+            first, second = self.pulse_widths
+            first.update(time, encoders.left, encoders.left_edge, a)
+            second.update(time, encoders.right, encoders.right_edge, b)
+            ratios = first.lost_log_ratio, second.lost_log_ratio
+            for lost_edges in filter(None, (self.lost_by_gains, self.lost_by_edges)):
+                lost_edges.pulse_ratios = ratios
 
     def _bridge_silence(
         self, encoders: Encoders, wheels: tuple[Wheel, Wheel], is_continued: bool = False
@@ -243,6 +263,8 @@ class OdometryBlock(Block):
         time = encoders.time
         if self.lost_by_edges is not None:
             self.lost_by_edges.restart(encoders)
+        for width in self.pulse_widths:
+            width.restart()
         timing = LinkTiming(
             RESIDUAL_JITTER_RATIO * self.stamp_jitter,
             self.command_jitter,
@@ -269,6 +291,14 @@ class OdometryBlock(Block):
         delay = int(self.command_delay * 1e9)
         period = time - before
         return time - (-delay % period if period > 0 else 0)
+
+
+def _has_counted_level(level: int | None, side: SideConfig) -> bool | None:
+    """Whether a pin with `level` has that of a counted edge; None: not told, or of no use."""
+    counted_level = COUNTED_LEVELS.get(side.encoder.edge)
+    if level is None or counted_level is None or side.encoder.channels != 1:
+        return None
+    return level == counted_level
 
 
 def warning(left: Wheel, right: Wheel) -> str:

@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 from diffbotctl.estimation.edge_faults import NO_FAULTS, EdgeFaults
 from diffbotctl.estimation.likelihood import normal_cdf, robust_log_likelihood
+from diffbotctl.estimation.pin_level import stretches
 from diffbotctl.estimation.pose_history import FRAMES_MAX
 from diffbotctl.estimation.wheel_kalman import MotorKind, WheelKalman
 
@@ -50,6 +51,14 @@ OUTSIDE_MIN_MOVING = 0.001  # each frame carries new information
 # information, and applying both would count it twice. Only an overdue edge is evidence (of a wheel
 # that is held).
 OUTSIDE_MIN_EDGE_TIMES = 0.6
+# The same of the stretches in which the pin has the level that the board tells: at rest or after a
+# reversal, and else. No edge time carries that information.
+OUTSIDE_MIN_LEVEL_AT_REST, OUTSIDE_MIN_LEVEL = 0.08, 0.01
+# A stretch is that in which the wheel is when it is this likely, given the level. One less likely
+# than the minimum contradicts the prediction, unless the wheel stands so near to an edge (standard
+# deviations) that the level may be either.
+STRETCH_PROBABILITY, STRETCH_PROBABILITY_MIN, AT_EDGE_SDS = 0.95, 0.01, 2.0
+LOG_WRONG_LEVEL = -4.0  # natural log; of a level that says nothing of the next edge (about 1:50)
 
 
 class DriveChange(NamedTuple):
@@ -78,6 +87,8 @@ class WheelFrame(NamedTuple):
     """the command before, where no frame showed it"""
     is_mixed: bool = False
     """whether edges of both signs may have been counted, of which pairs cancel"""
+    has_counted_level: bool | None = None
+    """whether the pin has the level to which a counted edge leads; None: not told"""
 
 
 class _Branch(NamedTuple):
@@ -116,6 +127,11 @@ class EdgeHypothesis:
     is_reversed: bool = False  # driven in the other direction since the last edge
     faults: EdgeFaults = NO_FAULTS
     unseen_edges: int = 0  # edges assumed to be missed since the last one counted
+    is_placed: bool = False  # whether the pin's level has told where in a slot it started
+    # The last level since the last edge and before a reversal (see WheelFrame), and whether the
+    # wheel was at rest then.
+    turning_level: bool | None = None
+    was_at_rest: bool = False
     is_timed: bool = False  # whether the edge time of this frame is that of `edge_slot`
     # Largest speed (pitches/s) at which the wheel may still roll on against a reversed drive, which
     # only brakes it.
@@ -174,6 +190,14 @@ class EdgeHypothesis:
 
     def update(self, frame: WheelFrame) -> list[EdgeHypothesis]:
         """Apply one frame. Returns this hypothesis, or those into which it has split."""
+        hypotheses = self._update_count(frame)
+        if frame.has_counted_level is not None:
+            for hypothesis in hypotheses:
+                hypothesis._update_level(frame.has_counted_level)
+        return hypotheses
+
+    def _update_count(self, frame: WheelFrame) -> list[EdgeHypothesis]:
+        """Apply the count of a frame and its time."""
         steps = abs(frame.edge_count - self.count)
         self.count = frame.edge_count
         if not frame.is_mixed or not self.motion.is_rolling(ROLLING_CREEP_RATIO):
@@ -287,6 +311,39 @@ class EdgeHypothesis:
         motion.update_bounds(low, high)
         return hypotheses
 
+    def _update_level(self, has_counted_level: bool) -> None:
+        """Update by the level of the pin. Where a pulse is missing, so is its level."""
+        if self.unseen_edges:
+            return
+        motion, direction = self.motion, self.edge_direction
+        open_share = OPEN_SHARE + motion.priors.open_share_error
+        if not direction:
+            if not self.is_placed:
+                self.is_placed = True
+                motion.update_uniform(*stretches(0.0, 1.0, has_counted_level, open_share)[0])
+            return
+        if not self.is_reversed or (self.turning_level is None and motion.speed == 0.0):
+            self.turning_level, self.was_at_rest = has_counted_level, motion.speed == 0.0
+        low, high = bounds(_edge_place(self.edge_slot, direction), direction, self.is_reversed)
+        parts = stretches(low, high, has_counted_level, open_share)
+        likely = [motion.probability_within(*part) for part in parts]
+        probability = sum(likely, 0.0)
+        is_at_rest = motion.speed == 0.0 or self.is_reversed
+        outside_min = OUTSIDE_MIN_LEVEL_AT_REST if is_at_rest else OUTSIDE_MIN_LEVEL
+        if probability > 1.0 - outside_min:
+            return
+        if probability < STRETCH_PROBABILITY_MIN:
+            if motion.is_near(low, AT_EDGE_SDS) or motion.is_near(high, AT_EDGE_SDS):
+                motion.log_likelihood += log(STRETCH_PROBABILITY_MIN)
+                return
+            part = min(parts, key=lambda part: max(part[0] - motion.z, motion.z - part[1]))
+        else:
+            part = parts[likely.index(max(likely))]
+            if max(likely) < STRETCH_PROBABILITY * probability:
+                motion.log_likelihood += log(probability)
+                return
+        motion.update_bounds(*part)
+
     def _may_be_missed(self, probability: float) -> bool:
         return (
             not self.is_reversed
@@ -356,15 +413,22 @@ class EdgeHypothesis:
         direction = 1 if drive > 0.0 else -1
         if self.drive_direction == 0 and self.edge_direction == 0:
             self.edge_direction = direction
-            if direction < 0:  # the phase is equally unknown relative to backward edges
-                self.motion.shift(-OPEN_SHARE)
-                self.edge_slot = 0
+            if direction < 0:
+                self._start_backward()
         if direction != self.drive_direction:
             self.motion.drive_reversed()
             self.coasting_speed = self.motion.largest_speed(COAST_SDS)
         self.drive_direction = direction
         if direction != self.edge_direction:
             self.is_reversed = True
+
+    def _start_backward(self) -> None:
+        """Set the edge before which a wheel has started that turns backward first."""
+        if self.is_placed:
+            self.edge_slot = 1 if self.motion.z > OPEN_SHARE else 0
+        else:  # the phase is equally unknown relative to backward edges
+            self.motion.shift(-OPEN_SHARE)
+            self.edge_slot = 0
 
     def _pass_edges(self, steps: int, window: float) -> list[EdgeHypothesis]:
         """Pass `steps` edges, the last of them now or within the last `window` pitches of travel.
@@ -472,13 +536,28 @@ class EdgeHypothesis:
             for passed in (steps, steps - 1):
                 slot = self.edge_slot + direction * passed
                 error = motion.z - _edge_place(slot, direction) - 0.5 * direction * window
-                fit = log_prior - 0.5 * error * error / variance
-                branches.append(_Branch(fit, log_prior, direction, slot))
+                prior = log_prior
+                if direction != self.edge_direction:
+                    prior += self._level_log_prior(is_first_edge_behind=passed == steps)
+                fit = prior - 0.5 * error * error / variance
+                branches.append(_Branch(fit, prior, direction, slot))
         return branches
+
+    def _level_log_prior(self, is_first_edge_behind: bool) -> float:
+        """Log probability, by the level of the pin before it reversed, of the first edge after.
+
+        Beyond the open share after the last edge, the pin has not the counted level, and the wheel
+        first comes back past the place where that share ends; else past the one behind the edge.
+        A wheel that had the counted level may have rolled on, unless it was at rest.
+        """
+        if self.turning_level is None or is_first_edge_behind == self.turning_level:
+            return 0.0
+        return LOG_WRONG_LEVEL if not self.turning_level or self.was_at_rest else 0.0
 
     def _set_edge(self, direction: int, slot: int) -> None:
         """Record that the edge of `slot` was passed in `direction`."""
         self.edge_direction, self.edge_slot = direction, slot
+        self.turning_level = None
         self.is_reversed = self.drive_direction != direction
 
 

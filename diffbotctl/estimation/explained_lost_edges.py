@@ -106,7 +106,8 @@ class ExplainedLostEdges(LostEdges):
         self.are_even = abs(whole[0].value - whole[1].value) < RATIO_LOG_MIN
         if explained < EXPLAINED_MIN:
             return
-        if self.are_even and whole[0].value + whole[1].value > -2.0 * LEVEL_LOG_MIN:
+        is_usual = self.are_even and whole[0].value + whole[1].value > -2.0 * LEVEL_LOG_MIN
+        if is_usual and not self.shows_missing_pulses:
             faults = FaultProbabilities()
         else:
             ratios = of_classes(left.ratios), of_classes(right.ratios)

@@ -35,6 +35,12 @@ OWN_LOAD_SD = 0.2
 OTHER_PROBABILITY, OTHER_RATIO_SD, OTHER_LEVEL_SD = 0.02, 0.6, 1.0
 HALF_PROBABILITY = 0.005  # of each fault of each wheel, before anything was counted
 BOTH_PROBABILITY = 0.002  # of each fault of both wheels alike
+# Of both encoders that count half: that the disc has fewer slots than the robot file states. Its
+# pulses are as wide as others.
+WRONG_SLOTS_SHARE = 0.5
+# Natural log of the ratio of the likelihoods by the pulses of an encoder, above which gains and
+# edges are compared however usual they are.
+PULSE_RATIO_MAX = 1.0
 # Below it such an encoder is not considered: what its wheel has to move may be the reason.
 PROBABILITY_MIN = 0.1
 # Logarithms of the ratio of both gains, and of what they share, within which working encoders
@@ -78,6 +84,23 @@ class FaultProbabilities(NamedTuple):
     right_twice: float = 0.0
     both_lost: float = 0.0
     both_twice: float = 0.0
+
+    def given_pulses(self, left: float, right: float) -> FaultProbabilities:
+        """With what the pulses of both encoders show: `PulseWidth.lost_log_ratio`."""
+        healthy = 1.0 - sum(self, 0.0)
+        left, right = exp(left), exp(right)
+        both = WRONG_SLOTS_SHARE + (1.0 - WRONG_SLOTS_SHARE) * left * right
+        return normalized(
+            (
+                left * self.left_lost,
+                right * self.right_lost,
+                self.left_twice,
+                self.right_twice,
+                both * self.both_lost,
+                self.both_twice,
+            ),
+            healthy,
+        )
 
 
 # In the order of FaultProbabilities: what is told of the left and of the right wheel.
@@ -127,6 +150,13 @@ class LostEdges:
         self.frames = 0  # since when it is likely
         self.present = NO_SUSPICION
         self.lasting = NO_SUSPICION  # the likeliest since the pose was set
+        self.pulse_ratios = (0.0, 0.0)
+        """of the left and the right encoder, `PulseWidth.lost_log_ratio`"""
+
+    @property
+    def shows_missing_pulses(self) -> bool:
+        """Whether the pulses of an encoder show that every second one may be missing."""
+        return max(self.pulse_ratios) > PULSE_RATIO_MAX
 
     @property
     def probability(self) -> float:
@@ -152,7 +182,7 @@ class LostEdges:
         """Take the gains of both motors after a frame. `are_even`: the edges that both wheels count
         are as many as their duties explain, or both wrong alike."""
         faults = FaultProbabilities()
-        if not are_usual(left, right):
+        if self.shows_missing_pulses or not are_usual(left, right):
             faults = gain_probabilities(left, right)
         if are_even:
             faults = FaultProbabilities(both_lost=faults.both_lost, both_twice=faults.both_twice)
@@ -169,6 +199,7 @@ class LostEdges:
 
     def _take(self, faults: FaultProbabilities, least: float, frames: int) -> None:
         """Suspect what has been likelier than `least` for some time, in the last `frames` too."""
+        faults = faults.given_pulses(*self.pulse_ratios)
         probability = sum(faults, 0.0)
         self.frames = self.frames + frames if probability >= least else 0
         if self.frames < FRAMES_MIN:

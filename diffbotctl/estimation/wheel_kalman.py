@@ -650,6 +650,10 @@ class WheelKalman:
         sd = self._bounds_sd()
         return normal_cdf((high - self.z) / sd) - normal_cdf((low - self.z) / sd)
 
+    def is_near(self, place: float, sds: float) -> bool:
+        """Whether z may be at `place`: within `sds` standard deviations."""
+        return abs(place - self.z) < sds * self._bounds_sd()
+
     def bounds_log_likelihood(self, low: float, high: float) -> float:
         """Log probability that z lies between `low` and `high`, also after a sudden change of the
         motion."""
@@ -684,6 +688,13 @@ class WheelKalman:
             return
         mean, remaining_variance = truncated_normal(below, above, probability)
         self._update_z(mean / sd, (1.0 - remaining_variance) / variance)
+
+    def update_uniform(self, low: float, high: float) -> None:
+        """Update by the knowledge that z is anywhere from `low` to `high`."""
+        variance = self.covariance[Z_Z]
+        remaining = (high - low) ** 2 * UNIFORM_VARIANCE
+        innovation = 0.5 * (low + high) - self.z
+        self._update_z(innovation / variance, (1.0 - remaining / variance) / variance)
 
     def _bounds_sd(self) -> float:
         """Predicted standard deviation of z relative to an edge, at the time of a frame."""

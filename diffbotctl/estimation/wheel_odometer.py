@@ -25,6 +25,9 @@ DRY_LOG_COST = 1.0  # natural log of the ratio of motors that coast with their l
 # Pitches, for each reversal: how a motor that free-wheels between the pulses breaks loose depends
 # on load and battery more than its model knows, and decides which of two edges was the first one.
 FREE_WHEELING_REVERSAL_SD = 0.15
+# The same where the level of the pin tells on which side of an edge the wheel has stopped; and of a
+# motor of an unusual kind.
+LEVEL_REVERSAL_SD, UNUSUAL_LEVEL_REVERSAL_SD = 0.1, 0.3
 MEASURED_OPEN_SHARE_SD = 0.01  # pitches; it differs a little with the speed
 
 
@@ -70,6 +73,8 @@ class WheelOdometer:
         self.counting = FineWheelOdometer(side, time, count, timing, finds_steps=False)
         self.intervals = EdgeIntervals()
         self.skipped: tuple[int, float] | None = None  # command in the next frame: ns, value
+        self.has_levels = False  # whether the board tells those of the pin
+        self.has_counted_level: bool | None = None  # in the next frame
         self.travel = 0.0  # m, since the last report
         # Variances in m2: of that travel; of all travel, if the best hypothesis is right; of the
         # present position in the slot, which the model of a usual motor includes; and between the
@@ -82,7 +87,7 @@ class WheelOdometer:
         # m, added by another hypothesis in each of the last frames
         self.late_corrections: list[float] = []
         self.disagreement_frames = 0
-        self.reported_pushed = 0  # edges
+        self.reported_pushed = self.reported_reversals = 0  # edges; reversals
         self.reported_travel = 0.0  # pitches
         self.reported_start = self.filter.motion.start
         self.reported_hypothesis = self.filter.hypotheses[0]
@@ -115,6 +120,11 @@ class WheelOdometer:
     def skipped_command(self, command: float, is_duty: bool, since: int) -> None:
         """Take a command that was replaced in the next frame; in effect since `since` (ns)."""
         self.skipped = since, command
+
+    def take_level(self, has_counted_level: bool) -> None:
+        """Take whether the pin has the level to which a counted edge leads, in the next frame."""
+        self.has_levels = True
+        self.has_counted_level = has_counted_level
 
     def update(
         self,
@@ -155,8 +165,9 @@ class WheelOdometer:
         drive, duty = self._drive(duties[-1]), duties[-1]
         if self.shares_mirror:
             self.mirrored_duty = duty
+        level, self.has_counted_level = self.has_counted_level, None
         self.filter.update(
-            WheelFrame(time, count, edge_time, drive, command_since, duty, skipped, is_mixed)
+            WheelFrame(time, count, edge_time, drive, command_since, duty, skipped, is_mixed, level)
         )
 
     def _drive(self, duty: float) -> float:
@@ -172,9 +183,11 @@ class WheelOdometer:
         best, counting = self.filter.hypotheses[0], self.counting
         variance = self.filter.variance
         if is_unusual:
-            variance += counting.pitches_variance
+            # At rest the level halves the part of the slot in which it may be.
+            variance += (0.5 if self.has_levels else 1.0) * counting.pitches_variance
         elif best.motion.response.is_free_wheeling:
-            variance += counting.reversals * FREE_WHEELING_REVERSAL_SD**2
+            sd = LEVEL_REVERSAL_SD if self.has_levels else FREE_WHEELING_REVERSAL_SD
+            variance += counting.reversals * sd * sd
         faults = best.faults
         gap = abs(best.motion.travel - counting.position) - (faults.missed + faults.extra)
         if gap > 1.0:
@@ -216,6 +229,11 @@ class WheelOdometer:
         square = self.pitch * self.pitch
         if is_unusual:
             self.added_variance, self.end_variance = counting.added_variance, counting.end_variance
+            if self.has_levels:
+                self.end_variance *= 0.25
+                reversals = counting.reversals - self.reported_reversals
+                reversed_variance = reversals * UNUSUAL_LEVEL_REVERSAL_SD**2
+                self.added_variance = (reversed_variance + self._pushed_variance()) * square
             # The model of an unusual motor explains missing edges by the motor.
             by_counts, intervals = counting.faults.shown_share, self.intervals
             is_exact = counting.has_edge_times and intervals.shows_faults
@@ -225,6 +243,7 @@ class WheelOdometer:
         else:  # of a few slots the filter's hypotheses include what the counts do not show
             self.added_variance = self._pushed_variance() * square
             self.end_variance, self.fault_share = 0.0, self.lost_share
+        self.reported_reversals = counting.reversals
         self.variance = self._variance(is_unusual) * square
         disagreement, self.disagreement_frames = self.filter.disagreement()
         self.disagreement = disagreement * square

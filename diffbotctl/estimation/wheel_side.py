@@ -29,9 +29,11 @@ class WheelConfig(Protocol):
 
 
 class EncoderConfig(Protocol):
-    """The encoder section of a side; `slots` and `counts` per turn, errors in pitches."""
+    """The encoder section of a side; `edge` that is counted, rising, falling or both; `slots`
+    and `counts` per turn, errors in pitches."""
 
     channels: int
+    edge: str
     slots: int
     counts: int
     slot_errors: Sequence[float]

@@ -169,6 +169,7 @@ class CapabilityCode(ProtocolCode):
     BATTERY_STOP = 3, "stops for a low battery"
     QUADRATURE = 4, "encoders with two channels"
     EVERY_EDGE = 5, "counts all four edges of two channels"
+    LEVELS = 6, "state and counts frames with the levels of the encoder pins"
     ENABLE_IN1_IN2 = 8, "motor driver with an enable input and two direction inputs, as an L298N"
     ENABLE_DIRECTION = 9, "with a PWM input and one direction input, as a DRV8838"
     TWO_PWM = 10, "with two PWM inputs, as a DRV8833"
@@ -314,7 +315,7 @@ class StateFrame(NamedTuple):
     boot: Uint4  # changes at each restart
     sequence: Uint6  # sequence number of frames of this type
     dropped: Uint1  # a frame was dropped since the last one
-    reserved: Uint1  # zero
+    level: Uint1  # of a pin: of the left encoder in frames of even sequence, else of the right one
     mode: Uint4  # code
     command_age: Uint12  # 128 us
     time: Uint16  # 64 us, low bits
@@ -351,7 +352,7 @@ class CountsFrame(NamedTuple):
     boot: Uint4  # changes at each restart
     sequence: Uint6  # sequence number of frames of this type
     dropped: Uint1  # a frame was dropped since the last one
-    reserved: Uint1  # zero
+    level: Uint1  # of a pin: of the left encoder in frames of even sequence, else of the right one
     mode: Uint4  # code
     command_age: Uint12  # 128 us
     time: Uint16  # 64 us, low bits

@@ -20,11 +20,18 @@ from diffbotctl.links.board_search import (
 from diffbotctl.links.diffbot_codec import FrameDecoder, encode
 from diffbotctl.links.diffbot_commands import CommandSender
 from diffbotctl.links.diffbot_faults import BATTERY_STOP_TEXT, gyro_cause, gyro_fix, storm_text
-from diffbotctl.links.diffbot_frames import ActionCode, ItemCode, ModeCode, RefusalCode, ResetCode
+from diffbotctl.links.diffbot_frames import (
+    ActionCode,
+    CapabilityCode,
+    ItemCode,
+    ModeCode,
+    RefusalCode,
+    ResetCode,
+)
 from diffbotctl.links.diffbot_ranges import further_range, range_fault
 from diffbotctl.links.diffbot_settings import BAUDS, FIRST_BAUD, BoardSettings, settings_name
 from diffbotctl.links.diffbot_states import LINK_STATES, TRANSITIONS, HostEvent, HostState
-from diffbotctl.links.diffbot_telemetry import RawEdge, State, Telemetry, volts_of
+from diffbotctl.links.diffbot_telemetry import RawEdge, State, Telemetry, volts_of, with_level
 from diffbotctl.links.link_protocol import BITS_PER_BYTE, USB_BAUD, LinkOutput, Refusal
 from diffbotctl.messages import Battery, Duty, Encoders, Link, Text, Wheels
 from diffbotctl.time import MILLISECOND, NEVER, SECOND
@@ -356,10 +363,18 @@ class DiffbotHost:
         encoders = self._telemetry.read(now, frame)
         if isinstance(frame, frames.InertialFrame):
             encoders = self._with_gyro(now, encoders, frame)
+        elif self._tells_levels:
+            encoders = with_level(encoders, frame)
         output.append(("encoders", encoders))
         if self.settings.range_channel is not None and frame.range != frames.ANALOG_NONE:
             output.append((self.settings.range_name, self._telemetry.volts(encoders, frame)))
         return output
+
+    @property
+    def _tells_levels(self) -> bool:
+        """Whether the board's state and counts frames have the levels of the encoder pins."""
+        levels = 1 << CapabilityCode.LEVELS
+        return self.hello is not None and bool(self.hello.capabilities & levels)
 
     def _with_gyro(self, now: int, encoders: Encoders, frame: frames.InertialFrame) -> Encoders:
         """Add sign, unit and fault of the turn. A gyro that has never worked is refused."""

@@ -33,6 +33,13 @@ State = frames.StateFrame | frames.CountsFrame | frames.InertialFrame
 TURN = radians(frames.TURN_NANODEGREES * 1e-9)
 
 
+def with_level(encoders: Encoders, frame: frames.StateFrame | frames.CountsFrame) -> Encoders:
+    """`encoders` with the level of the pin that their frame tells: the left one in each second."""
+    if frame.sequence % 2:
+        return encoders._replace(right_level=frame.level)
+    return encoders._replace(left_level=frame.level)
+
+
 class SentCommand(NamedTuple):
     """A command in the values that the board receives."""
 

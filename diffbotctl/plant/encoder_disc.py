@@ -132,8 +132,17 @@ class EncoderPin:
         return times
 
     def levels(self, index: int) -> tuple[int, ...]:
-        """Level of the pin after `index` edges: 1 while a slot is open."""
-        return (index % 2,)
+        """Level of the pin after `index` edges: 1 while a slot is open, if its pulse comes."""
+        level = index % 2
+        if level and self._is_dark(index):
+            return (0,)
+        return (1 - level if self._is_missing and level == self.counted_level else level,)
+
+    def _is_dark(self, index: int) -> bool:
+        """Whether the slot of edge number `index` gives no pulse."""
+        disc = self._disc
+        is_covered = bool(disc.covered) and (index % len(disc.edges)) // 2 in disc.covered
+        return is_covered or (self.halved and (index // 2) % 2 == 1)
 
     def is_needed(self, index: int, is_forward: bool) -> bool:
         """Whether the time of edge number `index` is needed: it counts, or the pin is watched."""
@@ -143,9 +152,7 @@ class EncoderPin:
         """The disc goes past edge number `index` at `time` (ns)."""
         level = (index + is_forward) % 2
         disc, rng, is_counted = self._disc, self._rng, level == self.counted_level
-        if disc.covered and (index % len(disc.edges)) // 2 in disc.covered:
-            return
-        if self.halved and (index // 2) % 2:
+        if self._is_dark(index):
             return
         if disc.missed:
             if is_counted:

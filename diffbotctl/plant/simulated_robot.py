@@ -104,6 +104,7 @@ class SimulatedRobot:
         self._next_battery = 0
         self._next_roll = ROLL_PERIOD
         self._next_frame = model.period
+        self._shown_side = 1  # whose level the last frame has told: 0 left, 1 right
         self._arriving: deque[tuple[int, str, Message]] = deque()
 
     @property
@@ -438,7 +439,7 @@ class SimulatedRobot:
             deviation = self._rng.gauss(0.0, 1.0)
             late = int(min(max(deviation, -JITTER_MAX_SD), JITTER_MAX_SD) * model.stamp_jitter)
         arrival = now + model.frame_delay + late
-        frame = self._with_turn(self.board.sample(now))
+        frame = self._with_level(self._with_turn(self.board.sample(now)))
         if late:  # the driver dates a frame by its arrival, less the usual delay
             frame = frame._replace(time=now + late)
         self._arriving.append((arrival, "encoders", frame))
@@ -454,6 +455,18 @@ class SimulatedRobot:
             volts = read_analog(self.battery_pin_voltage()) * divider
             battery = Battery(now, volts, volts < self.parameters.low)
             self._arriving.append((arrival, "battery", battery))
+
+    def _with_level(self, frame: Encoders) -> Encoders:
+        """The frame with the level of one encoder's pin, in turn. The published firmware tells
+        none, nor do frames with the turn of a gyro."""
+        if self.gyro is not None or not self._model.has_speed_loop:
+            return frame
+        side = self._shown_side = 1 - self._shown_side
+        wheel = self._wiring.wheel_at(side)
+        if wheel is None:
+            return frame
+        level = 0 if wheel in self._wiring.pickups else self.wheels[wheel].level
+        return frame._replace(right_level=level) if side else frame._replace(left_level=level)
 
     def _with_turn(self, frame: Encoders) -> Encoders:
         """The frame with what the gyro has measured. The published firmware reads none."""

@@ -71,6 +71,10 @@ class PlantWiring:
         """The socket that the encoder of `wheel` is plugged into: 0 stated for left, 1 right."""
         return 1 - wheel if self._wiring.encoders == "swapped" else wheel
 
+    def wheel_at(self, side: int) -> int | None:
+        """The wheel whose encoder is connected to the board's `side`; None: neither."""
+        return next((wheel for wheel in (0, 1) if self.pins[wheel] == side), None)
+
     def channel(self, wheel: int, channel: int) -> int:
         """The input (0 for A, 1 for B) that this channel of a wheel's encoder is connected to."""
         return 1 - channel if self._exchanged(wheel) else channel

@@ -183,6 +183,9 @@ ADDED: dict[str, dict[str, Any]] = {
         "duty": 0.0,
         "is_timed": False,
         "coasting_speed": inf,
+        "is_placed": False,
+        "turning_level": None,
+        "was_at_rest": False,
     },
     "WheelKalman": {
         "kind": MotorKind.LINEAR,
@@ -207,6 +210,9 @@ ADDED: dict[str, dict[str, Any]] = {
         "skipped": None,
         "shares_mirror": False,
         "mirrored_duty": None,
+        "has_levels": False,
+        "has_counted_level": None,
+        "reported_reversals": 0,
     },
 }
 

@@ -59,7 +59,7 @@ void board_write(const bit_t *bit, uint8_t offset, bool high)
 
 bool board_read(const bit_t *bit)
 {
-    return digitalRead(*bit->at);
+    return bit->at && digitalRead(*bit->at); /* no pin before there are settings */
 }
 
 bool board_input(uint8_t number, bit_t *bit)

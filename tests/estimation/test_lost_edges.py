@@ -12,6 +12,7 @@ from diffbotctl.estimation.lost_edges import (
     USUAL_LEVEL_MAX,
     USUAL_LEVEL_MIN,
     USUAL_RATIO_MAX,
+    FaultProbabilities,
     LostEdges,
     MotorGain,
     are_usual,
@@ -64,6 +65,38 @@ def test_both_gains_that_no_battery_explains_may_be_both_encoders():
     lost = compared(2.2, 2.1)
     assert lost.shares[0] == lost.shares[1] > 0.2
     assert all("the disc has twice the `slots`" in text for text in lost.texts)
+
+
+def test_the_width_of_the_pulses_confirms_or_refutes_a_missing_pulse():
+    """By hand: 0.2 is 1 to 4; with a likelihood ratio of e**-2 it is 1 to 29.6, with e**2 1.85 to
+    1. Twice the edges have pulses as any others, as has a disc with half of the slots."""
+    before = FaultProbabilities(left_lost=0.2)
+    assert before.given_pulses(-2.0, 0.0).left_lost == pytest.approx(1 / 30.56, rel=1e-3)
+    assert before.given_pulses(2.0, 0.0).left_lost == pytest.approx(1.847 / 2.847, rel=1e-3)
+    assert before.given_pulses(0.0, 2.0).left_lost == pytest.approx(0.2)
+    twice = FaultProbabilities(right_twice=0.2)
+    assert twice.given_pulses(-2.0, -2.0).right_twice == pytest.approx(0.2)
+    both = FaultProbabilities(both_lost=0.2)
+    slots = both.given_pulses(-4.0, -4.0).both_lost
+    assert slots == pytest.approx(0.5 / 4.5, rel=0.01)
+    assert both.given_pulses(4.0, 4.0).both_lost > 0.99
+
+
+def test_a_gain_of_half_with_pulses_of_half_a_pitch_is_no_fault():
+    lost = LostEdges()
+    lost.pulse_ratios = (-4.0, -4.0)
+    for _ in range(FRAMES_MIN):
+        lost.compare(MotorGain(1.05, 0.0025), MotorGain(0.53, 0.0025))
+    assert lost.shares == (0.0, 0.0)
+
+
+def test_narrow_pulses_show_a_fault_that_the_gains_leave_open():
+    lost = LostEdges()
+    lost.pulse_ratios = (0.0, 3.3)
+    for _ in range(FRAMES_MIN):
+        lost.compare(MotorGain(1.0, 0.0025), MotorGain(0.62, 0.0025))
+    assert lost.shares[0] == 0.0 and lost.shares[1] > 0.3
+    assert compared(1.0, 0.62).shares == (0.0, 0.0)  # without them
 
 
 def test_sums_of_edges_that_are_even_outweigh_gains_that_are_not():

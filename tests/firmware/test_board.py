@@ -298,6 +298,22 @@ def test_counts_frames_at_50_hz():
         assert steps == {1}
 
 
+@pytest.mark.parametrize("edge_times", [True, False])
+def test_frames_tell_the_levels_of_the_pins_in_turn(edge_times):
+    """The left pin in frames of even sequence, the right one in the others."""
+    with BoardBench(settings=replace(BOOK, edge_times=edge_times)) as bench:
+        bench.ready()
+        assert bench.ask().capabilities >> frames.CapabilityCode.LEVELS & 1
+        for left, right in ((1, 0), (1, 1), (0, 1), (0, 0)):
+            at = bench.now + MS
+            bench.pins += [board.PinTransition(at, 2, left), board.PinTransition(at, 3, right)]
+            bench.wait(60)  # frames from before are on the line for 40 ms at most
+            heard = [h.frame for _ in range(4) for h in bench.wait(50)]
+            told = [f for f in heard if isinstance(f, frames.StateFrame | frames.CountsFrame)]
+            assert len(told) > 4
+            assert all(f.level == (right if f.sequence % 2 else left) for f in told)
+
+
 def test_capture_has_every_edge():
     with BoardBench() as bench:
         bench.ready()

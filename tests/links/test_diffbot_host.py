@@ -11,19 +11,19 @@ from diffbotctl.testing.board_bench import BOOK
 from diffbotctl.time import MILLISECOND
 
 
-def hello(settings, version=frames.VERSION, boot=1):
-    more = (frames.RECEIVE_MOST, len(pack(BOOK.frame())), 0)
+def hello(settings, version=frames.VERSION, boot=1, capabilities=0):
+    more = (frames.RECEIVE_MOST, len(pack(BOOK.frame())), capabilities)
     return encode(frames.HelloFrame(boot, version, 0, 1, 0, 1, 1, 1, 1, settings, *more))
 
 
 PERIOD = 25 * MILLISECOND
 
 
-def state(sequence, mode=frames.ModeCode.STOPPED, command=0, board=None):
+def state(sequence, mode=frames.ModeCode.STOPPED, command=0, board=None, level=0):
     """State frame of a board at `board` ns, by default one period a number."""
     time = (sequence * PERIOD if board is None else board) // frames.TICK_NANOSECONDS % 65536
     return encode(
-        frames.StateFrame(1, sequence, 0, 0, mode, 0, time, 0, 0, 4095, command, 65535, 65535)
+        frames.StateFrame(1, sequence, 0, level, mode, 0, time, 0, 0, 4095, command, 65535, 65535)
     )
 
 
@@ -71,6 +71,20 @@ def test_another_version_is_refused_while_searching(host):
     host.receive(MILLISECOND, hello(0, version=frames.VERSION + 1))
     assert host.state is HostState.SEARCHING
     assert host.refusal.code == "E-BOARD-VERSION"
+
+
+@pytest.mark.parametrize("tells_levels", [True, False])
+def test_a_frame_tells_the_level_of_one_pin_if_the_board_can(host, tells_levels):
+    """Earlier firmware of this version has a zero there."""
+    capabilities = tells_levels << frames.CapabilityCode.LEVELS
+    host.receive(MILLISECOND, hello(BOOK.mark(), capabilities=capabilities))
+    levels = []
+    for sequence, level in ((1, 1), (2, 0), (3, 0), (4, 1)):
+        output = host.receive(sequence * PERIOD, state(sequence, level=level))
+        (encoders,) = (message for port, message in output if port == "encoders")
+        levels.append((encoders.left_level, encoders.right_level))
+    none = (None, None)
+    assert levels == ([(None, 1), (0, None), (None, 0), (1, None)] if tells_levels else [none] * 4)
 
 
 def test_silence_is_stale_then_lost(up):

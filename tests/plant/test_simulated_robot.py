@@ -116,6 +116,34 @@ def test_wiring_of_the_encoders(wiring, command, counting):
     assert tuple(count > 2 for count in counts) == counting
 
 
+@pytest.mark.parametrize("wiring", [{}, {"encoders": "swapped"}])
+def test_frames_tell_the_levels_of_the_pins_in_turn(wiring):
+    made = robot(wiring=wiring)
+    told = []
+    for step in range(1, 81):
+        now = step * SECOND // 40  # the period of its frames
+        made.command(now - SECOND // 40, Wheels(now, 3.0, 5.0))
+        made.advance(now)
+        sockets = {edge.side: edge.level for edge in made.encoder_levels()}
+        told.append((sockets[0], sockets[1]))
+    made.advance(3 * SECOND)
+    sent = [m for port, m in made.deliver() if port == "encoders"][: len(told)]
+    assert len(sent) == len(told)
+    for number, (frame, (left, right)) in enumerate(zip(sent, told, strict=True)):
+        expected = (None, right) if number % 2 else (left, None)
+        assert (frame.left_level, frame.right_level) == expected
+    assert {left for left, _ in told} == {right for _, right in told} == {0, 1}
+
+
+@pytest.mark.parametrize("kind", ["stock", "edges"])
+def test_the_published_firmware_tells_no_levels(kind):
+    made = robot(kind)
+    made.advance(SECOND)
+    frames = [m for port, m in made.deliver() if port == "encoders"]
+    none = [frame.left_level is None and frame.right_level is None for frame in frames]
+    assert len(none) > 10 and set(none) == {kind == "stock"}
+
+
 def test_exchanged_pins_in_the_settings_undo_exchanged_wires():
     wiring = {"left": "swapped", "right": "swapped", "encoders": "swapped"}
     told = {"channels": (1, 0), "sockets": (1, 0)}

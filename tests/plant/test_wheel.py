@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from diffbotctl.config.simulation import EncoderTruth
-from diffbotctl.plant.encoder_disc import EncoderDisc, draw_disc
+from diffbotctl.plant.encoder_disc import EncoderDisc, EncoderPin, draw_disc
 from diffbotctl.plant.wheel import REST_SPEED, MotorModel, WheelModel
 from diffbotctl.time import SECOND
 
@@ -231,3 +231,18 @@ def test_each_turn_has_as_many_edges_as_slots(seed):
     rises = made.advance(10 * SECOND, HALF)
     # Within half a slot: the flanks' places spread by 3 %, at most 12 %, of the pitch.
     assert abs(len(rises) - made.angle / PITCH) < 1.25
+
+
+@pytest.mark.parametrize("falling", [True, False])
+def test_the_level_of_a_pin_is_that_of_the_pulses_that_come(falling):
+    """By hand: each pitch has an open half and a dark half; `index` counts the edges passed."""
+    pin = EncoderPin(IDEAL, falling, Random(1))
+    assert [pin.levels(index)[0] for index in range(6)] == [0, 1, 0, 1, 0, 1]
+    pin.halved = True  # of every second slot
+    assert [pin.levels(index)[0] for index in range(6)] == [0, 1, 0, 0, 0, 1]
+    covered = EncoderPin(IDEAL._replace(covered=frozenset({0})), falling, Random(1))
+    assert [covered.levels(index)[0] for index in range(6)] == [0, 0, 0, 1, 0, 1]
+    missing = EncoderPin(IDEAL._replace(missed=1.0), falling, Random(1))
+    for index in range(1, 6):
+        missing.record(index, index, True)
+    assert {missing.levels(index)[0] for index in range(6)} == {1 if falling else 0}
