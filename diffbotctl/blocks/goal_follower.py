@@ -44,7 +44,7 @@ MISSED_RATIO = 2.5
 ALIGNED_DISTANCE_RATIO = 0.6  # of the tolerance; closer, only the heading is corrected
 STEERED_ERROR_MAX = 8 * pi / 180  # remaining turn that is steered on the way to the goal,
 STEERED_DISTANCE_MIN = 0.3  # m, if that is as far as this
-TURN_TOLERANCE_RATIO, ALIGN_TOLERANCE_RATIO = 1.5, 0.5  # of the heading tolerance
+TURN_TOLERANCE_RATIO, ALIGN_TOLERANCE_RATIO = 1.5, 0.8  # of the heading tolerance
 TIME_LIMIT_BASE, TIME_LIMIT_RATIO = 30.0, 5.0  # s, and multiple of the shortest possible time
 # Of the time limit. After it, a robot need not come nearer to the goal than its pose is known (one
 # standard deviation): more attempts would follow the error of the pose.
@@ -65,7 +65,9 @@ TURNED_MAX = 540 * pi / 180  # rad in one turn, which needs 180 deg and some cor
 OPPOSED_TURN_STOP = 45 * pi / 180
 OPPOSED_TURN_MAX = 120 * pi / 180  # rad against the commands; more than any motor coasts
 PUSH_GROWTH = 1.4  # of the least speed, with each small turn in which friction held the wheels
-PUSH_TIME = 0.03  # s, longer with each of them
+# s, of the first of them; each further one takes twice as long in addition. The loop of the board
+# takes up to 0.6 s to kick a wheel loose.
+PUSH_TIME = 0.03
 RELEASES_MAX = 12  # in one turn; then the remaining angle is left to the next leg or attempt
 FARTHER_MAX = 0.12  # m beyond the distance at the start; the robot does not obey
 RETRY_SPEED_RATIO = 0.6  # of the speed of the attempt before: slow motors and weak ones err less
@@ -458,7 +460,7 @@ class GoalFollower(Block):
             # A fine encoder shows when the wheels have left static friction; a coarse one too late.
             is_coarse = self.wheels.pitch > TURN_REST_RATIO * half_track * self.heading_tolerance
             pushed_for = pursuit.pushed_for + seconds
-            is_enough = is_coarse and pushed_for > pursuit.stalls * PUSH_TIME
+            is_enough = is_coarse and pushed_for > (2**pursuit.stalls - 1) * PUSH_TIME
             pursuit = pursuit._replace(
                 needs_nudge=not (is_enough or self.wheels.has_counted), pushed_for=pushed_for
             )

@@ -27,7 +27,7 @@ DRY_LOG_COST = 1.0  # natural log of the ratio of motors that coast with their l
 FREE_WHEELING_REVERSAL_SD = 0.15
 # The same where the level of the pin tells on which side of an edge the wheel has stopped; and of a
 # motor of an unusual kind.
-LEVEL_REVERSAL_SD, UNUSUAL_LEVEL_REVERSAL_SD = 0.1, 0.3
+LEVEL_REVERSAL_SD, UNUSUAL_LEVEL_REVERSAL_SD = 0.1, 0.2
 MEASURED_OPEN_SHARE_SD = 0.01  # pitches; it differs a little with the speed
 
 
