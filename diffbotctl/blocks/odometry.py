@@ -269,8 +269,7 @@ class OdometryBlock(Block):
             RESIDUAL_JITTER_RATIO * self.stamp_jitter,
             self.command_jitter,
             self.edge_times,
-            zero_is_forward=self.protocol == "rosserial",
-            takes_duties=self.protocol == "rosserial",
+            is_published_firmware=self.protocol == "rosserial",
         )
         return (
             self._wheel_kind(self.left_side)(self.left_side, time, encoders.left, timing),

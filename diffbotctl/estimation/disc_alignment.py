@@ -10,8 +10,9 @@ from __future__ import annotations
 
 from math import exp, log
 
-from diffbotctl.estimation.edge_hypothesis import EdgeHypothesis, WheelFrame, prune, update_all
+from diffbotctl.estimation.edge_hypothesis import EdgeHypothesis, prune, update_all
 from diffbotctl.estimation.slot_errors import EdgeErrors, KnownSlotErrors
+from diffbotctl.estimation.wheel_frame import WheelFrame
 
 LOG_RATIO_MAX = (
     9.0  # natural log; hypotheses less likely than the best by more are dropped (about 1:8000)

@@ -8,19 +8,27 @@ pitches.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from itertools import islice
-from math import ceil, exp, floor, log, sqrt
+from math import exp, log, sqrt
 from typing import NamedTuple
 
+from diffbotctl.estimation.edge_counts import (
+    CERTAIN_PROBABILITY,
+    MISSED_MAX,
+    PREDICTED_SD_MAX,
+    counts_until_edge,
+    counts_until_frame,
+)
 from diffbotctl.estimation.edge_faults import NO_FAULTS, EdgeFaults
-from diffbotctl.estimation.likelihood import normal_cdf, robust_log_likelihood
-from diffbotctl.estimation.pin_level import stretches
+from diffbotctl.estimation.edge_places import OPEN_SHARE, bounds, edge_place
+from diffbotctl.estimation.likelihood import normal_cdf
+from diffbotctl.estimation.pin_level import TurningLevel, place_by_level, update_by_level
 from diffbotctl.estimation.pose_history import FRAMES_MAX
+from diffbotctl.estimation.wheel_frame import DriveChange, WheelFrame
 from diffbotctl.estimation.wheel_kalman import MotorKind, WheelKalman
 
-OPEN_SHARE = 0.5  # of the pitch; mean of all discs
 SAME = 1e-9  # pitches; a smaller difference is one of rounding
 LOG_RATIO_MAX = 8.0  # natural log; branches less likely than the best by more are not followed
 DIRECTION_PROBABILITY_MIN = 1e-6  # lower limit of the prior of a direction
@@ -29,21 +37,13 @@ COAST_SDS = 2.0
 COAST_GAIN = 0.5  # of the drive's speed; the least gain of a motor, with an empty battery
 # Multiple of the creep speed; a slower wheel stops almost at once
 ROLLING_CREEP_RATIO = 3.0
-# Missed and additional edges. An edge this near to its expected place (pitches) is that edge: all
-# others are farther away, and less likely from the start.
-EXPECTED_MAX = 0.4
-FAULT_LOG_RATIO_MAX = 6.0  # natural log; less likely explanations are not followed (about 1:400)
+# Natural log; less likely explanations by faults are not followed (about 1:400).
+FAULT_LOG_RATIO_MAX = 6.0
 OVERDUE_LOG_RATIO_MAX = 5.0  # the same of an edge that is overdue, in each frame
 # Edges that cancel in a count of both signs, and the log probability of each pair: the sign changes
 # anywhere between the edges.
 CANCELLED_MAX, LOG_CANCELLED = 6, log(0.5)
-MISSED_MAX = 2  # in a row; a wheel without edges for longer is held
-EXTRA_MAX = 4  # in a frame
-# An additional edge mostly bounces, soon after the edge: log density in the pitch, and beyond.
-EXTRA_PITCHES, EXTRA_LOG_DENSITY, LATE_EXTRA_LOG_DENSITY = 0.3, 1.1, -2.0
 RESOLVED_SD_MAX = 0.2  # pitches; above it a missing edge may pass for a faster motor
-PREDICTED_SD_MAX = 0.5  # pitches; above it an edge cannot be told from its neighbours
-CERTAIN_PROBABILITY = 0.3  # of the count being right, above which no fault is considered
 # A bound is applied when the predicted probability outside of it exceeds:
 OUTSIDE_MIN_AT_REST = 0.08  # repeated frames at rest carry no new information
 OUTSIDE_MIN_MOVING = 0.001  # each frame carries new information
@@ -51,44 +51,6 @@ OUTSIDE_MIN_MOVING = 0.001  # each frame carries new information
 # information, and applying both would count it twice. Only an overdue edge is evidence (of a wheel
 # that is held).
 OUTSIDE_MIN_EDGE_TIMES = 0.6
-# The same of the stretches in which the pin has the level that the board tells: at rest or after a
-# reversal, and else. No edge time carries that information.
-OUTSIDE_MIN_LEVEL_AT_REST, OUTSIDE_MIN_LEVEL = 0.08, 0.01
-# A stretch is that in which the wheel is when it is this likely, given the level. One less likely
-# than the minimum contradicts the prediction, unless the wheel stands so near to an edge (standard
-# deviations) that the level may be either.
-STRETCH_PROBABILITY, STRETCH_PROBABILITY_MIN, AT_EDGE_SDS = 0.95, 0.01, 2.0
-LOG_WRONG_LEVEL = -4.0  # natural log; of a level that says nothing of the next edge (about 1:50)
-
-
-class DriveChange(NamedTuple):
-    """A command of a wheel and when it took effect; as in a WheelFrame."""
-
-    time: int
-    drive: float
-    duty: float
-
-
-class WheelFrame(NamedTuple):
-    """One frame of the board, for one wheel."""
-
-    time: int
-    """ns"""
-    edge_count: int
-    edge_time: int | None
-    """ns, of the last edge; None for a board that does not report edge times"""
-    drive: float
-    """pitches/s at which the commanded motor settles"""
-    drive_since: int | None
-    """ns, when that command took effect, if known"""
-    duty: float
-    """of that command"""
-    skipped: DriveChange | None = None
-    """the command before, where no frame showed it"""
-    is_mixed: bool = False
-    """whether edges of both signs may have been counted, of which pairs cancel"""
-    has_counted_level: bool | None = None
-    """whether the pin has the level to which a counted edge leads; None: not told"""
 
 
 class _Branch(NamedTuple):
@@ -98,18 +60,6 @@ class _Branch(NamedTuple):
     log_prior: float  # log of the direction's probability
     direction: int
     slot: int
-
-
-class _Count(NamedTuple):
-    """One candidate for the number of edges that were passed."""
-
-    fit: float  # log likelihood including the prior
-    log_prior: float
-    missed: int  # edges passed but not counted; negative: counted but not passed
-    is_timed: bool  # whether the edge time is that of the last edge passed
-
-
-EXPECTED_COUNT = (_Count(0.0, 0.0, 0, True),)
 
 
 @dataclass(slots=True, eq=False)
@@ -128,10 +78,8 @@ class EdgeHypothesis:
     faults: EdgeFaults = NO_FAULTS
     unseen_edges: int = 0  # edges assumed to be missed since the last one counted
     is_placed: bool = False  # whether the pin's level has told where in a slot it started
-    # The last level since the last edge and before a reversal (see WheelFrame), and whether the
-    # wheel was at rest then.
-    turning_level: bool | None = None
-    was_at_rest: bool = False
+    # The last level since the last edge and before a reversal.
+    turning_level: TurningLevel | None = None
     is_timed: bool = False  # whether the edge time of this frame is that of `edge_slot`
     # Largest speed (pitches/s) at which the wheel may still roll on against a reversed drive, which
     # only brakes it.
@@ -186,7 +134,7 @@ class EdgeHypothesis:
     @property
     def edge_place(self) -> float:
         """Nominal z of the last edge."""
-        return _edge_place(self.edge_slot, self.edge_direction)
+        return edge_place(self.edge_slot, self.edge_direction)
 
     def update(self, frame: WheelFrame) -> list[EdgeHypothesis]:
         """Apply one frame. Returns this hypothesis, or those into which it has split."""
@@ -292,7 +240,7 @@ class EdgeHypothesis:
             return [self]
         motion = self.motion
         low, high = bounds(
-            _edge_place(self.edge_slot, self.edge_direction), self.edge_direction, self.is_reversed
+            edge_place(self.edge_slot, self.edge_direction), self.edge_direction, self.is_reversed
         )
         if not is_moving:
             outside_min = OUTSIDE_MIN_AT_REST
@@ -313,36 +261,19 @@ class EdgeHypothesis:
 
     def _update_level(self, has_counted_level: bool) -> None:
         """Update by the level of the pin. Where a pulse is missing, so is its level."""
+        motion, direction = self.motion, self.edge_direction
         if self.unseen_edges:
             return
-        motion, direction = self.motion, self.edge_direction
-        open_share = OPEN_SHARE + motion.priors.open_share_error
         if not direction:
             if not self.is_placed:
                 self.is_placed = True
-                motion.update_uniform(*stretches(0.0, 1.0, has_counted_level, open_share)[0])
+                place_by_level(motion, has_counted_level)
             return
-        if not self.is_reversed or (self.turning_level is None and motion.speed == 0.0):
-            self.turning_level, self.was_at_rest = has_counted_level, motion.speed == 0.0
-        low, high = bounds(_edge_place(self.edge_slot, direction), direction, self.is_reversed)
-        parts = stretches(low, high, has_counted_level, open_share)
-        likely = [motion.probability_within(*part) for part in parts]
-        probability = sum(likely, 0.0)
-        is_at_rest = motion.speed == 0.0 or self.is_reversed
-        outside_min = OUTSIDE_MIN_LEVEL_AT_REST if is_at_rest else OUTSIDE_MIN_LEVEL
-        if probability > 1.0 - outside_min:
-            return
-        if probability < STRETCH_PROBABILITY_MIN:
-            if motion.is_near(low, AT_EDGE_SDS) or motion.is_near(high, AT_EDGE_SDS):
-                motion.log_likelihood += log(STRETCH_PROBABILITY_MIN)
-                return
-            part = min(parts, key=lambda part: max(part[0] - motion.z, motion.z - part[1]))
-        else:
-            part = parts[likely.index(max(likely))]
-            if max(likely) < STRETCH_PROBABILITY * probability:
-                motion.log_likelihood += log(probability)
-                return
-        motion.update_bounds(*part)
+        is_at_rest = motion.speed == 0.0
+        if not self.is_reversed or (self.turning_level is None and is_at_rest):
+            self.turning_level = TurningLevel(has_counted_level, is_at_rest)
+        low, high = bounds(self.edge_place, direction, self.is_reversed)
+        update_by_level(motion, low, high, has_counted_level, is_at_rest or self.is_reversed)
 
     def _may_be_missed(self, probability: float) -> bool:
         return (
@@ -451,14 +382,17 @@ class EdgeHypothesis:
 
     def _pass_in(self, direction: int, steps: int) -> list[EdgeHypothesis]:
         """Pass `steps` edges in a known direction, or more if some were not counted, or fewer."""
+        motion = self.motion
+        # An edge bounces while it passes: a wheel that stands gives no additional ones.
+        bounces = motion.is_rolling(ROLLING_CREEP_RATIO)
         counts = (
-            self._timed_counts(direction, steps)
+            counts_until_edge(motion, self.faults, self.edge_slot, direction, steps, bounces)
             if self.is_timed
-            else self._untimed_counts(direction, steps)
+            else counts_until_frame(motion, self.faults, self.edge_slot, direction, steps, bounces)
         )
         before, slot = self.faults, self.edge_slot
-        if self.motion.edge_variance(direction > 0) > RESOLVED_SD_MAX * RESOLVED_SD_MAX:
-            before = before.added_unresolved(steps, self.motion.is_suspect)
+        if motion.edge_variance(direction > 0) > RESOLVED_SD_MAX * RESOLVED_SD_MAX:
+            before = before.added_unresolved(steps, motion.is_suspect)
         hypotheses = [self]
         if len(counts) > 1:
             best = max(count.fit for count in counts)
@@ -471,56 +405,6 @@ class EdgeHypothesis:
             hypothesis.is_timed = count.is_timed
             hypothesis.unseen_edges = 0
         return hypotheses
-
-    @property
-    def _may_be_additional(self) -> bool:
-        """An edge bounces while it passes: a wheel that stands gives no additional ones."""
-        return self.motion.is_rolling(ROLLING_CREEP_RATIO)
-
-    def _timed_counts(self, direction: int, steps: int) -> Sequence[_Count]:
-        """Candidates for the edges passed until the edge time, where the motion stands."""
-        motion = self.motion
-        place = _edge_place(self.edge_slot + direction * steps, direction)
-        beyond = direction * (motion.z - place)
-        variance = motion.edge_variance(direction > 0)
-        if (
-            -EXPECTED_MAX < beyond < EXPECTED_MAX
-            or variance > PREDICTED_SD_MAX**2
-            or not motion.finds_faults
-        ):
-            return EXPECTED_COUNT
-        counts, cost = [], motion.priors.change_cost
-        extra_max = min(steps, EXTRA_MAX) if self._may_be_additional else 0
-        for missed in sorted({0, floor(beyond), ceil(beyond)}):
-            if not -extra_max <= missed <= MISSED_MAX:
-                continue
-            log_prior = self.faults.log_prior(missed)
-            fit = robust_log_likelihood(beyond - missed, variance, cost)
-            # The time may be that of an additional edge, which comes at any place in the pitch.
-            early = (
-                EXTRA_LOG_DENSITY
-                if beyond - floor(beyond) < EXTRA_PITCHES
-                else LATE_EXTRA_LOG_DENSITY
-            )
-            is_timed = steps + missed > 0 and (missed >= 0 or fit > early)
-            fit = fit if is_timed else early
-            counts.append(_Count(fit + log_prior, log_prior, missed, is_timed))
-        return counts or EXPECTED_COUNT
-
-    def _untimed_counts(self, direction: int, steps: int) -> Sequence[_Count]:
-        """Candidates for the edges passed until the time of the frame, where the motion stands."""
-        counts: list[_Count] = []
-        if not self.motion.finds_faults:
-            return [_Count(0.0, 0.0, 0, False)]
-        others = (-1, 1) if self._may_be_additional else (1,)
-        for missed in (0, *others):
-            log_prior = self.faults.log_prior(missed)
-            place = _edge_place(self.edge_slot + direction * (steps + missed), direction)
-            fit = self.motion.bounds_log_likelihood(*bounds(place, direction, False))
-            counts.append(_Count(fit + log_prior, log_prior, missed, False))
-            if missed == 0 and fit > log(CERTAIN_PROBABILITY):
-                break
-        return counts
 
     def _branches(self, steps: int, window: float) -> list[_Branch]:
         """All edges that may have been the last one."""
@@ -535,44 +419,19 @@ class EdgeHypothesis:
             variance = motion.edge_variance(direction > 0) + window * window / 12.0
             for passed in (steps, steps - 1):
                 slot = self.edge_slot + direction * passed
-                error = motion.z - _edge_place(slot, direction) - 0.5 * direction * window
+                error = motion.z - edge_place(slot, direction) - 0.5 * direction * window
                 prior = log_prior
-                if direction != self.edge_direction:
-                    prior += self._level_log_prior(is_first_edge_behind=passed == steps)
+                if direction != self.edge_direction and self.turning_level is not None:
+                    prior += self.turning_level.first_edge_log_prior(is_behind=passed == steps)
                 fit = prior - 0.5 * error * error / variance
                 branches.append(_Branch(fit, prior, direction, slot))
         return branches
-
-    def _level_log_prior(self, is_first_edge_behind: bool) -> float:
-        """Log probability, by the level of the pin before it reversed, of the first edge after.
-
-        Beyond the open share after the last edge, the pin has not the counted level, and the wheel
-        first comes back past the place where that share ends; else past the one behind the edge.
-        A wheel that had the counted level may have rolled on, unless it was at rest.
-        """
-        if self.turning_level is None or is_first_edge_behind == self.turning_level:
-            return 0.0
-        return LOG_WRONG_LEVEL if not self.turning_level or self.was_at_rest else 0.0
 
     def _set_edge(self, direction: int, slot: int) -> None:
         """Record that the edge of `slot` was passed in `direction`."""
         self.edge_direction, self.edge_slot = direction, slot
         self.turning_level = None
         self.is_reversed = self.drive_direction != direction
-
-
-def _edge_place(slot: int, direction: int) -> float:
-    return slot + (OPEN_SHARE if direction < 0 else 0.0)
-
-
-def bounds(place: float, direction: int, is_reversed: bool) -> tuple[float, float]:
-    """Range of z after an edge at `place` that was passed in `direction`.
-
-    After a reversal the next edge may be either edge of the slot, which narrows the range.
-    """
-    if direction > 0:
-        return place - (1.0 - OPEN_SHARE if is_reversed else 0.0), place + 1.0
-    return place - 1.0, place + (1.0 - OPEN_SHARE if is_reversed else 0.0)
 
 
 def update_all(hypotheses: list[EdgeHypothesis], frame: WheelFrame) -> list[EdgeHypothesis]:

@@ -59,7 +59,7 @@ class FineWheelOdometer:
         self.edge_time = time  # ns, of the last edge
         self.has_edge_times = timing.has_edge_times
         self.direction = self.drive_direction = 0
-        self.count_sign = CountSign(timing.command_time, timing.zero_is_forward)
+        self.count_sign = CountSign(timing.command_time, timing.is_published_firmware)
         self.is_mixed = False
         """whether edges of both signs may have been counted in the last frame"""
         self.span, self.decay = 0.0, 1.0  # s, of a frame; what remains of a speed after it

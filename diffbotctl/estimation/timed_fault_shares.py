@@ -10,10 +10,12 @@ hypothesis has both, an unevenness and a share.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
 from math import exp, log, sqrt
 
+from diffbotctl.estimation.count_spans import SQUARES, WEIGHTS, Deviation
+from diffbotctl.estimation.fault_share_priors import FAULTY, SHARE_UNKNOWN, SHARES, rough_density
 from diffbotctl.estimation.likelihood import normal_density
+from diffbotctl.estimation.rounding_noise import SLOT_VARIANCE
 
 # Standard deviation of the mean speed in a span, relative to the speed, by which a motor turns
 # unevenly, with probabilities. Simulated gears that cog by 5 % of the stall torque reach 0.1 where
@@ -32,42 +34,43 @@ UNEVENNESS = (
 # times: the sines of 22.5 and 67.5 degrees times the root of 2, of both signs. Around each of them
 # the values scatter by about a quarter.
 SINE_VALUES, SINE_SPREAD = (-1.307, -0.541, 0.541, 1.307), 0.0625
+FAULTY_MIN = 0.9  # probability of faults for them to be told
 SINE_MIN = 4.0  # variance of the motion over that by the slots; below it a sine is not told
 
 
 class TimedFaultShares:
     """Probabilities of all shares and unevennesses."""
 
-    def __init__(
-        self,
-        weights: Sequence[float],
-        faulty: float,
-        shares: Sequence[tuple[float, float]],
-        slot_variance: float,
-    ) -> None:
-        """`weights` of the spans in a difference, and its variance by the cut of the slots; that an
-        encoder is `faulty`, and then the `shares` with their probabilities."""
-        self.spans, self.slot_variance = len(weights), slot_variance
-        self.squares = sum(weight * weight for weight in weights)
+    def __init__(self) -> None:
         # What one fault adds to the difference, with probabilities: of either sign.
-        signed = Counter(weight * sign for weight in weights for sign in (-1.0, 1.0))
-        self.single = [(value, count / (2.0 * len(weights))) for value, count in signed.items()]
-        self.shares = ((0.0, 1.0 - faulty), *((share, faulty * part) for share, part in shares))
+        signed = Counter(weight * sign for weight in WEIGHTS for sign in (-1.0, 1.0))
+        self.single = [(value, count / (2.0 * len(WEIGHTS))) for value, count in signed.items()]
+        self.shares = ((0.0, 1.0 - FAULTY), *((share, FAULTY * part) for share, part in SHARES))
         self.logs = [log(likely * part) for _, likely in UNEVENNESS for _, part in self.shares]
-        self.mean_square = faulty * sum(share * share * part for share, part in shares)
+        self.mean_square = SHARE_UNKNOWN * SHARE_UNKNOWN
         """of the share, over its probabilities"""
-        self.probability = faulty
+        self.probability = FAULTY
         """that there are faults"""
 
-    def add(self, square: float, edges: float, rough: float, samples: float) -> None:
-        """Take a squared difference of spans with `edges` on average, worth `samples` independent
-        ones; `rough`: its density where the motion was not smooth, times its probability."""
+    @property
+    def shows_faults(self) -> bool:
+        """Whether there are faults, probably enough to tell them."""
+        return self.probability > FAULTY_MIN
+
+    def noise(self, edges: float, slope: float) -> float:
+        """Variance without faults of five spans."""
+        return SLOT_VARIANCE
+
+    def add(self, deviation: Deviation, deviations_per_sample: float) -> None:
+        """Take a deviation; so many are worth one independent one."""
+        square, edges, _ = deviation
+        rough, samples = rough_density(square, edges, SLOT_VARIANCE), 1.0 / deviations_per_sample
         size = sqrt(square)
         parts = [self._faults_in(edges * share) for share, _ in self.shares]
         index = 0
         for uneven, _ in UNEVENNESS:
-            motion = self.squares * (uneven * edges) ** 2
-            noise = self.slot_variance + motion
+            motion = SQUARES * (uneven * edges) ** 2
+            noise = SLOT_VARIANCE + motion
             none = self._density(size, motion)
             one = sum(part * self._density(size - value, motion) for value, part in self.single)
             for no_fault, one_fault, more, variance in parts:
@@ -80,9 +83,9 @@ class TimedFaultShares:
 
     def _density(self, value: float, motion: float) -> float:
         """Of the cut of the slots and a `motion` with that variance."""
-        if motion < SINE_MIN * self.slot_variance:
-            return normal_density(value * value, self.slot_variance + motion)
-        sd, variance = sqrt(motion), self.slot_variance + SINE_SPREAD * motion
+        if motion < SINE_MIN * SLOT_VARIANCE:
+            return normal_density(value * value, SLOT_VARIANCE + motion)
+        sd, variance = sqrt(motion), SLOT_VARIANCE + SINE_SPREAD * motion
         densities = (normal_density((value - each * sd) ** 2, variance) for each in SINE_VALUES)
         return sum(densities) / len(SINE_VALUES)
 
@@ -91,13 +94,13 @@ class TimedFaultShares:
         the variance that those add."""
         if not faults:
             return 1.0, 0.0, 0.0, 0.0
-        mean = self.spans * faults  # of a Poisson distribution
+        mean = len(WEIGHTS) * faults  # of a Poisson distribution
         none = exp(-mean)
         one = mean * none
         more = 1.0 - none - one
         if more < 1e-9:
             return none, one, 0.0, 0.0
-        return none, one, more, self.squares / self.spans * (mean - one) / more
+        return none, one, more, SQUARES / len(WEIGHTS) * (mean - one) / more
 
     def _sum(self) -> None:
         best = max(self.logs)

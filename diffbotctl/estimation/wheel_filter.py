@@ -5,14 +5,10 @@ from __future__ import annotations
 from math import exp, inf
 
 from diffbotctl.estimation.disc_alignment import DiscAlignment
-from diffbotctl.estimation.edge_hypothesis import (
-    EdgeHypothesis,
-    WheelFrame,
-    prune,
-    update_all,
-)
+from diffbotctl.estimation.edge_hypothesis import EdgeHypothesis, prune, update_all
 from diffbotctl.estimation.priors import Priors
 from diffbotctl.estimation.slot_errors import LEARNABLE_SLOTS_MAX, EdgeErrors, KnownSlotErrors
+from diffbotctl.estimation.wheel_frame import WheelFrame
 from diffbotctl.estimation.wheel_kalman import MotorKind, Response, WheelKalman
 
 HYPOTHESES_MAX = 8

@@ -5,7 +5,6 @@ from __future__ import annotations
 from math import copysign, pi, sqrt
 
 from diffbotctl.control.speed_loop import SpeedLoopMirror, speed_gains
-from diffbotctl.estimation.edge_hypothesis import DriveChange, WheelFrame
 from diffbotctl.estimation.edge_intervals import EdgeIntervals
 from diffbotctl.estimation.fine_wheel import (
     PUSHED_EDGES_MIN,
@@ -16,6 +15,7 @@ from diffbotctl.estimation.lost_edges import LostEdges, MotorGain
 from diffbotctl.estimation.priors import Priors
 from diffbotctl.estimation.slot_errors import EdgeErrors, SlotEstimate
 from diffbotctl.estimation.wheel_filter import LOG_RATIO_MAX, WheelFilter
+from diffbotctl.estimation.wheel_frame import DriveChange, WheelFrame
 from diffbotctl.estimation.wheel_kalman import Response, no_load_speed
 from diffbotctl.estimation.wheel_side import EncoderConfig, LinkTiming, SideConfig, settled_speed
 

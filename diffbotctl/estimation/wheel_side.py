@@ -51,19 +51,18 @@ class SideConfig(Protocol):
 
 class LinkTiming(NamedTuple):
     """Accuracy of the times: standard deviations (s) of a frame's time and of the time at which a
-    command takes effect, whether the board reports edge times, whether it counts forward at a
-    command of zero, and whether it takes duties."""
+    command takes effect, whether the board reports edge times, and whether it runs the published
+    firmware, which takes duties and counts forward at a command of zero."""
 
     frame_time: float
     command_time: float
     has_edge_times: bool
-    zero_is_forward: bool = False
-    takes_duties: bool = False
+    is_published_firmware: bool = False
 
     @property
     def has_duties(self) -> bool:
         """Whether each duty is known: that of a board's own loop only by the times of the edges."""
-        return self.has_edge_times or self.takes_duties
+        return self.has_edge_times or self.is_published_firmware
 
 
 def settled_speed(duty: float, static: float, rated: float) -> float:

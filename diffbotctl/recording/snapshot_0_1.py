@@ -185,7 +185,6 @@ ADDED: dict[str, dict[str, Any]] = {
         "coasting_speed": inf,
         "is_placed": False,
         "turning_level": None,
-        "was_at_rest": False,
     },
     "WheelKalman": {
         "kind": MotorKind.LINEAR,

@@ -7,7 +7,8 @@ from statistics import fmean, median
 
 import pytest
 
-from diffbotctl.estimation.count_faults import CountFaults, rounding_variance
+from diffbotctl.estimation.count_faults import CountFaults
+from diffbotctl.estimation.rounding_noise import rounding_variance
 
 PERIOD = 0.02  # s, of the frames
 

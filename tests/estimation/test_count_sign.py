@@ -3,8 +3,9 @@
 import pytest
 
 from diffbotctl.estimation.count_sign import CountSign
-from diffbotctl.estimation.edge_hypothesis import EdgeHypothesis, WheelFrame
+from diffbotctl.estimation.edge_hypothesis import EdgeHypothesis
 from diffbotctl.estimation.priors import Priors
+from diffbotctl.estimation.wheel_frame import WheelFrame
 from diffbotctl.estimation.wheel_kalman import WheelKalman
 from diffbotctl.time import MILLISECOND as MS
 

@@ -4,9 +4,10 @@ from math import sqrt
 
 import pytest
 
-from diffbotctl.estimation.edge_hypothesis import EdgeHypothesis, WheelFrame
+from diffbotctl.estimation.edge_hypothesis import EdgeHypothesis
 from diffbotctl.estimation.pin_level import stretches
 from diffbotctl.estimation.priors import Priors
+from diffbotctl.estimation.wheel_frame import WheelFrame
 from diffbotctl.estimation.wheel_kalman import DIAGONAL, Z_Z, WheelKalman
 
 FRAME = 20_000_000  # ns

@@ -2,8 +2,9 @@
 
 import pytest
 
-from diffbotctl.estimation.edge_hypothesis import EdgeHypothesis, WheelFrame
+from diffbotctl.estimation.edge_hypothesis import EdgeHypothesis
 from diffbotctl.estimation.priors import Priors
+from diffbotctl.estimation.wheel_frame import WheelFrame
 from diffbotctl.estimation.wheel_kalman import DIAGONAL, SPEED_ENTRIES, WheelKalman
 
 FRAME = 20_000_000  # ns

@@ -6,8 +6,9 @@ import pytest
 
 from diffbotctl.config.load import load
 from diffbotctl.estimation.commanded_wheel import CommandedWheelOdometer
-from diffbotctl.estimation.edge_hypothesis import DriveChange, EdgeHypothesis, WheelFrame
+from diffbotctl.estimation.edge_hypothesis import EdgeHypothesis
 from diffbotctl.estimation.priors import Priors
+from diffbotctl.estimation.wheel_frame import DriveChange, WheelFrame
 from diffbotctl.estimation.wheel_kalman import WheelKalman
 from diffbotctl.estimation.wheel_odometer import WheelOdometer
 from diffbotctl.estimation.wheel_side import LinkTiming
