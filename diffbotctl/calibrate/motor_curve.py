@@ -32,7 +32,7 @@ import numpy as np
 
 from diffbotctl.calibrate.dead_reckoning import Floats
 from diffbotctl.config.robot import Decay
-from diffbotctl.estimation.wheel_kalman import LAG_DUTY
+from diffbotctl.estimation.predicted_wheel import LAG_DUTY
 
 # The parameter that both motors share: sag or viscous friction. Beyond these limits the motors
 # follow another law: a line is as good, unless the law of fast decay is far better even at a limit.

@@ -26,8 +26,9 @@ from diffbotctl.estimation.edge_places import OPEN_SHARE, bounds, edge_place
 from diffbotctl.estimation.likelihood import normal_cdf
 from diffbotctl.estimation.pin_level import TurningLevel, place_by_level, update_by_level
 from diffbotctl.estimation.pose_history import FRAMES_MAX
+from diffbotctl.estimation.predicted_wheel import MotorKind
 from diffbotctl.estimation.wheel_frame import DriveChange, WheelFrame
-from diffbotctl.estimation.wheel_kalman import MotorKind, WheelKalman
+from diffbotctl.estimation.wheel_kalman import WheelKalman
 
 SAME = 1e-9  # pitches; a smaller difference is one of rounding
 LOG_RATIO_MAX = 8.0  # natural log; branches less likely than the best by more are not followed

@@ -12,7 +12,7 @@ from math import copysign, exp, log, pi
 from typing import NamedTuple
 
 from diffbotctl.control.speed_loop import SpeedLoopMirror, speed_gains
-from diffbotctl.estimation.wheel_kalman import LAG_DUTY, VISCOUS
+from diffbotctl.estimation.predicted_wheel import LAG_DUTY, VISCOUS
 from diffbotctl.estimation.wheel_side import (
     MotorConfig,
     SideConfig,

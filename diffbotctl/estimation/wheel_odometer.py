@@ -12,11 +12,11 @@ from diffbotctl.estimation.fine_wheel import (
     pushed_variance,
 )
 from diffbotctl.estimation.lost_edges import LostEdges, MotorGain
+from diffbotctl.estimation.predicted_wheel import Response, no_load_speed
 from diffbotctl.estimation.priors import Priors
 from diffbotctl.estimation.slot_errors import EdgeErrors, SlotEstimate
 from diffbotctl.estimation.wheel_filter import LOG_RATIO_MAX, WheelFilter
 from diffbotctl.estimation.wheel_frame import DriveChange, WheelFrame
-from diffbotctl.estimation.wheel_kalman import Response, no_load_speed
 from diffbotctl.estimation.wheel_side import EncoderConfig, LinkTiming, SideConfig, settled_speed
 
 GAP_SDS = 3.0  # by which the model and the counts may differ

@@ -19,7 +19,7 @@ from diffbotctl.estimation.edge_intervals import EdgeIntervals
 from diffbotctl.estimation.fine_wheel import FineWheelOdometer
 from diffbotctl.estimation.pose_filter import NO_EFFECTS, PoseFilter
 from diffbotctl.estimation.pose_history import PoseHistory
-from diffbotctl.estimation.wheel_kalman import MotorKind
+from diffbotctl.estimation.predicted_wheel import MotorKind
 from diffbotctl.estimation.wheel_odometer import WheelOdometer
 from diffbotctl.estimation.wheel_side import LinkTiming
 from diffbotctl.geometry.distance_sensors import SHARPS

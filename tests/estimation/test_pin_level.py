@@ -6,9 +6,10 @@ import pytest
 
 from diffbotctl.estimation.edge_hypothesis import EdgeHypothesis
 from diffbotctl.estimation.pin_level import stretches
+from diffbotctl.estimation.predicted_wheel import DIAGONAL, Z_Z
 from diffbotctl.estimation.priors import Priors
 from diffbotctl.estimation.wheel_frame import WheelFrame
-from diffbotctl.estimation.wheel_kalman import DIAGONAL, Z_Z, WheelKalman
+from diffbotctl.estimation.wheel_kalman import WheelKalman
 
 FRAME = 20_000_000  # ns
 LAG = 0.05  # s

@@ -7,8 +7,9 @@ from statistics import fmean, pvariance
 
 import pytest
 
+from diffbotctl.estimation.predicted_wheel import LAG_DUTY, VISCOUS, MotorKind
 from diffbotctl.estimation.priors import Priors
-from diffbotctl.estimation.wheel_kalman import LAG_DUTY, VISCOUS, MotorKind, WheelKalman
+from diffbotctl.estimation.wheel_kalman import WheelKalman
 from diffbotctl.estimation.wheel_side import settled_speed
 
 SLOTS, RATED, STATIC, LAG = 20, 10.0, 0.15, 0.1
