@@ -96,6 +96,10 @@ class OdometryBlock(Block):
         sides = self.left_side, self.right_side
         self.lost_by_gains = LostEdges()
         self.pulse_widths = PulseWidth(), PulseWidth()
+        self.counted_levels = [
+            COUNTED_LEVELS.get(side.encoder.edge) if side.encoder.channels == 1 else None
+            for side in sides
+        ]
         self.lost_by_edges = (
             ExplainedLostEdges(*sides) if all(side.encoder.channels for side in sides) else None
         )
@@ -218,20 +222,26 @@ class OdometryBlock(Block):
         self.pose.move(left, right)
 
     def _take_levels(self, encoders: Encoders, left: Wheel, right: Wheel) -> None:
-        """Take the levels of the pins, of which a frame tells one at most."""
-        time = encoders.time
-        if encoders.left_level is not None or encoders.right_level is not None:
-            a = _has_counted_level(encoders.left_level, self.left_side)
-            b = _has_counted_level(encoders.right_level, self.right_side)
-            for wheel, level in ((left, a), (right, b)):
-                if level is not None and isinstance(wheel, WheelOdometer):
-                    wheel.take_level(level)
-            first, second = self.pulse_widths
-            first.update(time, encoders.left, encoders.left_edge, a)
-            second.update(time, encoders.right, encoders.right_edge, b)
-            ratios = first.lost_log_ratio, second.lost_log_ratio
-            for lost_edges in filter(None, (self.lost_by_gains, self.lost_by_edges)):
-                lost_edges.pulse_ratios = ratios
+        """Take the level of a pin, of which a frame tells one at most."""
+        if encoders.left_level is not None:
+            side, wheel, level = 0, left, encoders.left_level
+        elif encoders.right_level is not None:
+            side, wheel, level = 1, right, encoders.right_level
+        else:
+            return
+        counted_level = self.counted_levels[side]
+        told: list[bool | None] = [None, None]
+        if counted_level is not None:
+            told[side] = has_counted_level = level == counted_level
+            if isinstance(wheel, WheelOdometer):
+                wheel.take_level(has_counted_level)
+        time, (first, second) = encoders.time, self.pulse_widths
+        first.update(time, encoders.left, encoders.left_edge, told[0])
+        second.update(time, encoders.right, encoders.right_edge, told[1])
+        ratios = first.lost_log_ratio, second.lost_log_ratio
+        self.lost_by_gains.pulse_ratios = ratios
+        if self.lost_by_edges is not None:
+            self.lost_by_edges.pulse_ratios = ratios
 
     def _bridge_silence(
         self, encoders: Encoders, wheels: tuple[Wheel, Wheel], is_continued: bool = False
@@ -290,14 +300,6 @@ class OdometryBlock(Block):
         delay = int(self.command_delay * 1e9)
         period = time - before
         return time - (-delay % period if period > 0 else 0)
-
-
-def _has_counted_level(level: int | None, side: SideConfig) -> bool | None:
-    """Whether a pin with `level` has that of a counted edge; None: not told, or of no use."""
-    counted_level = COUNTED_LEVELS.get(side.encoder.edge)
-    if level is None or counted_level is None or side.encoder.channels != 1:
-        return None
-    return level == counted_level
 
 
 def warning(left: Wheel, right: Wheel) -> str:

@@ -87,7 +87,10 @@ class FaultProbabilities(NamedTuple):
 
     def given_pulses(self, left: float, right: float) -> FaultProbabilities:
         """With what the pulses of both encoders show: `PulseWidth.lost_log_ratio`."""
-        healthy = 1.0 - sum(self, 0.0)
+        faulty = sum(self, 0.0)
+        if not faulty:
+            return self
+        healthy = 1.0 - faulty
         left, right = exp(left), exp(right)
         both = WRONG_SLOTS_SHARE + (1.0 - WRONG_SLOTS_SHARE) * left * right
         return normalized(

@@ -71,7 +71,12 @@ def update_by_level(
 ) -> None:
     """Update a wheel whose z is between `low` and `high` by its edges. `is_at_rest`: or turns
     round."""
-    parts = stretches(low, high, has_counted_level, _open_share(motion))
+    open_share = _open_share(motion)
+    begin, end = (0.0, open_share) if has_counted_level else (open_share, 1.0)
+    place = motion.z % 1.0
+    if motion.is_surely_nearer(min(place - begin, end - place)):
+        return  # as it was in nearly all frames
+    parts = stretches(low, high, has_counted_level, open_share)
     likely = [motion.probability_within(*part) for part in parts]
     probability = sum(likely, 0.0)
     if probability > 1.0 - (OUTSIDE_MIN_AT_REST if is_at_rest else OUTSIDE_MIN):

@@ -26,6 +26,8 @@ class PulseWidth:
 
     def __init__(self) -> None:
         self.quarter = self.three_quarters = 0.0  # natural logs of likelihood ratios
+        self.lost_log_ratio = 0.0
+        """natural log of the likelihood that every second pulse is missing, relative to none"""
         self.restart()
 
     def restart(self) -> None:
@@ -50,6 +52,9 @@ class PulseWidth:
             self.quarter = _added(self.quarter, not has_counted_level)
         elif THREE_QUARTERS[0] < share < THREE_QUARTERS[1]:
             self.three_quarters = _added(self.three_quarters, has_counted_level)
+        else:
+            return
+        self.lost_log_ratio = log(0.5 * (exp(self.quarter) + exp(self.three_quarters)))
 
     def _take_edge(self, edge_time: int, count: int) -> None:
         before, edges = self.edge, abs(count - self.count)
@@ -61,13 +66,6 @@ class PulseWidth:
         self.interval = (edge_time - before) / edges
         if interval:
             self.is_steady = 1.0 / STEADY_RATIO < self.interval / interval < STEADY_RATIO
-
-    @property
-    def lost_log_ratio(self) -> float:
-        """Natural log of the likelihood that every second pulse is missing, relative to none."""
-        if not self.quarter and not self.three_quarters:
-            return 0.0
-        return log(0.5 * (exp(self.quarter) + exp(self.three_quarters)))
 
 
 def _added(ratio: float, is_lost: bool) -> float:

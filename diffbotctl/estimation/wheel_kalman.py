@@ -30,6 +30,7 @@ from diffbotctl.estimation.slot_errors import (
     SlotErrors,
 )
 
+SURE_SDS = 2.6  # standard deviations; 99 % of a normal distribution are within
 PROBABILITY_MIN = 1e-6  # below it a bound is applied as a measurement of its nearer end
 # Probability that z is within bounds that it has reached by a sudden change.
 LOG_CHANGED_WITHIN = log(0.25)
@@ -121,6 +122,10 @@ class WheelKalman(PredictedWheel):
         """Whether z may be at `place`: within `sds` standard deviations."""
         return abs(place - self.z) < sds * self._bounds_sd()
 
+    def is_surely_nearer(self, pitches: float) -> bool:
+        """Whether z is nearer than `pitches` to its estimate with a probability above 0.99."""
+        return pitches > 0.0 and pitches * pitches > SURE_SDS * SURE_SDS * self._bounds_variance()
+
     def bounds_log_likelihood(self, low: float, high: float) -> float:
         """Log probability that z lies between `low` and `high`, also after a sudden change of the
         motion."""
@@ -165,11 +170,14 @@ class WheelKalman(PredictedWheel):
 
     def _bounds_sd(self) -> float:
         """Predicted standard deviation of z relative to an edge, at the time of a frame."""
+        return sqrt(self._bounds_variance())
+
+    def _bounds_variance(self) -> float:
         priors = self.priors
-        variance = self.covariance[Z_Z] + priors.slot**2
+        variance = self.covariance[Z_Z] + priors.slot * priors.slot
         if priors.frame_time:
             variance += (self.speed * priors.frame_time) ** 2
-        return sqrt(variance)
+        return variance
 
     def _add_log_likelihood(self, innovation: float, variance: float) -> float:
         """Add that of an edge. Returns the variance to update with, larger for an outlier.

@@ -462,7 +462,7 @@ class SimulatedRobot:
         if self.gyro is not None or not self._model.has_speed_loop:
             return frame
         side = self._shown_side = 1 - self._shown_side
-        wheel = self._wiring.wheel_at(side)
+        wheel = self._wiring.wheels_at[side]
         if wheel is None:
             return frame
         level = 0 if wheel in self._wiring.pickups else self.wheels[wheel].level

@@ -50,11 +50,12 @@ class PlantWiring:
     """The wires between board, driver, motors and encoders.
 
     `outputs`: 2x2 matrix from the board's motor outputs (columns) to the motors (rows): 1, -1 or 0.
-    `pins`: the side of the board to which the encoder of each wheel is connected, None for neither.
+    `pins`: the side of the board to which the encoder of each wheel is connected, None for neither;
+    `wheels_at`: the other way round.
     `pickups`: by wheel, the signal on the wire of an encoder that does not work.
     """
 
-    __slots__ = ("_parameters", "_wiring", "outputs", "pickups", "pins")
+    __slots__ = ("_parameters", "_wiring", "outputs", "pickups", "pins", "wheels_at")
 
     def __init__(self, wiring: WiringTruth, parameters: PlantParameters, rng: Random) -> None:
         self._wiring = wiring
@@ -66,14 +67,13 @@ class PlantWiring:
         self._parameters = parameters
         self.outputs = _outputs(self._wiring, parameters)
         self.pins = (self._pin(0, parameters), self._pin(1, parameters))
+        self.wheels_at = tuple(
+            next((wheel for wheel in (0, 1) if self.pins[wheel] == side), None) for side in (0, 1)
+        )
 
     def socket(self, wheel: int) -> int:
         """The socket that the encoder of `wheel` is plugged into: 0 stated for left, 1 right."""
         return 1 - wheel if self._wiring.encoders == "swapped" else wheel
-
-    def wheel_at(self, side: int) -> int | None:
-        """The wheel whose encoder is connected to the board's `side`; None: neither."""
-        return next((wheel for wheel in (0, 1) if self.pins[wheel] == side), None)
 
     def channel(self, wheel: int, channel: int) -> int:
         """The input (0 for A, 1 for B) that this channel of a wheel's encoder is connected to."""
