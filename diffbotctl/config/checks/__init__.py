@@ -32,6 +32,7 @@ CHECKS: tuple[Callable[[CheckContext], None], ...] = (
     board.check_budget,
     drive.check_deadman,
     drive.check_speed,
+    drive.check_breakaway,
     drive.check_turn_rate,
     proportions.check_proportions,
     drive.check_outline,
