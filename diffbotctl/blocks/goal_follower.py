@@ -65,8 +65,8 @@ TURNED_MAX = 540 * pi / 180  # rad in one turn, which needs 180 deg and some cor
 OPPOSED_TURN_STOP = 45 * pi / 180
 OPPOSED_TURN_MAX = 120 * pi / 180  # rad against the commands; more than any motor coasts
 PUSH_GROWTH = 1.4  # of the least speed, with each small turn in which friction held the wheels
-# s, of the first of them; each further one takes twice as long in addition. The loop of the board
-# takes up to 0.6 s to kick a wheel loose.
+# s, of the first of them; each further one takes a little more than twice as long. The loop of the
+# board takes up to 0.6 s to kick a wheel loose.
 PUSH_TIME = 0.03
 RELEASES_MAX = 12  # in one turn; then the remaining angle is left to the next leg or attempt
 FARTHER_MAX = 0.12  # m beyond the distance at the start; the robot does not obey

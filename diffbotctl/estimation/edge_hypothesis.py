@@ -360,7 +360,6 @@ class EdgeHypothesis:
             self.edge_slot = 1 if self.motion.z > OPEN_SHARE else 0
         else:  # the phase is equally unknown relative to backward edges
             self.motion.shift(-OPEN_SHARE)
-            self.edge_slot = 0
 
     def _pass_edges(self, steps: int, window: float) -> list[EdgeHypothesis]:
         """Pass `steps` edges, the last of them now or within the last `window` pitches of travel.

@@ -50,7 +50,7 @@ def stretches(
     low: float, high: float, has_counted_level: bool, open_share: float
 ) -> list[tuple[float, float]]:
     """The stretches of z from `low` to `high` in which the pin has the counted level, or not."""
-    begin, end = (0.0, open_share) if has_counted_level else (open_share, 1.0)
+    begin, end = _part_of_slot(has_counted_level, open_share)
     found = []
     slot = floor(low + ROUNDING)
     while slot + begin < high:
@@ -72,7 +72,7 @@ def update_by_level(
     """Update a wheel whose z is between `low` and `high` by its edges. `is_at_rest`: or turns
     round."""
     open_share = _open_share(motion)
-    begin, end = (0.0, open_share) if has_counted_level else (open_share, 1.0)
+    begin, end = _part_of_slot(has_counted_level, open_share)
     place = motion.z % 1.0
     if motion.is_surely_nearer(min(place - begin, end - place)):
         return  # as it was in nearly all frames
@@ -92,6 +92,11 @@ def update_by_level(
             motion.log_likelihood += log(probability)
             return
     motion.update_bounds(*part)
+
+
+def _part_of_slot(has_counted_level: bool, open_share: float) -> tuple[float, float]:
+    """Where in a slot the pin has the counted level, or not."""
+    return (0.0, open_share) if has_counted_level else (open_share, 1.0)
 
 
 def _open_share(motion: WheelKalman) -> float:

@@ -215,11 +215,11 @@ class SimulatedRobot:
             CapturedEdge(
                 self.now,
                 wiring.socket(number),
-                0 if number in wiring.pickups else level,
+                level,
                 wiring.channel(number, channel),
             )
-            for number, wheel in enumerate(self.wheels)
-            for channel, level in enumerate(wheel.levels)
+            for number in range(2)
+            for channel, level in enumerate(self._pin_levels(number))
         ]
 
     def advance_with_duties(
@@ -465,8 +465,13 @@ class SimulatedRobot:
         wheel = self._wiring.wheels_at[side]
         if wheel is None:
             return frame
-        level = 0 if wheel in self._wiring.pickups else self.wheels[wheel].level
+        level = self._pin_levels(wheel)[0]
         return frame._replace(right_level=level) if side else frame._replace(left_level=level)
+
+    def _pin_levels(self, wheel: int) -> tuple[int, ...]:
+        """Levels on the wires of a wheel's encoder; a wire that does not carry them begins at 0."""
+        levels = self.wheels[wheel].levels
+        return (0,) * len(levels) if wheel in self._wiring.pickups else levels
 
     def _with_turn(self, frame: Encoders) -> Encoders:
         """The frame with what the gyro has measured. The published firmware reads none."""
