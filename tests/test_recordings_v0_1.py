@@ -77,6 +77,10 @@ class Unchecked(NamedTuple):
     """the texts of one message by field, with how many messages in a row have the same"""
 
 
+PUSHED = (
+    "the right wheel turns although it was at rest and nothing is commanded: the robot is pushed or "
+    "rolls, or its encoder counts noise"
+)
 HALT = "diffbotctl stop (process 14678, uid 0) asked to stop: end of the flight"
 REPLAYED = {
     "hello.mcap": Unchecked(
@@ -84,7 +88,7 @@ REPLAYED = {
         (),
     ),
     "flight.mcap": Unchecked(
-        "356cc9b26a7d433875565cc51b50d84c794c6b3aec0ed3b902124864d2cd2f7f",
+        "25e65dd2194247e0c701fe2417d1ae70e4b2b7b3cefac39785dc01dab0320ed9",
         (
             (16, {"cause": "", "state": "driving"}),
             (1, {"cause": "", "state": "aligning"}),
@@ -95,9 +99,14 @@ REPLAYED = {
             (1, {"text": "goal 8 taken: x 0.800 m  y 0.800 m"}),
             (1, {"cause": "", "state": "turning"}),
             (1, {"text": "goal 8: turning, 701 mm, 88.2 deg to go"}),
-            # Odometry keeps more of what the discs leave open: 0.2 deg more, and the recorded robot
-            # ends its turn before this follower would.
-            (21, {"cause": "", "state": "turning"}),
+            # The recorded robot turns on the spot; this follower turns about the right wheel, which
+            # nothing commands then, and drives on without a rest.
+            (2, {"cause": "", "state": "turning"}),
+            (1, {"text": PUSHED}),
+            (2, {"cause": "", "state": "turning"}),
+            (1, {"cause": "", "state": "driving"}),
+            (1, {"text": "goal 8: driving, 699 mm, 0.0 deg to go"}),
+            (16, {"cause": "", "state": "driving"}),
             (2, {"cause": HALT}),
             (1, {"text": f"STOP operator_stop: {HALT}; waits for `resume`"}),
             (1, {"cause": HALT}),

@@ -44,6 +44,9 @@ MISSED_RATIO = 2.5
 ALIGNED_DISTANCE_RATIO = 0.6  # of the tolerance; closer, only the heading is corrected
 STEERED_ERROR_MAX = 8 * pi / 180  # remaining turn that is steered on the way to the goal,
 STEERED_DISTANCE_MIN = 0.3  # m, if that is as far as this
+# m; in wider turns about a wheel the robot would move too far away from its goal.
+TURN_RADIUS_MAX = 0.15
+ROLLING_ERROR_MAX = 15 * pi / 180  # remaining turn about a wheel that is steered while it drives on
 TURN_TOLERANCE_RATIO, ALIGN_TOLERANCE_RATIO = 1.5, 0.8  # of the heading tolerance
 TIME_LIMIT_BASE, TIME_LIMIT_RATIO = 30.0, 5.0  # s, and multiple of the shortest possible time
 # Of the time limit. After it, a robot need not come nearer to the goal than its pose is known (one
@@ -136,6 +139,8 @@ class GoalFollower(Block):
     right_diameter: float = FromRobot("drive.right.wheel.diameter")
     left_counts: int = FromRobot("drive.left.encoder.counts")
     right_counts: int = FromRobot("drive.right.encoder.counts")
+    left_channels: int = FromRobot("drive.left.encoder.channels")
+    right_channels: int = FromRobot("drive.right.encoder.channels")
     left_rated: float = FromRobot("drive.left.motor.rated")
     right_rated: float = FromRobot("drive.right.motor.rated")
     command_delay: float = FromRobot("link.command_delay")
@@ -165,6 +170,19 @@ class GoalFollower(Block):
         )
         slowest = max(CREEP_SPEED_RATIO * top_speed, CREEP_COUNTS * pitch)
         self.least_speed = min(self.creep, slowest)  # m/s, of a wheel
+        self.turn_radius = self._first_turn_radius()
+
+    def _first_turn_radius(self) -> float:
+        """Radius (m) of the first turn: half the track, about a wheel; or 0, on the spot.
+
+        An encoder with one channel does not show in which direction it turns: a wheel that goes
+        backwards, and later forwards again, may be an edge off after each reversal. Where no wheel
+        goes backwards, the direction is never in question, and the robot need not come to rest
+        between the turn and the drive. Four wheels slip less in a turn on the spot.
+        """
+        is_told = min(self.left_channels, self.right_channels) == 2
+        radius = 0.5 * self.track
+        return 0.0 if is_told or self.wheelbase or radius > TURN_RADIUS_MAX else radius
 
     def react(
         self,
@@ -266,7 +284,9 @@ class GoalFollower(Block):
         return self._begin(pursuit._replace(time_limit=time_limit), odometry)
 
     def _begin(self, pursuit: Pursuit, odometry: Odometry) -> Pursuit:
-        return pursuit.begin(odometry, ALIGNED_DISTANCE_RATIO * self.tolerance, self.reverse)
+        tolerance = ALIGNED_DISTANCE_RATIO * self.tolerance
+        radius = 0.0 if self.wheels.weak else self.turn_radius
+        return pursuit.begin(odometry, tolerance, self.reverse, radius)
 
     def _drop_effective(self, odometry: Odometry) -> None:
         """Remove commands that took effect before the time of the pose, except the last."""
@@ -328,7 +348,7 @@ class GoalFollower(Block):
     def _disobeys(self, pursuit: Pursuit, odometry: Odometry) -> tuple[GoalEnd, str] | None:
         """How and why a goal ends from which the robot drives or turns away."""
         farther = pursuit.distance(odometry) - pursuit.start_distance
-        if farther > FARTHER_MAX:
+        if farther > FARTHER_MAX + pursuit.turn_radius:
             moved = f"{farther * 1000:.0f} mm farther than at the start"
             cause = f"the robot moves away from the goal: {moved}"
             return "given_up", "; ".join((cause, *self.wheels.weaknesses()))
@@ -349,7 +369,7 @@ class GoalFollower(Block):
             pursuit = self._await_rest(pursuit, odometry)
             if pursuit.is_coasting:
                 return FollowerStep(pursuit)
-            pursuit = pursuit.learn_coast(odometry, 0.5 * self.track, self.lag)
+            pursuit = pursuit.learn_coast(odometry, self._arm(pursuit), self.lag)
             if self._is_leg_done(pursuit, odometry, seconds):
                 match pursuit.leg:
                     case "turning":
@@ -360,7 +380,7 @@ class GoalFollower(Block):
                             return self._try_again(pursuit, odometry)
                         # The last turn is about the goal, which reduces the position error further.
                         pivot = (pursuit.goal.x, pursuit.goal.y)
-                        pursuit = pursuit._replace(leg="aligning", pivot=pivot)
+                        pursuit = pursuit._replace(leg="aligning", pivot=pivot, turn_radius=0.0)
                         pursuit = pursuit.restart_turn()
                     case "aligning":
                         return self._judge(pursuit, odometry)
@@ -444,21 +464,26 @@ class GoalFollower(Block):
     def _turn_leg(
         self, pursuit: Pursuit, odometry: Odometry, predicted: Motion, seconds: float
     ) -> FollowerStep:
-        half_track, bounds = 0.5 * self.track, self._turn_bounds(pursuit)
+        if pursuit.turn_radius and self.wheels.weak:  # both wheels together are stronger than one
+            pursuit = pursuit.turn_on_the_spot(odometry)
+        arm, bounds = self._arm(pursuit), self._turn_bounds(pursuit)
         if pursuit.turned > TURNED_MAX:  # one wheel hardly turns, and swings the robot around
             return self._try_again(pursuit, odometry)
         if pursuit.leg == "turning" and pursuit.distance(odometry) > BEARING_DISTANCE_MIN:
             pursuit = pursuit.aim(odometry)
         if pursuit.needs_nudge:  # friction holds the wheels: they have not followed their commands
             predicted = Motion(0.0, 0.0, 0.0, 0.0)
-        remaining = half_track * (pursuit.heading_error(odometry) - predicted.turn)
-        rolling = half_track * predicted.angular
+        error = pursuit.heading_error(odometry) - predicted.turn
+        if pursuit.turn_radius and abs(error) <= ROLLING_ERROR_MAX:
+            pursuit = pursuit._replace(leg="driving", releases=0)
+            return self._drive_leg(pursuit, odometry, predicted, seconds)
+        remaining, rolling = arm * error, arm * predicted.angular
         speed = approach_speed(
             remaining, rolling, pursuit.coast_time(rolling, odometry), seconds, bounds
         )
         if pursuit.needs_nudge:
             # A fine encoder shows when the wheels have left static friction; a coarse one too late.
-            is_coarse = self.wheels.pitch > TURN_REST_RATIO * half_track * self.heading_tolerance
+            is_coarse = self.wheels.pitch > TURN_REST_RATIO * arm * self.heading_tolerance
             pushed_for = pursuit.pushed_for + seconds
             is_enough = is_coarse and pushed_for > (2**pursuit.stalls - 1) * PUSH_TIME
             pursuit = pursuit._replace(
@@ -471,8 +496,14 @@ class GoalFollower(Block):
         pursuit = pursuit.watch_turn(odometry.angular, speed, seconds)
         if before <= OPPOSED_TURN_STOP < pursuit.opposed_turn:
             return FollowerStep(pursuit.stop_opposed_turn(odometry))
+        if pursuit.turn_radius:
+            return FollowerStep(pursuit, pursuit.turn_radius * abs(speed) / arm, speed / arm)
         linear = self._pivot_speed(pursuit, odometry, abs(speed))
-        return FollowerStep(pursuit, linear, speed / half_track)
+        return FollowerStep(pursuit, linear, speed / arm)
+
+    def _arm(self, pursuit: Pursuit) -> float:
+        """Distance (m) of a wheel from the point about which the robot turns."""
+        return 0.5 * self.track + pursuit.turn_radius
 
     def _pivot_speed(self, pursuit: Pursuit, odometry: Odometry, wheel_speed: float) -> float:
         """Forward speed (m/s) that holds the position in a turn, against unequal motors."""
@@ -513,10 +544,10 @@ class GoalFollower(Block):
         return FollowerStep(pursuit, linear, min(max(gain * error, -limit), limit))
 
     def _turn_bounds(self, pursuit: Pursuit) -> SpeedBounds:
-        """Wheel speeds while turning on the spot."""
-        half_track = 0.5 * self.track
-        rest = TURN_REST_RATIO * half_track * self.heading_tolerance
-        return self._bounds(pursuit, min(self.speed, self.turn_rate * half_track), rest)
+        """Speeds of the wheels, or of the outer one, while turning."""
+        arm = self._arm(pursuit)
+        rest = TURN_REST_RATIO * arm * self.heading_tolerance
+        return self._bounds(pursuit, min(self.speed, self.turn_rate * arm), rest)
 
     def _bounds(self, pursuit: Pursuit, maximum: float, rest: float) -> SpeedBounds:
         """Speeds up to `maximum`: slower in each further attempt, faster for wheels that stick."""
@@ -544,7 +575,7 @@ class GoalFollower(Block):
         if error <= tolerance:
             return True
         # With slow motors the remaining angle may be too small to drive.
-        remaining, bounds = 0.5 * self.track * error, self._turn_bounds(pursuit)
+        remaining, bounds = self._arm(pursuit) * error, self._turn_bounds(pursuit)
         return is_too_small(remaining, pursuit.coast.time, seconds, bounds)
 
     def _falls_short(self, pursuit: Pursuit, odometry: Odometry, seconds: float) -> bool:

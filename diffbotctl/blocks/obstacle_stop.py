@@ -7,6 +7,7 @@ from math import cos, sqrt
 from typing import assert_never
 
 from diffbotctl.block import Block, FromRobot, In, Out
+from diffbotctl.control.velocity_limits import is_turn
 from diffbotctl.geometry.distance_sensors import sensor_timing
 from diffbotctl.geometry.footprint import MountedDevice
 from diffbotctl.messages import Range, Resume, Stop, StopCode, Twist
@@ -16,6 +17,8 @@ STALE: StopCode = "range_stale"
 FAULT: StopCode = "range_fault"
 TOO_CLOSE: StopCode = "too_close"
 OBSTACLE: StopCode = "obstacle"
+# A reading of something near changes between both by its noise.
+NEAR: tuple[StopCode, ...] = (TOO_CLOSE, OBSTACLE)
 # m; hysteresis: a reading at 20 cm has a noise of 3 mm
 RELEASE_DISTANCE = 0.02
 
@@ -24,8 +27,9 @@ class ObstacleStop(Block):
     """Limit the forward speed so that the robot can stop before an obstacle ahead.
 
     It slows down and then stops in front of an obstacle. A reading that is too close, faulty or
-    stale counts as an obstacle. Turning and driving backwards stay allowed. Connect it after the
-    speed limiter, so that its stops are not ramped.
+    stale counts as an obstacle. Turning and driving backwards stay allowed: where a turn about one
+    wheel would lead the robot too far forward, it turns on the spot. Connect it after the speed
+    limiter, so that its stops are not ramped.
 
     blocks:
       guard: {block: obstacle_stop, in: {twist: limiter.twist, range: range.range}}
@@ -90,6 +94,7 @@ class ObstacleStop(Block):
     command_delay = FromRobot("link.command_delay")
     lag = FromRobot("drive.left.motor.lag")
     front = FromRobot("body.front")
+    track: float = FromRobot("drive.track")
     sensors: Mapping[str, MountedDevice] = FromRobot("sensors")
 
     twist = In(Twist, fresh_for=0.5, help="The desired velocity.")
@@ -125,17 +130,19 @@ class ObstacleStop(Block):
             self.last_resume = resume
             # Consent is ignored while the obstacle is there: it would start the robot later.
             self.is_latched = self.is_latched and self.code != ""
-        is_forward = twist is not None and twist.linear > 0.0
-        event = self._stop_event(now, is_forward)
         if twist is None:
-            return None, event
-        if not is_forward:
+            return None, self._stop_event(now, False)
+        is_turning = is_turn(twist.linear, twist.angular, self.track)
+        event = self._stop_event(now, twist.linear > 0.0 and not is_turning)
+        if twist.linear <= 0.0:
             return Twist(now, twist.linear, twist.angular), event
         if self.code or self.is_latched:
             return Twist(now, 0.0, twist.angular), event
         limit = max_safe_speed(free - self.margin, self.braking, self._reaction_time())
         if (twist.linear > limit) != self.is_slowing:
             self._log_slowing(free)
+        if is_turning:
+            return Twist(now, min(twist.linear, limit), twist.angular), event
         return limit_to(twist, limit, now), event
 
     def _reaction_time(self) -> float:
@@ -203,7 +210,8 @@ class ObstacleStop(Block):
     def _stop_event(self, now: int, is_forward: bool) -> Stop | None:
         """A Stop when forward motion is first prevented or allowed again, else None."""
         code = self.code
-        if is_forward and code and code != self.reported_code:
+        is_reported = code == self.reported_code or (code in NEAR and self.reported_code in NEAR)
+        if is_forward and code and not is_reported:
             must_wait = self.resume_by == "wait" and code != STALE
             self.is_latched = self.is_latched or must_wait
             self.reported_code = code

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from diffbotctl.block import Block, FromRobot, In, Out
+from diffbotctl.control.velocity_limits import is_turn
 from diffbotctl.geometry.footprint import (
     Footprint,
     MountedDevice,
@@ -35,7 +36,8 @@ class ScanStop(Block):
 
     It predicts the motion along the desired curve for the time of reaction and braking, and checks
     whether any point of the scan comes closer to the outline than `margin`. If so, it tries slower
-    velocities, then the turn alone, then standstill. Motion away from a point is always allowed.
+    velocities, then the turn alone, then standstill. A turn about one wheel becomes a turn on the
+    spot where it has no room. Motion away from a point is always allowed.
     Between two scans the points move with the odometry: obstacles are assumed to be static.
 
     blocks:
@@ -109,6 +111,9 @@ class ScanStop(Block):
         """The fastest safe velocity on the desired curve, else of the turn alone; and the stop
         code."""
         points = into_frame(self.points, *self.tracker.pose_at(now))
+        is_turning = is_turn(twist.linear, twist.angular, self.track)
+        if is_turning and not self.is_free(points, twist.linear, twist.angular):
+            twist = twist._replace(linear=0.0)
         for linear in (twist.linear, 0.0):
             if linear or twist.angular:
                 for ratio in SPEED_RATIOS:

@@ -27,6 +27,9 @@ UNSURE_RATIO = 3.0
 UNSURE_ASIDE_RATIO = 1.5
 UNSURE_ASIDE_MAX = 0.1  # m, of that
 
+# m to the goal per metre of the radius of the first turn; from nearer, it would drive around it.
+TURN_WAY_RADII = 4.0
+
 Leg = Literal["turning", "driving", "aligning"]
 
 
@@ -111,7 +114,9 @@ class Pursuit(NamedTuple):
     """heading (rad) of the robot while it drives to the goal"""
     is_backwards: bool = False
     pivot: tuple[float, float] = (0.0, 0.0)
-    """point (m) that the robot holds during a turn"""
+    """point (m) that the robot holds during a turn on the spot"""
+    turn_radius: float = 0.0
+    """m from the middle of the axle to the point about which it turns; 0: on the spot"""
     turned: float = 0.0
     """rad that the robot has turned in this leg, in either direction"""
     opposed_turn: float = 0.0
@@ -140,8 +145,13 @@ class Pursuit(NamedTuple):
     idle_for: float = 0.0
     """s of being driven without moving"""
 
-    def begin(self, odometry: Odometry, tolerance: float, may_reverse: bool) -> Pursuit:
-        """Plan the legs from this pose; within `tolerance` (m) of the goal, only the last turn."""
+    def begin(
+        self, odometry: Odometry, tolerance: float, may_reverse: bool, turn_radius: float = 0.0
+    ) -> Pursuit:
+        """Plan the legs from this pose; within `tolerance` (m) of the goal, only the last turn.
+
+        `turn_radius` (m) is that of the first turn, if the goal is far enough away for it.
+        """
         goal, position = self.goal, (odometry.x, odometry.y)
         state = self._replace(
             is_coasting=False,
@@ -149,6 +159,7 @@ class Pursuit(NamedTuple):
             needs_nudge=self.attempts > 0,
             pushed_for=0.0,
             pivot=position,
+            turn_radius=0.0,
         ).restart_turn()
         if self.distance(odometry) <= tolerance:
             return state._replace(leg="aligning", pivot=(goal.x, goal.y))
@@ -156,10 +167,12 @@ class Pursuit(NamedTuple):
         is_backwards = may_reverse and (
             self._turns(odometry, bearing + pi) < self._turns(odometry, bearing)
         )
+        is_near = self.distance(odometry) < TURN_WAY_RADII * turn_radius
         return state._replace(
             leg="turning",
             line=bearing + pi if is_backwards else bearing,
             is_backwards=is_backwards,
+            turn_radius=0.0 if is_backwards or is_near else turn_radius,
         )
 
     def restart_turn(self) -> Pursuit:
@@ -184,10 +197,14 @@ class Pursuit(NamedTuple):
         return self._replace(line=bearing + pi if self.is_backwards else bearing)
 
     def turn_again(self, odometry: Odometry) -> Pursuit:
-        """Stop a drive in a wrong direction, and turn to the goal."""
+        """Stop a drive in a wrong direction, and turn to the goal on the spot."""
         coast = self.coast._replace(release_speed=0.0)
         state = self._replace(leg="turning", is_coasting=True, coast=coast)
-        return state.restart_turn().aim(odometry)
+        return state.turn_on_the_spot(odometry).restart_turn().aim(odometry)
+
+    def turn_on_the_spot(self, odometry: Odometry) -> Pursuit:
+        """Turn about the present position from now on."""
+        return self._replace(turn_radius=0.0, pivot=(odometry.x, odometry.y))
 
     def watch_turn(self, turn_rate: float, command: float, seconds: float) -> Pursuit:
         """Sum up how far the robot turns at `turn_rate`, and how far against its `command`."""
@@ -232,7 +249,7 @@ class Pursuit(NamedTuple):
             coast = coast._replace(release_turn_rate=turn_rate)
         return self._replace(is_coasting=True, coast=coast)
 
-    def learn_coast(self, odometry: Odometry, half_track: float, lag: float) -> Pursuit:
+    def learn_coast(self, odometry: Odometry, arm: float, lag: float) -> Pursuit:
         """Update the coast time, at rest or nearly, by the remaining distance of the leg."""
         coast = self.coast
         if coast.release_speed < COAST_SPEED_MIN:
@@ -243,9 +260,9 @@ class Pursuit(NamedTuple):
             speed = abs(odometry.linear)
         else:
             error = self.heading_error(odometry)
-            remaining = abs(error) * half_track
+            remaining = abs(error) * arm
             remaining = remaining if error * coast.release_turn_rate > 0.0 else -remaining
-            speed = abs(odometry.angular) * half_track
+            speed = abs(odometry.angular) * arm
         return self._replace(coast=coast.learn(remaining - speed * coast.at(speed), lag))
 
 

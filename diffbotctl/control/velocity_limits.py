@@ -4,6 +4,18 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+# Ratio of the forward speed to the speed of a wheel in a turn on the spot at the same rate. With 1
+# the robot turns about its inner wheel.
+TURN_RATIO_MAX = 1.2
+
+
+def is_turn(linear: float, angular: float, track: float) -> bool:
+    """Whether a velocity (m/s, rad/s) is a turn: on the spot, or about the inner wheel.
+
+    `track` in m. In a curve, the inner wheel goes forward with the outer one.
+    """
+    return abs(linear) <= TURN_RATIO_MAX * 0.5 * track * abs(angular)
+
 
 def brake_limited(
     linear: float, angular: float, speed: float, turn_rate: float

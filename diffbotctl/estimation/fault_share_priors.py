@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from math import sqrt
 
 from diffbotctl.estimation.likelihood import normal_density
@@ -27,5 +28,7 @@ SHARE_UNKNOWN = sqrt(FAULTY * sum(share * share * part for share, part in SHARES
 
 def rough_density(square: float, edges: float, noise: float) -> float:
     """Density of a squared deviation of spans with `edges` where the motion was not smooth, times
-    its probability. `noise`: variance of one without faults."""
-    return ROUGH_SHARE * normal_density(square, noise + (ROUGH_CHANGE * edges) ** 2)
+    its probability. `noise`: variance of one without faults. It is above 0, so that it has a
+    logarithm: interference at a wheel that stands gives edges that nothing explains."""
+    density = normal_density(square, noise + (ROUGH_CHANGE * edges) ** 2)
+    return ROUGH_SHARE * max(density, sys.float_info.min)

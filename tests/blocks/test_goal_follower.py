@@ -27,6 +27,8 @@ ROBOT = {
     "right_diameter": 0.065,
     "left_counts": 20,
     "right_counts": 20,
+    "left_channels": 1,
+    "right_channels": 1,
     "left_rated": 10.5,
     "right_rated": 10.5,
     "command_delay": 0.0,
@@ -110,11 +112,42 @@ def test_known_goals_are_reached(x, y, heading, reverse):
     [(30, 1), (-30, -1), (170, 1), (-170, -1)],  # degrees
 )
 def test_it_turns_in_the_shorter_direction(bearing, sign):
-    course = Course()
+    course = Course(left_channels=2, right_channels=2)
     for _ in range(5):
         course.step(goal(cos(radians(bearing)), sin(radians(bearing))))
     assert course.linear == pytest.approx(0.0, abs=0.02)
     assert course.angular * sign > 0.0
+
+
+@pytest.mark.parametrize("bearing, inner", [(30, 0), (-30, 1), (170, 0), (-170, 1)])
+def test_with_one_channel_it_turns_about_the_inner_wheel_and_drives_on(bearing, inner):
+    # No wheel goes backwards, and the robot does not stop between turn and drive.
+    course = Course()
+    there = goal(cos(radians(bearing)), sin(radians(bearing)))
+    course.step(there)
+    while "driving" not in course.states:
+        course.step(there)
+        wheels = course.linear - 0.0625 * course.angular, course.linear + 0.0625 * course.angular
+        assert wheels[inner] == pytest.approx(0.0, abs=1e-9) or course.states[-1] == "driving"
+        assert wheels[1 - inner] > 0.0
+    assert course.linear > 0.1  # m/s
+    assert course.drive(there) == "reached"
+
+
+@pytest.mark.parametrize(
+    "values, distance",
+    [
+        ({}, 0.24),  # m; four times half the track is 0.25 m
+        ({"track": 0.31}, 1.0),  # half of it is more than 0.15 m
+        ({"wheelbase": 0.12}, 1.0),  # four wheels
+        ({"left_channels": 2, "right_channels": 2}, 1.0),
+    ],
+)
+def test_else_it_turns_on_the_spot(values, distance):
+    course = Course(**values)
+    for _ in range(5):
+        course.step(goal(0.0, distance))
+    assert course.linear == pytest.approx(0.0, abs=0.02) and course.angular > 0.5
 
 
 @pytest.mark.parametrize("left", [1.5, 1.8, 2.5, 4.0])
@@ -276,7 +309,7 @@ def test_a_weak_wheel_slows_down_the_other_one(reach, x, y):
         if course.states[-1] in GOAL_EXIT_CODES:
             break
     assert course.states[-1] == "reached"
-    assert farthest < 0.03
+    assert farthest < 0.0625  # m, half the track: it turns about a wheel at first
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from diffbotctl.blocks.obstacle_stop import (
+    FAULT,
+    STALE,
+    TOO_CLOSE,
     ObstacleStop,
     guard_reaction,
     limit_to,
@@ -33,6 +36,7 @@ def guard(setback=0.0, heading=0.0, **values):
         command_delay=0.015,
         lag=0.1,
         front=0.08,
+        track=0.125,
         sensors={"front": sensor},
     )
 
@@ -164,6 +168,39 @@ def test_turning_and_driving_backwards_stay_allowed(state, velocity):
     course.see("clear", 0.3)
     course.see(state)  # forward: held, latched
     assert course.see(state, velocity=velocity) == velocity
+
+
+# About a wheel: half the track, 0.0625 m, times 2 rad/s, and a fifth more that counts as such.
+@pytest.mark.parametrize("linear", [0.125, 0.149])
+@pytest.mark.parametrize("state, code", [("too_close", TOO_CLOSE), ("fault", FAULT), (None, STALE)])
+def test_a_turn_about_a_wheel_becomes_one_on_the_spot(linear, state, code):
+    course = Course(guard(resume_by="wait"))
+    course.see("clear", 0.3, velocity=(linear, 2.0))
+    assert course.see("clear", 0.3, velocity=(linear, 2.0)) == (linear, 2.0)
+    assert course.see(state, velocity=(linear, 2.0)) == (0.0, 2.0)
+    assert course.stops == []  # it can turn away from the obstacle without consent
+    assert course.see(state, velocity=(0.151, 2.0)) == (0.0, 2.0)  # a curve: it is prevented
+    assert [stop for stop, _ in course.stops] == [code]
+
+
+def test_a_reading_that_changes_between_near_and_too_close_is_one_stop():
+    course = Course(guard())
+    course.see("clear", 0.3)
+    for _ in range(5):
+        course.see("measured", 0.045)
+        course.see("measured", 0.045)
+        assert course.see("too_close") == (0.0, 0.6)
+    assert course.stops == [("obstacle", False)]
+    course.see("fault")
+    assert course.stops[1:] == [("range_fault", False)]
+
+
+def test_near_an_obstacle_a_turn_about_a_wheel_is_as_fast_and_goes_less_forward():
+    course = Course(guard())
+    course.see("measured", 0.07, velocity=(0.125, 2.0))
+    linear, angular = course.see("measured", 0.07, velocity=(0.125, 2.0))
+    assert linear == pytest.approx(1.5 * ((0.04 + 0.04 / 1.5) ** 0.5 - 0.2))  # free 2 cm
+    assert angular == 2.0
 
 
 def test_no_stop_is_sent_before_motion_is_prevented():

@@ -100,6 +100,13 @@ def test_turning_is_allowed_where_driving_is_not():
     assert found == pytest.approx((0.0, 0.5, OBSTACLE))
 
 
+def test_a_turn_about_a_wheel_becomes_one_on_the_spot():
+    # 0.04 m/s at 0.5 rad/s: half the track, 0.08 m, times the rate. It makes way, so it is no stop.
+    assert asked(World(), 0.04, 0.5) == (0.04, 0.5, "")
+    found = asked(World([], [Pillar(0.15, 0.0, 0.0615)]), 0.04, 0.5)
+    assert found == pytest.approx((0.0, 0.5, ""))
+
+
 def test_without_a_fresh_scan_it_stops_with_a_code():
     block = guard()
 

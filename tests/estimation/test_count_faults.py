@@ -1,14 +1,17 @@
 """The share of missed and additional edges, from counts drawn with known shares."""
 
 from itertools import pairwise
-from math import pi, sin
+from math import isfinite, pi, sin
 from random import Random
 from statistics import fmean, median
 
 import pytest
 
+from diffbotctl.estimation.count_fault_shares import CountFaultShares
 from diffbotctl.estimation.count_faults import CountFaults
+from diffbotctl.estimation.count_spans import Deviation
 from diffbotctl.estimation.rounding_noise import rounding_variance
+from diffbotctl.estimation.timed_fault_shares import TimedFaultShares
 
 PERIOD = 0.02  # s, of the frames
 
@@ -186,3 +189,11 @@ def test_missed_edges_are_found_in_spite_of_a_gear_that_cogs(seed):
     faults, share = cogging(seed, 0.05, amplitude=0.06)
     assert faults.share == pytest.approx(share, rel=0.5)
     assert "edges are missing or counted twice" in faults.text
+
+
+@pytest.mark.parametrize("shares", [TimedFaultShares(), CountFaultShares(True)])
+@pytest.mark.parametrize("deviation", [2.4, 60.0, 1e6])  # edges
+def test_edges_that_nothing_explains_have_a_probability(shares, deviation):
+    # Interference at a wheel that stands: its edges are hundreds of standard deviations away.
+    shares.add(Deviation(deviation * deviation, 0.5, 0.0), 1.0)
+    assert all(isfinite(value) for value in shares.logs)
