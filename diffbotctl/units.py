@@ -102,6 +102,9 @@ _UNIT_APART = re.compile(r"(?<=[\d.])\s+([A-Za-z°µμ%])")  # a unit after a sp
 _FRACTION = re.compile(r"([-+]?\d+)\s*/\s*(\d+)(?![\d/])\s*(\S*)\Z")
 _GROUPED = re.compile(r"(?<!\d)(\d{1,3})((?:[ _'’]\d{3})+)(?!\d)")  # thousands apart
 _SIGN_APART = re.compile(r"([-+])\s+(?=[\d.])")
+# Of a quantity. The expressions above need the square of the length, and longer numbers overflow.
+QUANTITY_MAX_CHARACTERS = 200
+QUOTED_MAX_CHARACTERS = 30
 # Characters that look right and are not accepted -> their name, and what to write.
 _LOOKALIKES = {
     "\N{MINUS SIGN}": ("the minus sign U+2212", "-"),
@@ -149,6 +152,11 @@ def quantity(text: str, unit: str) -> float:
     A number without a unit is in SI; an angle other than 0 needs its unit. Raises UnitError if
     `text` is not a number, or if its unit is unknown or of another kind.
     """
+    if len(text) > QUANTITY_MAX_CHARACTERS:
+        raise UnitError(
+            f"'{text[:QUOTED_MAX_CHARACTERS]}...' has {len(text)} characters: write a number with a "
+            f"unit, such as {example(unit)}"
+        )
     try:
         return _read(text, unit)
     except UnitError:

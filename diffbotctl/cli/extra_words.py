@@ -25,7 +25,7 @@ def explained(error: click.ClickException, arguments: Sequence[str]) -> str:
         is_apart = is_number(word) and after in UNITS
         if is_apart and (extra is not None or isinstance(error, click.BadParameter)):
             return f"'{word} {after}' are two words here: write {word}{after}, or use quotes"
-    return message + ("" if extra is None else _hint(extra[1].split()[0], error, arguments))
+    return message + ("" if extra is None else _hint(extra[1].partition(" ")[0], error, arguments))
 
 
 def _hint(word: str, error: click.UsageError, arguments: Sequence[str]) -> str:

@@ -41,6 +41,7 @@ def told(folder, *words):
         (("drive", "--distance", "0", "--speed", "0.1"), "--distance 0 is no drive"),
         (("drive", "--angle", "0", "--turn", "1"), "--angle 0 is no drive"),
         (("run", "goal", "book_2wd"), "write --robot book_2wd"),
+        (("engines", ""), "unexpected extra argument ()"),
         (("run", "goal", "--goal", "1", "0.5", "90deg"), '--goal "1 0.5 90deg"'),
         (("run", "hello", "--robot", "none"), "--robot has no effect: this pipeline has no robot"),
         (("run", "hello", "--port", "emulated"), "--port has no effect"),
