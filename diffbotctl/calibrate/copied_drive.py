@@ -56,7 +56,7 @@ def _moving(rows: Rows) -> Rows:
 def _contained(one: Rows, other: Rows) -> int:
     """How many rows of `one` are rows of `other` after a common offset; 0 if there is none by which
     nearly all are within the time that they share."""
-    known, most = np.sort(_keys(other)), 0
+    known, most = _known(other), 0
     for anchor in np.linspace(0, len(one) - NEAR_ROWS, ANCHORS).astype(int):
         for offset in _offsets(one[anchor : anchor + NEAR_ROWS], other, known):
             moved = one + offset
@@ -81,7 +81,7 @@ def _offsets(near: Rows, other: Rows, known: NDArray[np.int64]) -> Rows:
 def _is_periodic(rows: Rows) -> bool:
     """Whether the drive is nearly the same a little later, as at constant speeds: then another
     drive may be so too."""
-    known, middle = np.sort(_keys(rows)), len(rows) // 2
+    known, middle = _known(rows), len(rows) // 2
     for shift in range(1, min(len(rows) // PERIODS_MIN, PERIOD_ROWS_MAX) + 1):
         moved = rows[:-shift] + (rows[middle + shift] - rows[middle])
         if _is_in(_keys(moved), known).mean() > PERIODIC_RATIO_MIN:
@@ -92,6 +92,12 @@ def _is_periodic(rows: Rows) -> bool:
 def _keys(rows: Rows) -> NDArray[np.int64]:
     """A number for each row; those of different rows are equal once in 10^18."""
     return np.asarray(rows @ HASH_FACTORS)
+
+
+def _known(rows: Rows) -> NDArray[np.int64]:
+    """The keys of rows, sorted. Times that were rounded from other clocks differ by up to 1 ms."""
+    keys = _keys(rows)
+    return np.sort(np.concatenate([keys - HASH_FACTORS[0], keys, keys + HASH_FACTORS[0]]))
 
 
 def _is_in(keys: NDArray[np.int64], known: NDArray[np.int64]) -> NDArray[np.bool_]:

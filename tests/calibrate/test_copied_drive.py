@@ -41,6 +41,14 @@ def test_a_copy_without_some_rows(rows, ratio):
     assert copied_ratio(part(whole, rows), whole) == pytest.approx(ratio, abs=0.02)
 
 
+def test_a_copy_with_another_clock_whose_times_have_more_decimals():
+    # Halves of a ms are rounded up or down as the clock decides.
+    times, counts = log(1)
+    whole = times + 0.0005 * (np.arange(ROWS) % 2), counts
+    assert copied_ratio(whole, (whole[0] + 77.7, counts + 1000)) == pytest.approx(1.0, abs=0.02)
+    assert copied_ratio(whole, part((whole[0] + 77.7, counts), np.arange(20, ROWS))) > 0.98
+
+
 def test_two_parts_of_one_drive_share_the_rows_that_both_contain():
     # Rows 0 to 299, and 100 to 399: 200 of 300.
     whole = log(1)
