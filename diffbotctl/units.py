@@ -154,8 +154,8 @@ def quantity(text: str, unit: str) -> float:
     """
     if len(text) > QUANTITY_MAX_CHARACTERS:
         raise UnitError(
-            f"'{text[:QUOTED_MAX_CHARACTERS]}...' has {len(text)} characters: write a number with a "
-            f"unit, such as {example(unit)}"
+            f"'{text[:QUOTED_MAX_CHARACTERS]}...' has {len(text)} characters: write a number with "
+            f"a unit, such as {example(unit)}"
         )
     try:
         return _read(text, unit)

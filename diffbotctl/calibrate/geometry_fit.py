@@ -392,7 +392,10 @@ def _refuse_other_wheels(fit: GeometryFit, mean_log: float, mean_log_sd: float) 
     drives alone, with its standard deviation.
     """
     change = log(fit.geometry.track / fit.stated.track)
-    is_excluded = abs(mean_log + change) > EXCLUDED_SDS * mean_log_sd
+    # Drives that contradict the stated wheels too exclude nothing: the prior holds the fit there,
+    # where its derivatives tell little about other wheels.
+    limit = EXCLUDED_SDS * mean_log_sd
+    is_excluded = abs(mean_log) <= limit < abs(mean_log + change)
     if is_excluded or abs(change) <= UNSEEN_TRACK_LOG_MAX:
         return
     words = ("larger", "smaller", "more") if change > 0.0 else ("smaller", "larger", "fewer")

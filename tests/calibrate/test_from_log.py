@@ -8,6 +8,7 @@ from random import Random
 import numpy as np
 import pytest
 
+from diffbotctl.calibrate.dead_reckoning import Geometry
 from diffbotctl.testing.trials.drawn_drives import CORRUPTIONS, NEEDS_HEADINGS, draw_set
 from diffbotctl.testing.trials.foreign_drives import draw_foreign_set
 from diffbotctl.testing.trials.foreign_mistakes import FOREIGN_MISTAKES, has_all_headings
@@ -204,6 +205,16 @@ def test_headings_in_radians_named_degrees_are_still_named(tmp_path):
     drawn = draw_set("shapes 20")
     saved = calibrated(CORRUPTIONS["radians for degrees"](drawn, Random(1)), tmp_path / "set")
     assert "must be in degrees" in " ".join(saved.text.split())
+
+
+@pytest.mark.parametrize(("number", "size"), [(36, 1.1), (56, 1.1), (70, 0.9)])
+def test_squares_that_contradict_the_stated_wheels_do_not_prove_a_track(tmp_path, number, size):
+    drawn = draw_set(f"sizes {number}")
+    right, left, track = drawn.stated
+    stated = replace(drawn, stated=Geometry(size * right, size * left, track))
+    saved = calibrated(stated, tmp_path / "set")
+    assert saved.exit_code != 0 and saved.deviations == []
+    assert "either the track is" in " ".join(saved.text.split())
 
 
 @pytest.mark.parametrize("number", [84, 150])
