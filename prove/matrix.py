@@ -336,6 +336,7 @@ ENCODER_FAULT_TEXTS = {
     "halved": "encoders that lose every second slot",
     "halved_for_a_time": "encoders that do so for 1 to 4 s",
     "both_halved": "pairs of encoders that both do so",
+    "silent_for_moments": "encoders that give no pulses for up to 0.4 s, one to four times",
 }
 
 

@@ -78,8 +78,8 @@ class Unchecked(NamedTuple):
 
 
 PUSHED = (
-    "the right wheel turns although it was at rest and nothing is commanded: the robot is pushed or "
-    "rolls, or its encoder counts noise"
+    "the right wheel turns although it was at rest and nothing is commanded: the robot is pushed "
+    "or rolls, or its encoder counts noise"
 )
 HALT = "diffbotctl stop (process 14678, uid 0) asked to stop: end of the flight"
 REPLAYED = {

@@ -430,6 +430,12 @@ class Disturbance(Section):
         default=False,
         help="The right encoder, of one channel, gives a pulse for every second slot only.",
     )
+    left_silent = Param(
+        bool, default=False, help="The left encoder, of one channel, gives no pulses."
+    )
+    right_silent = Param(
+        bool, default=False, help="The right encoder, of one channel, gives no pulses."
+    )
     button = Param(bool, default=False, help="The stop button is pressed.")
 
 

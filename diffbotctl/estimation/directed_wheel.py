@@ -37,6 +37,8 @@ class DirectedWheelOdometer(FineWheelOdometer):
         if steps or not self.has_edge_times:
             self.edge_time = edge
             self.faults.add(edge_span, abs(steps), self.direction)
+        commanded = speed * self.pitches_per_rad
+        self.lost_since += self.gaps.update(span, abs(steps), commanded)
         self._update_speed(predicted, mean, steps, abs(steps), span, edge_span)
         self._place_between_edges(time, steps, span)
 

@@ -13,6 +13,7 @@ from math import exp, pi, radians, sqrt
 
 from diffbotctl.estimation.count_faults import CountFaults
 from diffbotctl.estimation.count_sign import CountSign
+from diffbotctl.estimation.edge_gaps import EdgeGaps
 from diffbotctl.estimation.rate_steps import RateSteps
 from diffbotctl.estimation.slot_errors import LEARNABLE_SLOTS_MAX
 from diffbotctl.estimation.wheel_side import LinkTiming, SideConfig, settled_speed
@@ -82,6 +83,8 @@ class FineWheelOdometer:
         is_even = counts == side.encoder.slots
         self.faults = CountFaults(timing.has_edge_times and is_even, counts > LEARNABLE_SLOTS_MAX)
         self.steps, self.finds_steps = RateSteps(timing.has_edge_times), finds_steps
+        self.gaps = EdgeGaps(motor.rated * self.pitches_per_rad)
+        self.lost_since = self.lost_variance = 0.0  # pitches2, in gaps, until the last report
         self.mirrored_duty = None  # that of a board's loop does not matter here
         self.travel = self.start_correction = 0.0
         self.lost_share, self.lost_text = 0.0, ""  # of every second edge
@@ -122,7 +125,8 @@ class FineWheelOdometer:
     @property
     def fault(self) -> str:
         """Why its travel is known less well than usual, or an empty text."""
-        texts = self.pushed_text, self.lost_text, self.steps.text, self.faults.text
+        gaps, steps = self.gaps.text, self.steps.text
+        texts = self.pushed_text, self.lost_text, gaps, steps, self.faults.text
         return "; ".join(filter(None, texts))
 
     @property
@@ -136,6 +140,7 @@ class FineWheelOdometer:
     def pose_is_set(self) -> None:
         """What happened before does not matter any more."""
         self.pushed_in_all = 0
+        self.gaps.pose_is_set()
         self.steps.pose_is_set()
 
     def skipped_command(self, command: float, is_duty: bool, since: int) -> None:
@@ -179,6 +184,8 @@ class FineWheelOdometer:
                 self.steps.add(edge_span, edges, speed * self.pitches_per_rad)
             else:
                 self.steps.restart()
+        commanded = 0.0 if self.rolled_for else speed * self.pitches_per_rad
+        self.lost_since += self.gaps.update(span, edges, commanded)
         self._update_speed(predicted, mean, net, edges, span, edge_span)
         self._place_between_edges(time, edges, span)
         self.edges_before, self.rate_before = edges, self.rate
@@ -319,8 +326,9 @@ class FineWheelOdometer:
 
     def report(self) -> None:
         """Set `travel` to its value since the last call."""
-        added = self.added_since + self.pushed_since
-        self.added_since = self.pushed_since = 0.0
+        added = self.added_since + self.pushed_since + self.lost_since
+        self.lost_variance = self.lost_since
+        self.added_since = self.pushed_since = self.lost_since = 0.0
         self.added_variance = added * self.pitch * self.pitch
         self.reversal_variance += added
         place = self.position + self.beyond

@@ -106,12 +106,13 @@ class WheelOdometer:
     def fault(self) -> str:
         """Why its travel is known less well than usual, or an empty text."""
         pushed, faults = self.counting.pushed_text, self.filter.hypotheses[0].faults
-        if not pushed and not self.lost_text:
+        gaps = self.counting.gaps.text
+        if not pushed and not self.lost_text and not gaps:
             return faults.text or (self.intervals.text if self.filter.is_unusual else "")
         # The edges of a push look like edges in excess to the model of a motor without power.
         if pushed and faults.missed <= faults.extra <= self.counting.pushed_in_all:
             return pushed
-        return "; ".join(filter(None, (pushed, self.lost_text, faults.text)))
+        return "; ".join(filter(None, (pushed, self.lost_text, gaps, faults.text)))
 
     def pose_is_set(self) -> None:
         """What happened before does not matter any more."""
@@ -233,7 +234,8 @@ class WheelOdometer:
                 self.end_variance *= 0.25
                 reversals = counting.reversals - self.reported_reversals
                 reversed_variance = reversals * UNUSUAL_LEVEL_REVERSAL_SD**2
-                self.added_variance = (reversed_variance + self._pushed_variance()) * square
+                added = reversed_variance + self._pushed_variance() + counting.lost_variance
+                self.added_variance = added * square
             # The model of an unusual motor explains missing edges by the motor.
             by_counts, intervals = counting.faults.shown_share, self.intervals
             is_exact = counting.has_edge_times and intervals.shows_faults
@@ -241,7 +243,7 @@ class WheelOdometer:
                 by_counts = 0.0  # what is uneven then is the motor
             self.fault_share = max(by_counts, self.lost_share, intervals.share)
         else:  # of a few slots the filter's hypotheses include what the counts do not show
-            self.added_variance = self._pushed_variance() * square
+            self.added_variance = (self._pushed_variance() + counting.lost_variance) * square
             self.end_variance, self.fault_share = 0.0, self.lost_share
         self.reported_reversals = counting.reversals
         self.variance = self._variance(is_unusual) * square

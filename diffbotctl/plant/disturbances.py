@@ -13,13 +13,15 @@ from diffbotctl.time import NEVER, SECOND
 
 class DisturbanceState(NamedTuple):
     """What acts at one time: factor of the supply, drag of the wheels (duty), encoders that lose
-    every second slot, the stop button."""
+    every second slot or all, the stop button."""
 
     supply: float
     left_drag: float
     right_drag: float
     left_halved: bool
     right_halved: bool
+    left_silent: bool
+    right_silent: bool
     button: bool
 
 
@@ -47,6 +49,8 @@ class DisturbanceSchedule:
             sum(disturbance.right_drag for disturbance in active),
             any(disturbance.left_halved for disturbance in active),
             any(disturbance.right_halved for disturbance in active),
+            any(disturbance.left_silent for disturbance in active),
+            any(disturbance.right_silent for disturbance in active),
             any(disturbance.button for disturbance in active),
         )
 

@@ -40,6 +40,10 @@ class Wheel(Protocol):
         """Lose every second slot of the disc from now on, or none."""
         ...
 
+    def set_silent(self, silent: bool) -> None:
+        """Lose all slots of the disc from now on, or none."""
+        ...
+
     def watch(self, on: bool) -> None:
         """Start or stop collecting what `changes` returns."""
         ...

@@ -94,6 +94,7 @@ class EncoderPin:
         "counted_level",
         "halved",
         "pending",
+        "silent",
     )
     taken_directions = ()
 
@@ -105,6 +106,7 @@ class EncoderPin:
         self._changes: deque[LevelChange] | None = None
         self._is_missing = False
         self.halved = False  # every second slot gives no pulse
+        self.silent = False  # no slot gives one
         self._previous = -SCRATCH_INTERVAL_MAX  # ns, the last counted edge
         self._keeps_order = not disc.doubled and disc.bounce_share >= 1.0
 
@@ -142,7 +144,7 @@ class EncoderPin:
         """Whether the slot of edge number `index` gives no pulse."""
         disc = self._disc
         is_covered = bool(disc.covered) and (index % len(disc.edges)) // 2 in disc.covered
-        return is_covered or (self.halved and (index // 2) % 2 == 1)
+        return self.silent or is_covered or (self.halved and (index // 2) % 2 == 1)
 
     def is_needed(self, index: int, is_forward: bool) -> bool:
         """Whether the time of edge number `index` is needed: it counts, or the pin is watched."""

@@ -57,6 +57,11 @@ class EncoderWheel:
         if isinstance(self._pins, EncoderPin):
             self._pins.halved = halved
 
+    def set_silent(self, silent: bool) -> None:
+        """Lose all slots from now on, or none; no effect with two channels."""
+        if isinstance(self._pins, EncoderPin):
+            self._pins.silent = silent
+
     def watch(self, on: bool) -> None:
         """Start or stop collecting what `changes` returns."""
         self._pins.watch(on)

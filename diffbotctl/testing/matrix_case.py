@@ -146,7 +146,7 @@ def set_up(case: Case, folder: Path) -> CaseSetting:
     assert configuration.robot is not None
     disturbances = simulation.get("disturbances", [])
     keys = (key.split("_") for one in disturbances for key in one)
-    sides = {key[0] for key in keys if key[-1] in ("drag", "halved")}
+    sides = {key[0] for key in keys if key[-1] in ("drag", "halved", "silent")}
     wheel = sides.pop() if len(sides) == 1 else ""
     return CaseSetting(
         configuration,

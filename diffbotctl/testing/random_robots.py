@@ -243,6 +243,16 @@ def _halved_for_a_time(simulation: Tree, design: RobotDesign, rng: Random) -> No
     simulation["disturbances"] = [{"start": start, "end": end, side: True}]
 
 
+def _silent_for_moments(simulation: Tree, design: RobotDesign, rng: Random) -> None:
+    side = rng.choice(("left_silent", "right_silent"))
+    gaps, end = [], 0.0
+    for _ in range(rng.randint(1, 4)):
+        start = end + rng.uniform(0.3, 3.0)
+        end = start + rng.uniform(0.05, 0.4)
+        gaps.append({"start": start, "end": end, side: True})
+    simulation["disturbances"] = gaps
+
+
 def _both_halved(simulation: Tree, design: RobotDesign, rng: Random) -> None:
     simulation["disturbances"] = [{"start": 0.0, "left_halved": True, "right_halved": True}]
 
@@ -312,4 +322,5 @@ ENCODER_FAULTS: dict[str, Perturbation] = {
     "halved": Perturbation(_halved),
     "halved_for_a_time": Perturbation(_halved_for_a_time),
     "both_halved": Perturbation(_both_halved),
+    "silent_for_moments": Perturbation(_silent_for_moments),
 }

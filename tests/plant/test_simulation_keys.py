@@ -368,6 +368,8 @@ ROWS = [
     ("disturbances.left_drag", "{left_drag: 0.2}", "{left_drag: 1.5}", left_wheel, LESS, ()),
     ("disturbances.right_drag", "{right_drag: 0}", "{right_drag: 0.2}", right_wheel, LESS, ()),
     ("disturbances.left_halved", "{start: 2 s}", "{left_halved: true}", left_edges, LESS, ()),
+    ("disturbances.left_silent", "{start: 2 s}", "{left_silent: true}", left_edges, LESS, ()),
+    ("disturbances.right_silent", "{start: 2 s}", "{right_silent: true}", right_edges, LESS, ()),
     ("disturbances.right_halved", "{start: 2 s}", "{right_halved: true}", right_edges, LESS, ()),
     ("disturbances.button", "{button: false}", "{button: true}", button, MORE, BUTTON),
 ]  # fmt: skip

@@ -240,6 +240,8 @@ def test_the_level_of_a_pin_is_that_of_the_pulses_that_come(falling):
     assert [pin.levels(index)[0] for index in range(6)] == [0, 1, 0, 1, 0, 1]
     pin.halved = True  # of every second slot
     assert [pin.levels(index)[0] for index in range(6)] == [0, 1, 0, 0, 0, 1]
+    pin.silent = True
+    assert [pin.levels(index)[0] for index in range(6)] == [0] * 6
     covered = EncoderPin(IDEAL._replace(covered=frozenset({0})), falling, Random(1))
     assert [covered.levels(index)[0] for index in range(6)] == [0, 0, 0, 1, 0, 1]
     missing = EncoderPin(IDEAL._replace(missed=1.0), falling, Random(1))

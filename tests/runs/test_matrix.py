@@ -88,6 +88,13 @@ def test_a_goal_is_not_claimed_when_an_encoder_loses_every_second_slot(number):
     assert f"{result.wheel} wheel: counts half the edges" in result.cause
 
 
+@pytest.mark.parametrize("plant", [1, 2])
+@pytest.mark.parametrize("number", [0, 1, 2])
+def test_what_moments_without_edges_cost_is_told(number, plant):
+    result = run_case(Case(11, fine_robot(number), "silent_for_moments", plant, 0))
+    assert result.end != "reached" or result.true_error < 0.05
+
+
 @pytest.mark.parametrize("number", [0, 1, 3])
 def test_a_goal_is_not_claimed_when_both_encoders_lose_every_second_slot(number):
     """A robot that is heavy for its motors looks nearly the same, and does reach its goals."""
