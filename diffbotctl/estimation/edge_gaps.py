@@ -1,9 +1,9 @@
 """Stretches without edges of a driven wheel that turned just before, and turns just after.
 
-A wheel of which a wire or the light barrier fails for a moment counts nothing meanwhile; so does
-one that something holds. A wheel that was held begins to turn within the lag of its motor; one
-whose edges failed turns at once, and so does one with a quick motor. So it is not known how far it
-has turned. Times are seconds, rates edges/s.
+A wheel of which a wire or the light barrier fails for a moment counts nothing meanwhile, or the
+mains that a loose wire picks up. Neither does one that something holds, but that begins to turn
+within the lag of its motor; one whose edges failed turns at once, and so does one with a quick
+motor. So it is not known how far it has turned. Times are seconds, rates edges/s.
 """
 
 from __future__ import annotations
@@ -12,7 +12,10 @@ from collections import deque
 
 # Before the gap: seconds and edges from which the rate is known.
 BEFORE_S, BEFORE_EDGES_MIN = 0.15, 3
+# Of that rate, in one of the last two frames: a wheel that slows down comes to rest by itself.
+LAST_RATIO_MIN = 0.75
 EXPECTED_MIN = 5.0  # edges in the gap at the rate before
+QUIET_SHARE_MAX = 0.3  # of the edges that are expected in a frame of the gap
 RATED_SHARE_MIN = 0.1  # of the rated speed, before or after; a slower wheel may stick and slip
 SECONDS_MAX = 1.5  # a longer one is a fault of its own
 # Of the rate before, in the gap: a wheel that is driven more slowly may be held by friction.
@@ -30,11 +33,11 @@ class EdgeGaps:
         """`rated_rate`: edges/s at the rated speed."""
         self.least_rate = RATED_SHARE_MIN * rated_rate
         self.frames: deque[tuple[float, int]] = deque()
-        """seconds and edges of the last frames, up to the last one with edges"""
+        """seconds and edges of the last frames, up to the last one that was not quiet"""
         self.sign = 0
         """of the drive"""
-        self.seconds = 0.0
-        """without an edge, while driven"""
+        self.seconds, self.edges = 0.0, 0
+        """of quiet frames, while driven"""
         self.gap, self.rate = 0.0, 0.0
         """s of a gap that has just ended, else 0; the rate before it"""
         self.after = (0.0, 0)
@@ -48,8 +51,8 @@ class EdgeGaps:
         if not self.longest:
             return ""
         return (
-            f"no edges came for {self.longest:.2f} s while it was driven: a wire or the light "
-            "barrier failed, or something held the wheel"
+            f"hardly an edge came for {self.longest:.2f} s while it was driven: a wire or the "
+            "light barrier failed, or something held the wheel"
         )
 
     def pose_is_set(self) -> None:
@@ -70,19 +73,28 @@ class EdgeGaps:
             return 0.0
         if self.gap:
             return self._compare(span, edges)
-        if not edges:
-            self.seconds += span
-            if abs(commanded) < COMMANDED_RATIO_MIN * self._rate():
+        rate = self._rate()
+        if edges <= QUIET_SHARE_MAX * rate * span:
+            self.seconds, self.edges = self.seconds + span, self.edges + edges
+            if abs(commanded) < COMMANDED_RATIO_MIN * rate:
                 self._restart(sign)
             return 0.0
-        rate = self._rate()
-        if rate * self.seconds >= EXPECTED_MIN and self.seconds <= SECONDS_MAX:
+        if self._is_gap(rate):
             # The last frame before it and the first after it lie partly within it.
             self.gap, self.rate, self.after = self.seconds + span, rate, (0.0, 0)
             self.frames.clear()
-        self.seconds = 0.0
+        else:
+            span, edges = self.seconds + span, self.edges + edges
+        self.seconds, self.edges = 0.0, 0
         self._remember(span, edges)
         return 0.0
+
+    def _is_gap(self, rate: float) -> bool:
+        """Whether the edges ended at once, and too many are missing."""
+        if rate * self.seconds < EXPECTED_MIN or self.seconds > SECONDS_MAX:
+            return False
+        last = max(edges / seconds for seconds, edges in list(self.frames)[-2:])
+        return last >= LAST_RATIO_MIN * rate
 
     def _compare(self, span: float, edges: int) -> float:
         """The variance of what was lost, once the rate after the gap is known."""
@@ -112,5 +124,5 @@ class EdgeGaps:
             frames.popleft()
 
     def _restart(self, sign: int) -> None:
-        self.sign, self.seconds, self.gap = sign, 0.0, 0.0
+        self.sign, self.seconds, self.edges, self.gap = sign, 0.0, 0, 0.0
         self.frames.clear()
