@@ -281,7 +281,8 @@ def position_doubt(odometry: Odometry, sd: float, tolerance: float, aside: float
     if sd <= limit:
         return ""
     why = odometry.warning or "dead reckoning drifts on the way"
-    return f"the position is known to {sd * 1000:.0f} mm (standard deviation): {why}"
+    known = f"{sd * 1000:.0f} mm" if sd < 1.0 else f"{sd:.1f} m"
+    return f"the position is known to {known} (standard deviation): {why}"
 
 
 def position_sd(odometry: Odometry, counts_geometry: bool) -> float:

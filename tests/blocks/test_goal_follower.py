@@ -351,6 +351,13 @@ def test_a_pose_that_is_known_too_badly_reaches_a_goal_unsurely(sd, warning, end
         assert f"{sd * 1000:.0f} mm" in course.causes[-1] and warning in course.causes[-1]
 
 
+def test_a_very_uncertain_position_is_told_in_metres():
+    course = Course()
+    course.covariance = (1.96, 0.0, 0.0, 1e-6, 0.0, 0.0)
+    assert course.drive(goal(1.5, 0.0, 0.0)) == "reached_unsure"
+    assert "the position is known to 1.4 m (standard deviation)" in course.causes[-1]
+
+
 @pytest.mark.parametrize(
     ("sd", "end"), [(0.45, "reached_unsure"), (0.55, "given_up"), (88.9, "given_up")]
 )
