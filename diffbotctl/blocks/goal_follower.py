@@ -6,7 +6,13 @@ from math import copysign, cos, degrees, pi, sin, sqrt
 from typing import NamedTuple, assert_never
 
 from diffbotctl.block import Block, In, Out
-from diffbotctl.control.goal_pursuit import Coast, Pursuit, position_doubt, position_sd
+from diffbotctl.control.goal_pursuit import (
+    COAST_TIME_MAX,
+    Coast,
+    Pursuit,
+    position_doubt,
+    position_sd,
+)
 from diffbotctl.control.motion_profile import (
     Motion,
     MotionLimits,
@@ -392,7 +398,9 @@ class GoalFollower(Block):
                 pursuit = pursuit.count_release(odometry)
         delay = round(self.command_delay * SECOND)
         commands = [(time + delay, linear, angular) for time, linear, angular in self.sent]
-        predicted = predict_motion(odometry, now + delay, commands, self.lag_estimate)
+        # Odometry knows the motors from the way; until the first stop, nothing else does.
+        lag = max(self.lag_estimate, min(odometry.coast_time, COAST_TIME_MAX))
+        predicted = predict_motion(odometry, now + delay, commands, lag)
         if pursuit.leg == "driving":
             return self._drive_leg(pursuit, odometry, predicted, seconds)
         return self._turn_leg(pursuit, odometry, predicted, seconds)

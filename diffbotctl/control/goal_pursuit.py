@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 from diffbotctl.control.motion_profile import shortest_turn
 from diffbotctl.messages import Goal, Odometry
 
-COAST_SD = 0.06  # s; of the coast time before the first release
+COAST_SD = 0.25  # s; of the coast time before the first release: lags are up to 0.4 s
 # s2/m; of its growth with the speed before the first release. Dry friction of 1 m/s2 makes it 0.5.
 COAST_GROWTH_SD = 0.5
 # Standard deviation of the coast time that odometry tells: relative, and s.

@@ -40,8 +40,8 @@ def test_one_release_tells_most():
     [
         (0.0, 0.1),  # nothing is told
         (0.05, 0.1),  # nor does a shorter time count
-        # Variance learnt 0.06^2 + (0.5 * 0.2)^2 = 0.0136, told 0.1^2: 0.1 + 0.2 * 0.576.
-        (0.3, 0.2153),
+        # Variance learnt 0.25^2 + (0.5 * 0.2)^2 = 0.0725, told 0.1^2: 0.1 + 0.2 * 0.8788.
+        (0.3, 0.2758),
     ],
 )
 def test_what_odometry_tells_counts_by_its_variance(told, expected):
