@@ -291,8 +291,7 @@ class GoalFollower(Block):
 
     def _begin(self, pursuit: Pursuit, odometry: Odometry) -> Pursuit:
         tolerance = ALIGNED_DISTANCE_RATIO * self.tolerance
-        radius = 0.0 if self.wheels.weak else self.turn_radius
-        return pursuit.begin(odometry, tolerance, self.reverse, radius)
+        return pursuit.begin(odometry, tolerance, self.reverse, self.turn_radius)
 
     def _drop_effective(self, odometry: Odometry) -> None:
         """Remove commands that took effect before the time of the pose, except the last."""

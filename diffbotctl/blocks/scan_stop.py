@@ -112,14 +112,14 @@ class ScanStop(Block):
         code."""
         points = into_frame(self.points, *self.tracker.pose_at(now))
         is_turning = is_turn(twist.linear, twist.angular, self.track)
-        if is_turning and not self.is_free(points, twist.linear, twist.angular):
-            twist = twist._replace(linear=0.0)
-        for linear in (twist.linear, 0.0):
+        ratios = SPEED_RATIOS[:1] if is_turning else SPEED_RATIOS
+        for linear, tried in ((twist.linear, ratios), (0.0, SPEED_RATIOS)):
             if linear or twist.angular:
-                for ratio in SPEED_RATIOS:
+                for ratio in tried:
                     safe = Twist(now, linear * ratio, twist.angular * ratio)
                     if self.is_free(points, safe.linear, safe.angular):
-                        return safe, "" if linear == twist.linear else OBSTACLE
+                        is_asked = is_turning or linear == twist.linear
+                        return safe, "" if is_asked else OBSTACLE
         return Twist(now, 0.0, 0.0), OBSTACLE
 
     def is_free(self, points: list[Point], linear: float, angular: float) -> bool:

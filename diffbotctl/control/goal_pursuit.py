@@ -146,7 +146,7 @@ class Pursuit(NamedTuple):
     """s of being driven without moving"""
 
     def begin(
-        self, odometry: Odometry, tolerance: float, may_reverse: bool, turn_radius: float = 0.0
+        self, odometry: Odometry, tolerance: float, may_reverse: bool, turn_radius: float
     ) -> Pursuit:
         """Plan the legs from this pose; within `tolerance` (m) of the goal, only the last turn.
 

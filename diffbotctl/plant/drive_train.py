@@ -36,12 +36,8 @@ class Wheel(Protocol):
         """Ignore all edges from now on, for a run that looks at the truth alone."""
         ...
 
-    def set_halved(self, halved: bool) -> None:
-        """Lose every second slot of the disc from now on, or none."""
-        ...
-
-    def set_silent(self, silent: bool) -> None:
-        """Lose all slots of the disc from now on, or none."""
+    def lose_slots(self, halved: bool, silent: bool) -> None:
+        """Lose every second slot of the disc from now on, or all of them, or none."""
         ...
 
     def watch(self, on: bool) -> None:

@@ -52,15 +52,10 @@ class EncoderWheel:
         """Ignore all edges from now on, for a run that looks at the truth alone."""
         self._previous_edge, self._next_edge = -inf, inf
 
-    def set_halved(self, halved: bool) -> None:
-        """Lose every second slot from now on, or none; no effect with two channels."""
+    def lose_slots(self, halved: bool, silent: bool) -> None:
+        """Lose every second slot from now on, or all, or none; no effect with two channels."""
         if isinstance(self._pins, EncoderPin):
-            self._pins.halved = halved
-
-    def set_silent(self, silent: bool) -> None:
-        """Lose all slots from now on, or none; no effect with two channels."""
-        if isinstance(self._pins, EncoderPin):
-            self._pins.silent = silent
+            self._pins.halved, self._pins.silent = halved, silent
 
     def watch(self, on: bool) -> None:
         """Start or stop collecting what `changes` returns."""

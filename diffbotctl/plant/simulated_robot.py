@@ -390,10 +390,9 @@ class SimulatedRobot:
         state = self._disturbances.update(now)
         self._battery.supply = state.supply
         self.drive.set_drag(state.left_drag, state.right_drag)
-        for wheel, halved in zip(self.wheels, (state.left_halved, state.right_halved), strict=True):
-            wheel.set_halved(halved)
-        for wheel, silent in zip(self.wheels, (state.left_silent, state.right_silent), strict=True):
-            wheel.set_silent(silent)
+        left, right = self.wheels
+        left.lose_slots(state.left_halved, state.left_silent)
+        right.lose_slots(state.right_halved, state.right_silent)
         self.button_pressed = state.button and self.parameters.has_button
         self.board.press(now, self.button_pressed)
         self._update_motor_duties()
