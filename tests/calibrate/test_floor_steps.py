@@ -66,7 +66,8 @@ def test_what_is_measured_in_diameters_is_no_surer_than_these(prepared, how):
 def test_a_scale_that_nobody_measured_is_known_to_2_percent(prepared, how):
     """Each length says so itself, and what is known of its ratio to the others."""
     converted, prompter, _ = prepared()
-    more = {"runs": 2} if how == "squares" else {"repeats": 2}
+    # Of 16 robots, two runs of squares alone leave 0.1 to 0.6 % of the track, which would show.
+    more = {"runs": 4} if how == "squares" else {"repeats": 2}
     outcome = run_step(make_step("geometry", how=how, **more), converted, prompter, Quiet())
     lengths = [each for each in outcome.findings if each.field != "drive.slip"]
     assert len(lengths) == {"squares": 3, "spin": 1, "straight": 2}[how]
