@@ -142,7 +142,8 @@ def test_folders_of_the_user_that_are_no_paths_from_the_root_are_ignored(folder,
     (tmp_path / "relative").mkdir()
     variables = ("XDG_RUNTIME_DIR", "XDG_STATE_HOME", "XDG_CACHE_HOME")
     named = {variable: folder for variable in variables} | {"HOME": str(tmp_path / "home")}
-    name = f"of-{tmp_path.name}"
+    # The folder that is taken instead is one for all workers, whose `tmp_path` has the same name.
+    name = f"of-{os.getpid()}"
     words = ("run", "goal", "--fast", "--for", "0.5s", "--quiet", "--name", name)
     assert "final stop confirmed" in said(*words, cwd=tmp_path, **named).stdout
     assert said("start", "--status", cwd=tmp_path, **named).returncode == 0
