@@ -22,6 +22,7 @@ from diffbotctl.control.motion_profile import (
     predict_motion,
     rest_to_rest_time,
     shortest_turn,
+    stopping_turn,
 )
 from diffbotctl.control.velocity_limits import VelocityRate
 from diffbotctl.control.wheel_response import GAP_MAX, DriveResponse
@@ -73,10 +74,11 @@ TURNED_MAX = 540 * pi / 180  # rad in one turn, which needs 180 deg and some cor
 # asked; without power it comes to rest. Motors that are exchanged go on from there.
 OPPOSED_TURN_STOP = 45 * pi / 180
 OPPOSED_TURN_MAX = 120 * pi / 180  # rad against the commands; more than any motor coasts
-PUSH_GROWTH = 1.4  # of the least speed, with each small turn in which friction held the wheels
-# s, of the first of them; each further one takes a little more than twice as long. The loop of the
-# board takes up to 0.6 s to kick a wheel loose.
-PUSH_TIME = 0.03
+# Growth of the least speed with each small turn in which friction held the wheels. A short, strong
+# push turns the robot less than a long, weak one, which lets the board's loop wind up.
+PUSH_GROWTH = 1.8
+PUSH_TIME = 0.03  # s, by which each of them is longer than the one before
+OVERSHOT_RATIO = 0.7  # of the least speed, after each small turn that went too far
 RELEASES_MAX = 12  # in one turn; then the remaining angle is left to the next leg or attempt
 FARTHER_MAX = 0.12  # m beyond the distance at the start; the robot does not obey
 RETRY_SPEED_RATIO = 0.6  # of the speed of the attempt before: slow motors and weak ones err less
@@ -176,6 +178,8 @@ class GoalFollower(Block):
         )
         slowest = max(CREEP_SPEED_RATIO * top_speed, CREEP_COUNTS * pitch)
         self.least_speed = min(self.creep, slowest)  # m/s, of a wheel
+        # rad/s2, that the limits of the wheels allow
+        self.angular_acceleration = 2.0 * min(self.acceleration, self.braking) / self.track
         self.turn_radius = self._first_turn_radius()
 
     def _first_turn_radius(self) -> float:
@@ -244,6 +248,11 @@ class GoalFollower(Block):
     def lag_estimate(self) -> float:
         """Lag (s) of the motors: that of the robot file, or more if they coast for longer."""
         return max(self.lag, self.coast.time)
+
+    def _told_lag(self, odometry: Odometry) -> float:
+        """Lag (s) of the motors. Odometry knows it from the way; until the first stop, nothing else
+        does."""
+        return max(self.lag_estimate, min(odometry.coast_time, COAST_TIME_MAX))
 
     def _observe_wheels(
         self, odometry: Odometry, encoders: Encoders | None, seconds: float
@@ -397,9 +406,7 @@ class GoalFollower(Block):
                 pursuit = pursuit.count_release(odometry)
         delay = round(self.command_delay * SECOND)
         commands = [(time + delay, linear, angular) for time, linear, angular in self.sent]
-        # Odometry knows the motors from the way; until the first stop, nothing else does.
-        lag = max(self.lag_estimate, min(odometry.coast_time, COAST_TIME_MAX))
-        predicted = predict_motion(odometry, now + delay, commands, lag)
+        predicted = predict_motion(odometry, now + delay, commands, self._told_lag(odometry))
         if pursuit.leg == "driving":
             return self._drive_leg(pursuit, odometry, predicted, seconds)
         return self._turn_leg(pursuit, odometry, predicted, seconds)
@@ -492,7 +499,7 @@ class GoalFollower(Block):
             # A fine encoder shows when the wheels have left static friction; a coarse one too late.
             is_coarse = self.wheels.pitch > TURN_REST_RATIO * arm * self.heading_tolerance
             pushed_for = pursuit.pushed_for + seconds
-            is_enough = is_coarse and pushed_for > (2**pursuit.stalls - 1) * PUSH_TIME
+            is_enough = is_coarse and pushed_for > pursuit.stalls * PUSH_TIME
             pursuit = pursuit._replace(
                 needs_nudge=not (is_enough or self.wheels.has_counted), pushed_for=pushed_for
             )
@@ -545,7 +552,11 @@ class GoalFollower(Block):
             rest = max(HEADING_ERROR_MAX - abs(error), 0.0)
             ratio = rest / (HEADING_ERROR_MAX - HEADING_ERROR_FREE)
             linear = copysign(max(abs(linear) * ratio, bounds.minimum), linear)
-        gain = min(HEADING_GAIN, HEADING_GAIN_LAG_MAX / self.lag_estimate)
+        # Slow motors, and commands whose changes are limited, turn the robot on: without that, a
+        # heavy robot would weave.
+        lag = self._told_lag(odometry)
+        error -= stopping_turn(self.sent[-1][2], predicted.angular, lag, self.angular_acceleration)
+        gain = min(HEADING_GAIN, HEADING_GAIN_LAG_MAX / lag)
         limit = STEERING_RATIO_MAX * abs(linear) / (0.5 * self.track)
         limit = min(limit, HEADING_CORRECTION_MAX)
         return FollowerStep(pursuit, linear, min(max(gain * error, -limit), limit))
@@ -558,7 +569,11 @@ class GoalFollower(Block):
 
     def _bounds(self, pursuit: Pursuit, maximum: float, rest: float) -> SpeedBounds:
         """Speeds up to `maximum`: slower in each further attempt, faster for wheels that stick."""
-        creep = min(self.least_speed * PUSH_GROWTH**pursuit.stalls, maximum)
+        least = max(
+            self.least_speed * OVERSHOT_RATIO**pursuit.overshoots,
+            min(self.least_speed, CREEP_COUNTS * self.wheels.pitch),
+        )
+        creep = min(least * PUSH_GROWTH**pursuit.stalls, maximum)
         top = max(maximum * RETRY_SPEED_RATIO**pursuit.attempts, min(2.0 * creep, maximum))
         idle = self.wheels.idle_for
         if idle > UNSTICK_AFTER:

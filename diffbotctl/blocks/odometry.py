@@ -9,7 +9,12 @@ from diffbotctl.estimation.commanded_wheel import CommandedWheelOdometer
 from diffbotctl.estimation.directed_wheel import DirectedWheelOdometer
 from diffbotctl.estimation.explained_lost_edges import ExplainedLostEdges
 from diffbotctl.estimation.fine_wheel import FineWheelOdometer
-from diffbotctl.estimation.geometry_deviation import CalibratedValue, geometry_deviations
+from diffbotctl.estimation.geometry_deviation import (
+    LEFT_DIAMETER,
+    RIGHT_DIAMETER,
+    CalibratedValue,
+    geometry_deviations,
+)
 from diffbotctl.estimation.gyro_heading import SCALE_SD, GyroHeading
 from diffbotctl.estimation.gyro_pose_filter import GyroPoseFilter
 from diffbotctl.estimation.lost_edges import BOTH_TEXTS, LostEdges
@@ -94,14 +99,18 @@ class OdometryBlock(Block):
         self.timestamps = TimestampFilter(self.stamp_jitter, self.telemetry)
         self.wheels: tuple[Wheel, Wheel] | None = None
         sides = self.left_side, self.right_side
-        self.lost_by_gains = LostEdges()
+        # Diameters that were measured by counting edges have the true slots in them.
+        may_have_wrong_slots = not {LEFT_DIAMETER, RIGHT_DIAMETER} <= self.calibration.keys()
+        self.lost_by_gains = LostEdges(may_have_wrong_slots)
         self.pulse_widths = PulseWidth(), PulseWidth()
         self.counted_levels = [
             COUNTED_LEVELS.get(side.encoder.edge) if side.encoder.channels == 1 else None
             for side in sides
         ]
         self.lost_by_edges = (
-            ExplainedLostEdges(*sides) if all(side.encoder.channels for side in sides) else None
+            ExplainedLostEdges(*sides, may_have_wrong_slots)
+            if all(side.encoder.channels for side in sides)
+            else None
         )
 
     @action(x="m", y="m", heading="rad")

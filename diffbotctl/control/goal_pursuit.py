@@ -133,6 +133,8 @@ class Pursuit(NamedTuple):
     """in this turn; a small one may need several"""
     stalls: int = 0
     """successive releases that have not turned the robot"""
+    overshoots: int = 0
+    """releases after which the robot had turned too far, since the last one that did not turn it"""
     rest_error: float = inf
     """rad that remained after the last release"""
     attempts: int = 0
@@ -183,9 +185,11 @@ class Pursuit(NamedTuple):
         """Count a release after which the turn is not done, and whether it had an effect."""
         error = self.heading_error(odometry)
         has_stalled = error * self.rest_error > STALL_RATIO * self.rest_error * self.rest_error
+        has_overshot = self.rest_error < inf and error * self.rest_error < 0.0
         return self._replace(
             releases=self.releases + 1,
             stalls=self.stalls + 1 if has_stalled else 0,
+            overshoots=0 if has_stalled else self.overshoots + has_overshot,
             needs_nudge=self.needs_nudge or has_stalled,
             pushed_for=0.0,
             rest_error=error,

@@ -72,6 +72,16 @@ def rest_to_rest_time(
     return min(times)
 
 
+def stopping_turn(commanded: float, turned: float, lag: float, acceleration: float) -> float:
+    """Angle (rad) by which a robot turns on, whose turn rate is to become 0.
+
+    The `commanded` rate (rad/s) is reduced by at most `acceleration` (rad/s2); the rate `turned`
+    (rad/s) follows it as a first-order system with the time constant `lag` (s), and so turns the
+    robot by the integral of the command, and by its own rate times the lag.
+    """
+    return commanded * abs(commanded) / (2.0 * acceleration) + turned * lag
+
+
 class SpeedBounds(NamedTuple):
     """Minimum and maximum speed to command (m/s), and the braking to plan with (m/s2)."""
 

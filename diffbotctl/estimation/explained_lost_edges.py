@@ -58,8 +58,10 @@ HEALTHY = 1.0 - LOAD_PROBABILITY - OTHER_PROBABILITY - sum(SHIFT_PRIORS)
 class ExplainedLostEdges(LostEdges):
     """Whether encoders count half or twice of the edges that the duties explain."""
 
-    def __init__(self, left: SideConfig, right: SideConfig) -> None:
-        super().__init__()
+    def __init__(
+        self, left: SideConfig, right: SideConfig, may_have_wrong_slots: bool = True
+    ) -> None:
+        super().__init__(may_have_wrong_slots)
         self.left, self.right = ExplainedEdges(left), ExplainedEdges(right)
         is_measured = left.motor.decay is not None and right.motor.decay is not None
         self.motors = MEASURED_MOTORS if is_measured else MOTORS
@@ -113,7 +115,11 @@ class ExplainedLostEdges(LostEdges):
             ratios = of_classes(left.ratios), of_classes(right.ratios)
             faults = ratio_probabilities(*ratios, self.are_even, self.motors)
         stepped = self.steps.compare(left, right)
-        faults = max(faults, stepped, key=sum)
+        faults = max(
+            self._given_pulses(faults),
+            stepped.given_pulses(*self.pulse_ratios, may_have_wrong_slots=False),
+            key=sum,
+        )
         self._take(faults, EXPLAINED_PROBABILITY_MIN, FRAMES_MIN // 2)
 
 

@@ -36,7 +36,8 @@ OTHER_PROBABILITY, OTHER_RATIO_SD, OTHER_LEVEL_SD = 0.02, 0.6, 1.0
 HALF_PROBABILITY = 0.005  # of each fault of each wheel, before anything was counted
 BOTH_PROBABILITY = 0.002  # of each fault of both wheels alike
 # Of both encoders that count half: that the disc has fewer slots than the robot file states. Its
-# pulses are as wide as others.
+# pulses are as wide as others. Not of discs whose wheels' diameters were measured by their edges,
+# nor of a change under way.
 WRONG_SLOTS_SHARE = 0.5
 # Natural log of the ratio of the likelihoods by the pulses of an encoder, above which gains and
 # edges are compared however usual they are.
@@ -85,14 +86,21 @@ class FaultProbabilities(NamedTuple):
     both_lost: float = 0.0
     both_twice: float = 0.0
 
-    def given_pulses(self, left: float, right: float) -> FaultProbabilities:
-        """With what the pulses of both encoders show: `PulseWidth.lost_log_ratio`."""
+    def given_pulses(
+        self, left: float, right: float, may_have_wrong_slots: bool
+    ) -> FaultProbabilities:
+        """With what the pulses of both encoders show: `PulseWidth.lost_log_ratio`.
+
+        `may_have_wrong_slots`: whether discs with half the slots explain both, too.
+        """
         faulty = sum(self, 0.0)
         if not faulty:
             return self
         healthy = 1.0 - faulty
         left, right = exp(left), exp(right)
-        both = WRONG_SLOTS_SHARE + (1.0 - WRONG_SLOTS_SHARE) * left * right
+        both = (1.0 - WRONG_SLOTS_SHARE) * left * right
+        if may_have_wrong_slots:
+            both += WRONG_SLOTS_SHARE
         return normalized(
             (
                 left * self.left_lost,
@@ -149,7 +157,9 @@ class CountedWheel(Protocol):
 class LostEdges:
     """Whether the encoders count half or twice of their edges."""
 
-    def __init__(self) -> None:
+    def __init__(self, may_have_wrong_slots: bool = True) -> None:
+        self.may_have_wrong_slots = may_have_wrong_slots
+        """whether both discs may have fewer slots than the robot file states"""
         self.frames = 0  # since when it is likely
         self.present = NO_SUSPICION
         self.lasting = NO_SUSPICION  # the likeliest since the pose was set
@@ -189,7 +199,7 @@ class LostEdges:
             faults = gain_probabilities(left, right)
         if are_even:
             faults = FaultProbabilities(both_lost=faults.both_lost, both_twice=faults.both_twice)
-        self._take(faults, PROBABILITY_MIN, 1)
+        self._take(self._given_pulses(faults), PROBABILITY_MIN, 1)
 
     def pose_is_set(self) -> None:
         """What happened before does not matter any more."""
@@ -200,9 +210,11 @@ class LostEdges:
         left.lost_share, right.lost_share = self.shares
         left.lost_text, right.lost_text = self.texts
 
+    def _given_pulses(self, faults: FaultProbabilities) -> FaultProbabilities:
+        return faults.given_pulses(*self.pulse_ratios, self.may_have_wrong_slots)
+
     def _take(self, faults: FaultProbabilities, least: float, frames: int) -> None:
         """Suspect what has been likelier than `least` for some time, in the last `frames` too."""
-        faults = faults.given_pulses(*self.pulse_ratios)
         probability = sum(faults, 0.0)
         self.frames = self.frames + frames if probability >= least else 0
         if self.frames < FRAMES_MIN:

@@ -44,6 +44,7 @@ class Course:
         self.moves = moves
         self.covariance, self.warning, self.geometry_sd = NONE, "", 0.0
         self.now = 0
+        self.coast_time = 0.0  # s
         self.x = self.y = self.heading = self.linear = self.angular = 0.0
         self.twists, self.states, self.causes = [], [], []
 
@@ -63,6 +64,7 @@ class Course:
             self.covariance,
             self.warning,
             self.geometry_sd,
+            coast_time=self.coast_time,
         )
         twist, state = self.block.react(self.now, pose, goal, None, stop)
         self.linear, self.angular = twist.linear, twist.angular
@@ -421,6 +423,56 @@ def test_a_release_without_effect_is_followed_by_a_push():
     assert (stuck.stalls, stuck.needs_nudge) == (1, True)
     turned = pursuit.count_release(Odometry(0, 0.0, 0.0, 0.05, 0.0, 0.0, (0.0,) * 6))
     assert (turned.stalls, turned.needs_nudge) == (0, False)
+
+
+def test_small_turns_that_go_too_far_become_slower():
+    """A slow motor may turn the robot farther by the least speed than the turn is small."""
+    block = Course(speed=0.3, left_counts=2000, right_counts=2000).block
+    pursuit = Pursuit(Goal(0, 1, 1.0, 0.0, 0.1), 60.0, Coast(0.1), leg="aligning")
+    least = []
+    for heading in (0.14, 0.06, 0.14, 0.06):
+        pursuit = pursuit.count_release(Odometry(0, 0.0, 0.0, heading, 0.0, 0.0, NONE))
+        least.append(block._turn_bounds(pursuit).minimum)
+    usual = block.least_speed
+    assert least == pytest.approx([usual, usual * 0.7, usual * 0.49, usual * 0.343])
+    stuck = pursuit.count_release(Odometry(0, 0.0, 0.0, 0.06, 0.0, 0.0, NONE))
+    assert block._turn_bounds(stuck).minimum == pytest.approx(usual * 1.8)
+    # A coarse encoder would not count often enough.
+    assert Course().block._turn_bounds(pursuit).minimum == 0.035
+
+
+class HeavyCourse(Course):
+    """A heavy robot: the loops of its wheels swing around their targets with 4 rad/s, damped by
+    0.4, after a delay of one frame, and the changes of the targets are limited."""
+
+    def __init__(self, coast_time):
+        super().__init__(
+            speed=0.25, track=0.3, lag=0.1, acceleration=0.25, braking=0.25, command_delay=0.04
+        )
+        self.coast_time = coast_time
+        self.speeds, self.rates = [0.0, 0.0], [0.0, 0.0]
+        self.headings = []
+
+    def step(self, goal, stop=None):
+        _, *targets = list(self.block.sent)[-2:][0]
+        for axis, target in enumerate(targets):
+            swing = 4.0**2 * (target - self.speeds[axis]) - 2 * 0.4 * 4.0 * self.rates[axis]
+            self.rates[axis] += swing * STEP * 1e-9
+            self.speeds[axis] += self.rates[axis] * STEP * 1e-9
+        self.linear, self.angular = self.speeds
+        self.headings.append(self.heading)
+        return super().step(goal, stop)
+
+
+@pytest.mark.parametrize("coast_time", [0.1, 0.25])
+def test_a_heavy_robot_does_not_weave(coast_time):
+    """It turns on after its commands: steered by its heading alone, it swung by 25 degrees."""
+    course = HeavyCourse(coast_time)
+    course.heading = radians(14)  # on to the drive without a turn
+    assert course.drive(goal(3.0, 0.0), 60.0) == "reached"
+    driving = course.states.count("driving")
+    way = course.headings[driving // 3 : 2 * driving // 3]
+    assert max(map(abs, way)) < radians(2)
 
 
 def test_a_push_against_friction_does_not_believe_that_the_wheels_have_followed():

@@ -13,6 +13,7 @@ from diffbotctl.control.motion_profile import (
     ramp_time,
     rest_to_rest_time,
     shortest_turn,
+    stopping_turn,
     turn_time,
 )
 
@@ -57,6 +58,20 @@ def test_bounds_of_known_goals(x, y, heading, at_1, at_half):
 )
 def test_ramp_times(distance, seconds):
     assert ramp_time(distance, 0.3, 1.0, 1.5) == pytest.approx(seconds)
+
+
+@pytest.mark.parametrize(
+    "commanded, turned, lag, acceleration, angle",
+    [
+        (0.0, 1.0, 0.3, 2.0, 0.3),  # the motors' lag alone
+        (1.0, 1.0, 0.0, 2.0, 0.25),  # half a second to 0, at 0.5 rad/s on average
+        (1.0, 1.0, 0.3, 2.0, 0.55),
+        (-1.0, -1.0, 0.3, 2.0, -0.55),
+        (1.0, -0.5, 0.2, 2.0, 0.15),  # it has yet to follow its command
+    ],
+)
+def test_a_turn_goes_on(commanded, turned, lag, acceleration, angle):
+    assert stopping_turn(commanded, turned, lag, acceleration) == pytest.approx(angle)
 
 
 def test_the_turn_rate_limits_a_turn():

@@ -71,15 +71,22 @@ def test_the_width_of_the_pulses_confirms_or_refutes_a_missing_pulse():
     """By hand: 0.2 is 1 to 4; with a likelihood ratio of e**-2 it is 1 to 29.6, with e**2 1.85 to
     1. Twice the edges have pulses as any others, as has a disc with half of the slots."""
     before = FaultProbabilities(left_lost=0.2)
-    assert before.given_pulses(-2.0, 0.0).left_lost == pytest.approx(1 / 30.56, rel=1e-3)
-    assert before.given_pulses(2.0, 0.0).left_lost == pytest.approx(1.847 / 2.847, rel=1e-3)
-    assert before.given_pulses(0.0, 2.0).left_lost == pytest.approx(0.2)
+    assert before.given_pulses(-2.0, 0.0, True).left_lost == pytest.approx(1 / 30.56, rel=1e-3)
+    assert before.given_pulses(2.0, 0.0, True).left_lost == pytest.approx(1.847 / 2.847, rel=1e-3)
+    assert before.given_pulses(0.0, 2.0, True).left_lost == pytest.approx(0.2)
     twice = FaultProbabilities(right_twice=0.2)
-    assert twice.given_pulses(-2.0, -2.0).right_twice == pytest.approx(0.2)
+    assert twice.given_pulses(-2.0, -2.0, True).right_twice == pytest.approx(0.2)
     both = FaultProbabilities(both_lost=0.2)
-    slots = both.given_pulses(-4.0, -4.0).both_lost
+    slots = both.given_pulses(-4.0, -4.0, True).both_lost
     assert slots == pytest.approx(0.5 / 4.5, rel=0.01)
-    assert both.given_pulses(4.0, 4.0).both_lost > 0.99
+    assert both.given_pulses(4.0, 4.0, True).both_lost > 0.99
+
+
+def test_discs_whose_edges_measured_the_wheels_have_the_stated_slots():
+    """By hand: half of the 0.2 is that every second pulse is missing, 0.1 to 0.8."""
+    both = FaultProbabilities(both_lost=0.2)
+    assert both.given_pulses(0.0, 0.0, False).both_lost == pytest.approx(1 / 9)
+    assert both.given_pulses(-4.0, -4.0, False).both_lost < 1e-4
 
 
 def test_a_gain_of_half_with_pulses_of_half_a_pitch_is_no_fault():
