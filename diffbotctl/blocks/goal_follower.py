@@ -77,7 +77,9 @@ OPPOSED_TURN_MAX = 120 * pi / 180  # rad against the commands; more than any mot
 # Growth of the least speed with each small turn in which friction held the wheels. A short, strong
 # push turns the robot less than a long, weak one, which lets the board's loop wind up.
 PUSH_GROWTH = 1.8
-PUSH_TIME = 0.03  # s, by which each of them is longer than the one before
+# s, of the first of them; each further one takes a little more than twice as long. The loop of the
+# board takes up to 0.6 s to kick a wheel loose.
+PUSH_TIME = 0.03
 OVERSHOT_RATIO = 0.7  # of the least speed, after each small turn that went too far
 RELEASES_MAX = 12  # in one turn; then the remaining angle is left to the next leg or attempt
 FARTHER_MAX = 0.12  # m beyond the distance at the start; the robot does not obey
@@ -499,7 +501,7 @@ class GoalFollower(Block):
             # A fine encoder shows when the wheels have left static friction; a coarse one too late.
             is_coarse = self.wheels.pitch > TURN_REST_RATIO * arm * self.heading_tolerance
             pushed_for = pursuit.pushed_for + seconds
-            is_enough = is_coarse and pushed_for > pursuit.stalls * PUSH_TIME
+            is_enough = is_coarse and pushed_for > (2**pursuit.stalls - 1) * PUSH_TIME
             pursuit = pursuit._replace(
                 needs_nudge=not (is_enough or self.wheels.has_counted), pushed_for=pushed_for
             )

@@ -51,7 +51,7 @@ def counts_until_edge(
         or not motion.finds_faults
     ):
         return EXPECTED_COUNT
-    counts, cost = [], motion.priors.change_cost
+    counts, cost = [], motion.change_cost(direction * beyond)
     extra_max = min(steps, EXTRA_MAX) if bounces else 0
     for missed in sorted({0, floor(beyond), ceil(beyond)}):
         if not -extra_max <= missed <= MISSED_MAX:

@@ -277,8 +277,10 @@ class EdgeHypothesis:
         update_by_level(motion, low, high, has_counted_level, is_at_rest or self.is_reversed)
 
     def _may_be_missed(self, probability: float) -> bool:
+        # A wheel whose first edge is overdue is still held by friction: the next edge tells more.
         return (
             not self.is_reversed
+            and self.motion.edges_since_rest > 0
             and self.motion.finds_faults
             and self.unseen_edges < MISSED_MAX
             and probability < CERTAIN_PROBABILITY
@@ -429,6 +431,7 @@ class EdgeHypothesis:
 
     def _set_edge(self, direction: int, slot: int) -> None:
         """Record that the edge of `slot` was passed in `direction`."""
+        self.motion.edges_since_rest += max(abs(slot - self.edge_slot), 1)
         self.edge_direction, self.edge_slot = direction, slot
         self.turning_level = None
         self.is_reversed = self.drive_direction != direction

@@ -46,6 +46,10 @@ BREAKAWAY_MIN, BREAKAWAY_MAX = 0.95, 1.05
 # last one: the duty has risen meanwhile.
 STARTING_RATIO = 0.5
 ELAPSED_MIN = 0.005  # s; a motion does not change faster
+# Edges since a wheel was at rest, before which its motion changes suddenly with a higher
+# probability, one in 4.5 (minus its log): friction lets it go at a duty that differs from start to
+# start, and on the floor, under the weight of the robot, at a higher one than with raised wheels.
+STARTING_EDGES, STARTING_CHANGE_COST = 4, 1.5
 # Free-wheeling motors: friction that grows with the speed, in stall torques at the no-load speed,
 # and the duty at which their lag is the stated one.
 VISCOUS, LAG_DUTY = 0.05, 0.6
@@ -107,6 +111,7 @@ class PredictedWheel:
         "covariance",
         "disc",
         "driven_noise",
+        "edges_since_rest",
         "elapsed",
         "gain",
         "held_time",
@@ -143,6 +148,7 @@ class PredictedWheel:
         self.is_driven = True  # in the last prediction
         self.elapsed = 0.0  # s, since the last measurement
         self.held_time = 0.0  # s, in which it may have begun to turn
+        self.edges_since_rest = 0  # or since its drive has reversed
         self.disc: Slots = SlotErrors(
             slots, priors.slot, priors.open_share, priors.open_share_error
         )
@@ -250,6 +256,15 @@ class PredictedWheel:
         if settled > 0.0:
             dry -= lag * settled * log(1.0 + speed / settled)
         return travel + (dry if self.is_dry else 0.5 * (dry + lag * speed))
+
+    def change_cost(self, excess: float) -> float:
+        """Minus the log probability of a sudden change of the motion, where z seems to be `excess`
+        pitches too far. A wheel that starts may be held for longer than predicted."""
+        cost = self.priors.change_cost
+        is_late = excess * self.speed > 0.0
+        if is_late and self.edges_since_rest < STARTING_EDGES and cost != inf:
+            return min(cost, STARTING_CHANGE_COST)
+        return cost
 
     def is_rolling(self, creeps: float) -> bool:
         """True when the speed exceeds `creeps` times the creep speed."""
@@ -462,6 +477,7 @@ class PredictedWheel:
         """Friction stops the wheel; the distance until then is as uncertain as the speed was, over
         `time` seconds."""
         self.speed = self.held_time = 0.0
+        self.edges_since_rest = 0
         covariance = list(self.covariance)
         covariance[Z_Z] += self.speed_variance * time * time
         for entry in SPEED_ENTRIES:
@@ -550,7 +566,9 @@ class PredictedWheel:
             self.covariance = (z_variance, *self.covariance[1:])
 
     def drive_reversed(self) -> None:
-        """Account for what the offset does not say of the other direction, where it is unusual."""
+        """Account for what the offset does not say of the other direction, where it is unusual, and
+        that the wheel will start anew."""
+        self.edges_since_rest = 0
         excess = abs(self.offset) - UNUSUAL_OFFSET_SDS * self.priors.offset
         if excess > 0.0:
             covariance = list(self.covariance)

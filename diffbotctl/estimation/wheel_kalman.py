@@ -129,12 +129,13 @@ class WheelKalman(PredictedWheel):
     def bounds_log_likelihood(self, low: float, high: float) -> float:
         """Log probability that z lies between `low` and `high`, also after a sudden change of the
         motion."""
-        return self._robust_log(self.probability_within(low, high))
+        return self._robust_log(self.probability_within(low, high), low, high)
 
-    def _robust_log(self, probability: float) -> float:
-        """Log of a `probability`, or of that of a sudden change of the motion."""
+    def _robust_log(self, probability: float, low: float, high: float) -> float:
+        """Log of the `probability` that z lies between `low` and `high`, or of that of a sudden
+        change of the motion."""
         likelihood = log(probability if probability > PROBABILITY_MIN else PROBABILITY_MIN)
-        changed = LOG_CHANGED_WITHIN - self.priors.change_cost
+        changed = LOG_CHANGED_WITHIN - self.change_cost(self.z - 0.5 * (low + high))
         return likelihood if likelihood >= changed else changed
 
     def update_bounds(self, low: float, high: float) -> None:
@@ -142,7 +143,7 @@ class WheelKalman(PredictedWheel):
         sd = self._bounds_sd()
         below, above = (low - self.z) / sd, (high - self.z) / sd
         probability = normal_cdf(above) - normal_cdf(below)
-        self.log_likelihood += self._robust_log(probability)
+        self.log_likelihood += self._robust_log(probability, low, high)
         distance = max(low - self.z, self.z - high, 0.0)
         ratio = distance * distance / (sd * sd)
         cost = self.priors.change_cost
@@ -187,7 +188,9 @@ class WheelKalman(PredictedWheel):
         other states.
         """
         cost = self.priors.change_cost
-        self.log_likelihood += robust_log_likelihood(innovation, variance, cost)
+        self.log_likelihood += robust_log_likelihood(
+            innovation, variance, self.change_cost(-innovation)
+        )
         if cost == inf:
             return variance
         ratio = innovation * innovation / variance

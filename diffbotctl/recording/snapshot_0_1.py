@@ -19,7 +19,7 @@ from diffbotctl.estimation.edge_intervals import EdgeIntervals
 from diffbotctl.estimation.fine_wheel import FineWheelOdometer
 from diffbotctl.estimation.pose_filter import NO_EFFECTS, PoseFilter
 from diffbotctl.estimation.pose_history import PoseHistory
-from diffbotctl.estimation.predicted_wheel import MotorKind
+from diffbotctl.estimation.predicted_wheel import STARTING_EDGES, MotorKind
 from diffbotctl.estimation.wheel_odometer import WheelOdometer
 from diffbotctl.estimation.wheel_side import LinkTiming
 from diffbotctl.geometry.distance_sensors import SHARPS
@@ -195,6 +195,7 @@ ADDED: dict[str, dict[str, Any]] = {
         "coasting_noise": 1.0,
         "elapsed": 0.0,
         "held_time": 0.0,
+        "edges_since_rest": STARTING_EDGES,
     },
     "TurtleCanvas": {"placements": ()},
     "PoseFilter": {"geometry": (), "unit_effects": NO_EFFECTS},

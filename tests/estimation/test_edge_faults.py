@@ -120,3 +120,31 @@ def test_edges_of_a_wheel_that_is_taken_for_standing_are_no_additional_ones():
         hypotheses = [branch for one in hypotheses for branch in one.update(edges)]
         assert all(one.faults.extra == 0 for one in hypotheses)
         hypotheses = hypotheses[:1]
+
+
+def starting_wheel(until: int) -> EdgeHypothesis:
+    """A wheel after `until` frames of 20 ms with a drive of 10 pitches/s; its first edge is due
+    within 0.3 s."""
+    hypotheses = [EdgeHypothesis(WheelKalman(Priors(lag=0.1), 20), 0, 0)]
+    for number in range(1, until):
+        frame = WheelFrame(number * 20 * MS, 0, None, 10.0, 0, 0.3)
+        hypotheses = [branch for one in hypotheses for branch in one.update(frame)]
+    assert len(hypotheses) == 1
+    return hypotheses[0]
+
+
+def test_the_first_edge_of_a_wheel_that_starts_is_late_not_missing():
+    assert starting_wheel(50).faults.number == 0
+
+
+@pytest.mark.parametrize(
+    "edges, excess, cost",
+    [(0, 0.5, 1.5), (3, 0.5, 1.5), (4, 0.5, 4.0), (0, -0.5, 4.0)],
+    ids=["at once", "within the first edges", "later", "sooner than predicted"],
+)
+def test_a_wheel_that_starts_may_be_held_suddenly(edges, excess, cost):
+    wheel = starting_wheel(10).motion
+    wheel.edges_since_rest = edges
+    assert wheel.speed > 0.0 and wheel.change_cost(excess) == cost
+    wheel.drive_reversed()
+    assert wheel.change_cost(0.5) == 1.5
