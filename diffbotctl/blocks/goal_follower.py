@@ -2,10 +2,11 @@
 
 from collections import deque
 from collections.abc import Mapping
-from math import copysign, cos, degrees, pi, sin, sqrt
-from typing import NamedTuple, assert_never
+from math import degrees, pi, sqrt
+from typing import assert_never
 
 from diffbotctl.block import Block, In, Out
+from diffbotctl.control.goal_legs import FollowerStep, GoalLegs, LegLimits, LegView
 from diffbotctl.control.goal_pursuit import (
     COAST_TIME_MAX,
     Coast,
@@ -14,15 +15,9 @@ from diffbotctl.control.goal_pursuit import (
     position_sd,
 )
 from diffbotctl.control.motion_profile import (
-    Motion,
     MotionLimits,
-    SpeedBounds,
-    approach_speed,
-    is_too_small,
     predict_motion,
     rest_to_rest_time,
-    shortest_turn,
-    stopping_turn,
 )
 from diffbotctl.control.velocity_limits import VelocityRate
 from diffbotctl.control.wheel_response import GAP_MAX, DriveResponse
@@ -35,32 +30,15 @@ from diffbotctl.time import MILLISECOND, SECOND
 STILL_SPEED_MAX = 0.004  # m/s; at lower speeds a wheel may stand between two slots
 SLOW_SPEED_MAX = 0.012  # m/s; it coasts for about a millimetre, so the next leg may begin
 STILL_TIME_MIN = 60 * MILLISECOND  # at rest, after which the pose is final
-BRAKING_RATIO = 0.8  # of the braking limit; the rest is a reserve for the motors
-# 1/s: heading error to turn rate while driving, position error to speed while turning; and the most
-# that their products with the lag of the motors may be.
-HEADING_GAIN, HEADING_GAIN_LAG_MAX = 4.5, 1.0
-PIVOT_GAIN, PIVOT_GAIN_LAG_MAX = 2.5, 0.6
-HEADING_CORRECTION_MAX = 1.0  # rad/s, while driving
-STEERING_RATIO_MAX = 0.8  # of the speed of the wheels, so that none reverses while driving
-HEADING_ERROR_FREE = 10 * pi / 180  # up to here it drives at full speed
-HEADING_ERROR_MAX = 45 * pi / 180  # beyond, it stops and turns
-PIVOT_SPEED_RATIO_MAX = 0.3  # of the wheel speed, so that no wheel reverses
-BEARING_DISTANCE_MIN = 0.06  # m to the goal; closer, the bearing is dominated by noise
 # Multiple of the tolerance; farther from the goal, the last turn waits until it is nearer.
 MISSED_RATIO = 2.5
 ALIGNED_DISTANCE_RATIO = 0.6  # of the tolerance; closer, only the heading is corrected
-STEERED_ERROR_MAX = 8 * pi / 180  # remaining turn that is steered on the way to the goal,
-STEERED_DISTANCE_MIN = 0.3  # m, if that is as far as this
 # m; in wider turns about a wheel the robot would move too far away from its goal.
 TURN_RADIUS_MAX = 0.15
-ROLLING_ERROR_MAX = 15 * pi / 180  # remaining turn about a wheel that is steered while it drives on
-TURN_TOLERANCE_RATIO, ALIGN_TOLERANCE_RATIO = 1.5, 0.8  # of the heading tolerance
 TIME_LIMIT_BASE, TIME_LIMIT_RATIO = 30.0, 5.0  # s, and multiple of the shortest possible time
 # Of the time limit. After it, a robot need not come nearer to the goal than its pose is known (one
 # standard deviation): more attempts would follow the error of the pose.
 SEARCH_RATIO = 1.0 / 3.0
-# Of the tolerance: remaining distance that need not be driven.
-TURN_REST_RATIO, DRIVE_REST_RATIO = 0.5, 0.5
 WEAK_SPEED_RATIO = 0.5  # of the speed limit; nobody needs to know of weakness at lower speeds
 # Slow motors turn evenly at lower speeds than `creep`: at this part of their top speed, if the
 # encoder then still counts often enough for the speed loop (1/s).
@@ -70,34 +48,10 @@ CRAWL_CREEP_RATIO = 2.0  # of the creep speed: friction holds a wheel at lower s
 LOST_MIN = 0.3
 LOST_EDGES_PROBABILITY_MAX = 0.5  # an encoder that is likelier broken than not
 TURNED_MAX = 540 * pi / 180  # rad in one turn, which needs 180 deg and some corrections
-# A motor that breaks loose at a high duty and goes on at a low one turns the robot farther than
-# asked; without power it comes to rest. Motors that are exchanged go on from there.
-OPPOSED_TURN_STOP = 45 * pi / 180
 OPPOSED_TURN_MAX = 120 * pi / 180  # rad against the commands; more than any motor coasts
-# Growth of the least speed with each small turn in which friction held the wheels. A short, strong
-# push turns the robot less than a long, weak one, which lets the board's loop wind up.
-PUSH_GROWTH = 1.8
-# s, of the first of them; each further one takes a little more than twice as long. The loop of the
-# board takes up to 0.6 s to kick a wheel loose.
-PUSH_TIME = 0.03
-OVERSHOT_RATIO = 0.7  # of the least speed, after each small turn that went too far
-RELEASES_MAX = 12  # in one turn; then the remaining angle is left to the next leg or attempt
 FARTHER_MAX = 0.12  # m beyond the distance at the start; the robot does not obey
-RETRY_SPEED_RATIO = 0.6  # of the speed of the attempt before: slow motors and weak ones err less
 LIMITED_STEP_MAX = 0.1  # s; block speed_limiter starts anew after a longer silence
 FULL_DUTY = 0.98  # duty; more than a motor can be given
-UNSTICK_AFTER = 0.3  # s without motion, after which the least speed is raised
-UNSTICK_TIME = 1.0  # s in which it is raised to the limit
-
-
-class FollowerStep(NamedTuple):
-    """Result of one update: next state, velocity (m/s, rad/s), and how the goal ended."""
-
-    pursuit: Pursuit
-    linear: float = 0.0
-    angular: float = 0.0
-    end: GoalEnd | None = None
-    cause: str = ""
 
 
 class GoalFollower(Block):
@@ -180,9 +134,20 @@ class GoalFollower(Block):
         )
         slowest = max(CREEP_SPEED_RATIO * top_speed, CREEP_COUNTS * pitch)
         self.least_speed = min(self.creep, slowest)  # m/s, of a wheel
-        # rad/s2, that the limits of the wheels allow
-        self.angular_acceleration = 2.0 * min(self.acceleration, self.braking) / self.track
         self.turn_radius = self._first_turn_radius()
+        limits = LegLimits(
+            self._motion_limits,
+            self.tolerance,
+            self.heading_tolerance,
+            self.least_speed,
+            CREEP_COUNTS * pitch,
+            self.lag,
+        )
+        self.legs = GoalLegs(limits, self.wheels)
+
+    @property
+    def _motion_limits(self) -> MotionLimits:
+        return MotionLimits(self.speed, self.turn_rate, self.acceleration, self.braking, self.track)
 
     def _first_turn_radius(self) -> float:
         """Radius (m) of the first turn: half the track, about a wheel; or 0, on the spot.
@@ -251,11 +216,6 @@ class GoalFollower(Block):
         """Lag (s) of the motors: that of the robot file, or more if they coast for longer."""
         return max(self.lag, self.coast.time)
 
-    def _told_lag(self, odometry: Odometry) -> float:
-        """Lag (s) of the motors. Odometry knows it from the way; until the first stop, nothing else
-        does."""
-        return max(self.lag_estimate, min(odometry.coast_time, COAST_TIME_MAX))
-
     def _observe_wheels(
         self, odometry: Odometry, encoders: Encoders | None, seconds: float
     ) -> None:
@@ -290,13 +250,10 @@ class GoalFollower(Block):
             self.log.warning(f"{weakness}; the other wheel is slowed down to it")
 
     def _accept(self, goal: Goal, odometry: Odometry) -> Pursuit:
-        limits = MotionLimits(
-            self.speed, self.turn_rate, self.acceleration, self.braking, self.track
-        )
         self.wheels.begin(min(CRAWL_CREEP_RATIO * self.least_speed, WEAK_SPEED_RATIO * self.speed))
         pursuit = Pursuit(goal, 0.0, self.coast)
         pursuit = pursuit._replace(start_distance=pursuit.distance(odometry))
-        shortest_time = rest_to_rest_time(pursuit.distance(odometry), 0.0, pi, limits)
+        shortest_time = rest_to_rest_time(pursuit.distance(odometry), 0.0, pi, self._motion_limits)
         time_limit = TIME_LIMIT_BASE + TIME_LIMIT_RATIO * shortest_time
         return self._begin(pursuit._replace(time_limit=time_limit), odometry)
 
@@ -385,8 +342,9 @@ class GoalFollower(Block):
             pursuit = self._await_rest(pursuit, odometry)
             if pursuit.is_coasting:
                 return FollowerStep(pursuit)
-            pursuit = pursuit.learn_coast(odometry, self._arm(pursuit), self.lag)
-            if self._is_leg_done(pursuit, odometry, seconds):
+            pursuit = pursuit.learn_coast(odometry, self.legs.arm(pursuit), self.lag)
+            _, heading_tolerance = self._tolerances(pursuit, odometry)
+            if self.legs.is_done(pursuit, odometry, seconds, heading_tolerance):
                 match pursuit.leg:
                     case "turning":
                         pursuit = pursuit._replace(leg="driving", releases=0)
@@ -406,12 +364,21 @@ class GoalFollower(Block):
                 pursuit = pursuit._replace(releases=pursuit.releases + 1)
             else:
                 pursuit = pursuit.count_release(odometry)
+        view = self._view(now, odometry, seconds)
+        if pursuit.leg == "driving":
+            return self.legs.drive(pursuit, view)
+        if pursuit.turned > TURNED_MAX:  # one wheel hardly turns, and swings the robot around
+            return self._try_again(pursuit, odometry)
+        return self.legs.turn(pursuit, view)
+
+    def _view(self, now: int, odometry: Odometry, seconds: float) -> LegView:
+        """What is known of the motion when a command that is sent now takes effect."""
         delay = round(self.command_delay * SECOND)
         commands = [(time + delay, linear, angular) for time, linear, angular in self.sent]
-        predicted = predict_motion(odometry, now + delay, commands, self._told_lag(odometry))
-        if pursuit.leg == "driving":
-            return self._drive_leg(pursuit, odometry, predicted, seconds)
-        return self._turn_leg(pursuit, odometry, predicted, seconds)
+        # Odometry knows the motors from the way; until the first stop, nothing else does.
+        lag = max(self.lag_estimate, min(odometry.coast_time, COAST_TIME_MAX))
+        predicted = predict_motion(odometry, now + delay, commands, lag)
+        return LegView(odometry, predicted, self.sent[-1][2], lag, seconds)
 
     def _await_rest(self, pursuit: Pursuit, odometry: Odometry) -> Pursuit:
         """End coasting when the robot is slow enough for the next leg or for the final check."""
@@ -476,143 +443,6 @@ class GoalFollower(Block):
             cause = "; ".join((cause, *self.wheels.weaknesses()))
             return FollowerStep(pursuit, end="given_up", cause=cause)
         return FollowerStep(self._begin(pursuit, odometry))
-
-    def _turn_leg(
-        self, pursuit: Pursuit, odometry: Odometry, predicted: Motion, seconds: float
-    ) -> FollowerStep:
-        if pursuit.turn_radius and self.wheels.weak:  # both wheels together are stronger than one
-            pursuit = pursuit.turn_on_the_spot(odometry)
-        arm, bounds = self._arm(pursuit), self._turn_bounds(pursuit)
-        if pursuit.turned > TURNED_MAX:  # one wheel hardly turns, and swings the robot around
-            return self._try_again(pursuit, odometry)
-        if pursuit.leg == "turning" and pursuit.distance(odometry) > BEARING_DISTANCE_MIN:
-            pursuit = pursuit.aim(odometry)
-        if pursuit.needs_nudge:  # friction holds the wheels: they have not followed their commands
-            predicted = Motion(0.0, 0.0, 0.0, 0.0)
-        error = pursuit.heading_error(odometry) - predicted.turn
-        if pursuit.turn_radius and abs(error) <= ROLLING_ERROR_MAX:
-            pursuit = pursuit._replace(leg="driving", releases=0)
-            return self._drive_leg(pursuit, odometry, predicted, seconds)
-        remaining, rolling = arm * error, arm * predicted.angular
-        speed = approach_speed(
-            remaining, rolling, pursuit.coast_time(rolling, odometry), seconds, bounds
-        )
-        if pursuit.needs_nudge:
-            # A fine encoder shows when the wheels have left static friction; a coarse one too late.
-            is_coarse = self.wheels.pitch > TURN_REST_RATIO * arm * self.heading_tolerance
-            pushed_for = pursuit.pushed_for + seconds
-            is_enough = is_coarse and pushed_for > (2**pursuit.stalls - 1) * PUSH_TIME
-            pursuit = pursuit._replace(
-                needs_nudge=not (is_enough or self.wheels.has_counted), pushed_for=pushed_for
-            )
-            speed = speed or copysign(bounds.minimum, remaining)
-        if speed == 0.0:
-            return FollowerStep(pursuit.released(abs(rolling), odometry, predicted.angular))
-        before = pursuit.opposed_turn
-        pursuit = pursuit.watch_turn(odometry.angular, speed, seconds)
-        if before <= OPPOSED_TURN_STOP < pursuit.opposed_turn:
-            return FollowerStep(pursuit.stop_opposed_turn(odometry))
-        if pursuit.turn_radius:
-            return FollowerStep(pursuit, pursuit.turn_radius * abs(speed) / arm, speed / arm)
-        linear = self._pivot_speed(pursuit, odometry, abs(speed))
-        return FollowerStep(pursuit, linear, speed / arm)
-
-    def _arm(self, pursuit: Pursuit) -> float:
-        """Distance (m) of a wheel from the point about which the robot turns."""
-        return 0.5 * self.track + pursuit.turn_radius
-
-    def _pivot_speed(self, pursuit: Pursuit, odometry: Odometry, wheel_speed: float) -> float:
-        """Forward speed (m/s) that holds the position in a turn, against unequal motors."""
-        x, y = pursuit.pivot
-        ahead = (x - odometry.x) * cos(odometry.heading) + (y - odometry.y) * sin(odometry.heading)
-        limit = PIVOT_SPEED_RATIO_MAX * wheel_speed
-        gain = min(PIVOT_GAIN, PIVOT_GAIN_LAG_MAX / self.lag_estimate)
-        return min(max(gain * ahead, -limit), limit)
-
-    def _drive_leg(
-        self, pursuit: Pursuit, odometry: Odometry, predicted: Motion, seconds: float
-    ) -> FollowerStep:
-        sign = -1.0 if pursuit.is_backwards else 1.0
-        if pursuit.distance(odometry) > BEARING_DISTANCE_MIN:
-            pursuit = pursuit.aim(odometry)
-        remaining = pursuit.along(odometry) - predicted.travel
-        bounds = self._bounds(pursuit, self.speed, DRIVE_REST_RATIO * self.tolerance)
-        linear = approach_speed(
-            remaining,
-            predicted.linear,
-            pursuit.coast_time(predicted.linear, odometry),
-            seconds,
-            bounds,
-        )
-        if linear * sign <= 0.0:
-            return FollowerStep(pursuit.released(sign * predicted.linear, odometry))
-        error = shortest_turn(pursuit.line - odometry.heading - predicted.turn)
-        # A turn would begin the time anew in which the board finds a blocked wheel.
-        if abs(error) > HEADING_ERROR_MAX and not self.wheels.has_silent_wheel:
-            return FollowerStep(pursuit.turn_again(odometry))
-        if abs(error) > HEADING_ERROR_FREE:
-            rest = max(HEADING_ERROR_MAX - abs(error), 0.0)
-            ratio = rest / (HEADING_ERROR_MAX - HEADING_ERROR_FREE)
-            linear = copysign(max(abs(linear) * ratio, bounds.minimum), linear)
-        # Slow motors, and commands whose changes are limited, turn the robot on: without that, a
-        # heavy robot would weave.
-        lag = self._told_lag(odometry)
-        error -= stopping_turn(self.sent[-1][2], predicted.angular, lag, self.angular_acceleration)
-        gain = min(HEADING_GAIN, HEADING_GAIN_LAG_MAX / lag)
-        limit = STEERING_RATIO_MAX * abs(linear) / (0.5 * self.track)
-        limit = min(limit, HEADING_CORRECTION_MAX)
-        return FollowerStep(pursuit, linear, min(max(gain * error, -limit), limit))
-
-    def _turn_bounds(self, pursuit: Pursuit) -> SpeedBounds:
-        """Speeds of the wheels, or of the outer one, while turning."""
-        arm = self._arm(pursuit)
-        rest = TURN_REST_RATIO * arm * self.heading_tolerance
-        return self._bounds(pursuit, min(self.speed, self.turn_rate * arm), rest)
-
-    def _bounds(self, pursuit: Pursuit, maximum: float, rest: float) -> SpeedBounds:
-        """Speeds up to `maximum`: slower in each further attempt, faster for wheels that stick."""
-        least = max(
-            self.least_speed * OVERSHOT_RATIO**pursuit.overshoots,
-            min(self.least_speed, CREEP_COUNTS * self.wheels.pitch),
-        )
-        creep = min(least * PUSH_GROWTH**pursuit.stalls, maximum)
-        top = max(maximum * RETRY_SPEED_RATIO**pursuit.attempts, min(2.0 * creep, maximum))
-        idle = self.wheels.idle_for
-        if idle > UNSTICK_AFTER:
-            creep += (maximum - creep) * min((idle - UNSTICK_AFTER) / UNSTICK_TIME, 1.0)
-            top = max(top, creep)
-        return SpeedBounds(creep, top, self.braking * BRAKING_RATIO, rest)
-
-    def _is_leg_done(self, pursuit: Pursuit, odometry: Odometry, seconds: float) -> bool:
-        if pursuit.releases >= RELEASES_MAX:
-            return True
-        if pursuit.leg == "driving":
-            return not self._falls_short(pursuit, odometry, seconds)
-        error = abs(pursuit.heading_error(odometry))
-        _, tolerance = self._tolerances(pursuit, odometry)
-        if pursuit.leg == "turning":
-            tolerance *= TURN_TOLERANCE_RATIO
-            if pursuit.distance(odometry) > STEERED_DISTANCE_MIN:
-                tolerance = max(tolerance, STEERED_ERROR_MAX)
-        else:
-            tolerance *= ALIGN_TOLERANCE_RATIO
-        if error <= tolerance:
-            return True
-        # With slow motors the remaining angle may be too small to drive.
-        remaining, bounds = self._arm(pursuit) * error, self._turn_bounds(pursuit)
-        return is_too_small(remaining, pursuit.coast.time, seconds, bounds)
-
-    def _falls_short(self, pursuit: Pursuit, odometry: Odometry, seconds: float) -> bool:
-        """Whether the robot, at rest, should drive on, having coasted less than expected."""
-        remaining = pursuit.along(odometry)
-        remaining = -remaining if pursuit.is_backwards else remaining
-        error = shortest_turn(pursuit.line - odometry.heading)
-        bounds = self._bounds(pursuit, self.speed, DRIVE_REST_RATIO * self.tolerance)
-        return (
-            remaining > self.tolerance
-            and abs(error) < HEADING_ERROR_MAX
-            and not is_too_small(remaining, pursuit.coast.time, seconds, bounds)
-        )
 
     def _wheel_speed(self, odometry: Odometry) -> float:
         """Speed (m/s) of the faster wheel."""

@@ -432,13 +432,13 @@ def test_small_turns_that_go_too_far_become_slower():
     least = []
     for heading in (0.14, 0.06, 0.14, 0.06):
         pursuit = pursuit.count_release(Odometry(0, 0.0, 0.0, heading, 0.0, 0.0, NONE))
-        least.append(block._turn_bounds(pursuit).minimum)
+        least.append(block.legs.turn_bounds(pursuit).minimum)
     usual = block.least_speed
     assert least == pytest.approx([usual, usual * 0.7, usual * 0.49, usual * 0.343])
     stuck = pursuit.count_release(Odometry(0, 0.0, 0.0, 0.06, 0.0, 0.0, NONE))
-    assert block._turn_bounds(stuck).minimum == pytest.approx(usual * 1.8)
+    assert block.legs.turn_bounds(stuck).minimum == pytest.approx(usual * 1.8)
     # A coarse encoder would not count often enough.
-    assert Course().block._turn_bounds(pursuit).minimum == 0.035
+    assert Course().block.legs.turn_bounds(pursuit).minimum == 0.035
 
 
 class HeavyCourse(Course):
