@@ -6,6 +6,11 @@ from diffbotctl.block import Block, In, Out
 from diffbotctl.messages import Twist, Wheels
 from diffbotctl.params import FromRobot
 
+# rad/s, half of the least speed that a frame to the board can tell. In a turn about a wheel,
+# rounding leaves less than this of its speed: told as a speed to other boards, it would apply the
+# duty that overcomes the friction.
+SPEED_MIN = 1.0 / 512.0
+
 
 class DiffDrive(Block):
     """Convert a body velocity into two wheel speeds within the rated speeds of the motors.
@@ -27,7 +32,8 @@ class DiffDrive(Block):
         left, right = wheel_speeds(
             twist.linear, twist.angular, self.track, self.left_diameter, self.right_diameter
         )
-        return Wheels(twist.time, *scale_to_rated(left, right, self.left_rated, self.right_rated))
+        left, right = scale_to_rated(left, right, self.left_rated, self.right_rated)
+        return Wheels(twist.time, _without_rounding(left), _without_rounding(right))
 
 
 def wheel_speeds(
@@ -44,3 +50,7 @@ def scale_to_rated(
     """Both speeds scaled by one factor so that neither exceeds its maximum."""
     over = max(abs(left) / left_max, abs(right) / right_max)
     return (left, right) if over <= 1.0 else (left / over, right / over)
+
+
+def _without_rounding(speed: float) -> float:
+    return speed if abs(speed) >= SPEED_MIN else 0.0

@@ -49,6 +49,14 @@ def test_wheel_speeds(linear, angular, left, right):
     assert wheels == Wheels(5, pytest.approx(left), pytest.approx(right))
 
 
+@pytest.mark.parametrize("angular", [0.37, -0.61, 1.7, 2.9])
+def test_in_a_turn_about_a_wheel_it_stands(angular):
+    """Rounding leaves 1e-16 rad/s of its speed, for which the board would overcome friction."""
+    linear = 0.5 * TRACK * abs(angular) * (1.0 + 1e-15)
+    wheels = drive().react(1, Twist(1, linear, angular))
+    assert min(abs(wheels.left), abs(wheels.right)) == 0.0 < max(wheels[1:])
+
+
 def test_each_wheel_has_its_own_diameter():
     # 0.12 m/s over radii of 30 mm and 40 mm
     wheels = drive(left_diameter=0.06, right_diameter=0.08).react(1, Twist(1, 0.12, 0.0))
