@@ -166,9 +166,10 @@ class SimulatedBoard:
         arrival = now + self.model.command_delay
         if not self.model.has_speed_loop:
             self._sent.append((arrival, command.left, command.right))
-        left, right = self.sides
-        self._queue(left, arrival, command.left, is_duty)
-        self._queue(right, arrival, command.right, is_duty)
+        for side, value in zip(self.sides, (command.left, command.right), strict=True):
+            # The speeds in a frame are whole numbers.
+            told = value if is_duty else round(value * frames.SPEED_ONE) / frames.SPEED_ONE
+            self._queue(side, arrival, told, is_duty)
         self._update_due()
 
     def _queue(self, side: BoardSide, arrival: int, value: float, is_duty: bool) -> None:

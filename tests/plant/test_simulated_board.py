@@ -44,6 +44,14 @@ def test_a_command_takes_hold_after_its_delay():
     assert [side.direction for side in made.sides] == [1, -1]
 
 
+@pytest.mark.parametrize("speed, duty", [(1e-16, 0.0), (0.0019, 0.0), (0.002, 0.1 + 0.08 / 256)])
+def test_speeds_are_rounded_as_in_a_frame(speed, duty):
+    made = board()
+    made.command(0, Wheels(0, speed, -speed))
+    serve_until(made, HELD)
+    assert [side.duty for side in made.sides] == pytest.approx([duty, -duty])
+
+
 def test_the_dead_man_stops_it_300_ms_after_the_last_command():
     made = board()
     made.command(0, Wheels(0, 5.0, 5.0))
