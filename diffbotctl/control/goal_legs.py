@@ -38,12 +38,12 @@ TURN_REST_RATIO, DRIVE_REST_RATIO = 0.5, 0.5
 # A motor that breaks loose at a high duty and goes on at a low one turns the robot farther than
 # asked; without power it comes to rest. Motors that are exchanged go on from there.
 OPPOSED_TURN_STOP = 45 * pi / 180
-# Growth of the least speed with each small turn in which friction held the wheels. A short, strong
-# push turns the robot less than a long, weak one, which lets the board's loop wind up.
-PUSH_GROWTH = 1.8
+PUSH_GROWTH = 1.4  # of the least speed, with each small turn in which friction held the wheels
 # s, of the first of them; each further one takes a little more than twice as long. The loop of the
 # board takes up to 0.6 s to kick a wheel loose.
 PUSH_TIME = 0.03
+# s without motion in all, after which a wheel is pushed until its encoder counts.
+STUCK_PUSH_AFTER = 1.0
 OVERSHOT_RATIO = 0.7  # of the least speed, after each small turn that went too far
 RELEASES_MAX = 12  # in one turn; then the remaining angle is left to the next leg or attempt
 RETRY_SPEED_RATIO = 0.6  # of the speed of the attempt before: slow motors and weak ones err less
@@ -143,7 +143,8 @@ class GoalLegs:
         is_coarse = self.wheels.pitch > rest
         pushed_for = pursuit.pushed_for + seconds
         is_enough = is_coarse and pushed_for > (2**pursuit.stalls - 1) * PUSH_TIME
-        needs_nudge = not (is_enough or self.wheels.has_counted)
+        is_stuck = self.wheels.idle_for > STUCK_PUSH_AFTER
+        needs_nudge = not (self.wheels.has_counted or (is_enough and not is_stuck))
         return pursuit._replace(needs_nudge=needs_nudge, pushed_for=pushed_for)
 
     def _pivot_speed(self, pursuit: Pursuit, view: LegView, wheel_speed: float) -> float:

@@ -436,9 +436,23 @@ def test_small_turns_that_go_too_far_become_slower():
     usual = block.least_speed
     assert least == pytest.approx([usual, usual * 0.7, usual * 0.49, usual * 0.343])
     stuck = pursuit.count_release(Odometry(0, 0.0, 0.0, 0.06, 0.0, 0.0, NONE))
-    assert block.legs.turn_bounds(stuck).minimum == pytest.approx(usual * 1.8)
+    assert block.legs.turn_bounds(stuck).minimum == pytest.approx(usual * 1.4)
     # A coarse encoder would not count often enough.
     assert Course().block.legs.turn_bounds(pursuit).minimum == 0.035
+
+
+@pytest.mark.parametrize("idle_for, needs_nudge", [(0.9, False), (1.1, True)])
+def test_a_wheel_that_sticks_for_long_is_pushed_until_it_counts(idle_for, needs_nudge):
+    course = Course()
+    target = goal(0.0, 0.0, 5.0)
+    pursuit = Pursuit(target, 60.0, Coast(0.1), leg="aligning", needs_nudge=True)
+    course.block.wheels.left.idle_for = idle_for
+    standing = Odometry(STEP, 0.0, 0.0, 0.0, 0.0, 0.0, NONE)
+    step = course.block.advance(pursuit, STEP, standing, None, STEP * 1e-9)
+    assert step.pursuit.needs_nudge is needs_nudge
+    course.block.wheels.has_counted = True
+    counted = course.block.advance(pursuit, STEP, standing, None, STEP * 1e-9)
+    assert not counted.pursuit.needs_nudge
 
 
 class HeavyCourse(Course):
