@@ -14,11 +14,7 @@ from diffbotctl.control.goal_pursuit import (
     position_doubt,
     position_sd,
 )
-from diffbotctl.control.motion_profile import (
-    MotionLimits,
-    predict_motion,
-    rest_to_rest_time,
-)
+from diffbotctl.control.motion_profile import MotionLimits, predict_motion, rest_to_rest_time
 from diffbotctl.control.velocity_limits import VelocityRate
 from diffbotctl.control.wheel_response import GAP_MAX, DriveResponse
 from diffbotctl.estimation.geometry_deviation import GEOMETRY, TRACK
@@ -157,9 +153,11 @@ class GoalFollower(Block):
         goes backwards, the direction is never in question, and the robot need not come to rest
         between the turn and the drive. Four wheels slip less in a turn on the spot.
         """
-        is_told = min(self.left_channels, self.right_channels) == 2
+        has_one_channel = 1 in (self.left_channels, self.right_channels)
         radius = 0.5 * self.track
-        return 0.0 if is_told or self.wheelbase or radius > TURN_RADIUS_MAX else radius
+        if not has_one_channel or self.wheelbase or radius > TURN_RADIUS_MAX:
+            return 0.0
+        return radius
 
     def react(
         self,
@@ -343,13 +341,12 @@ class GoalFollower(Block):
             if pursuit.is_coasting:
                 return FollowerStep(pursuit)
             pursuit = pursuit.learn_coast(odometry, self.legs.arm(pursuit), self.lag)
-            _, heading_tolerance = self._tolerances(pursuit, odometry)
+            tolerance, heading_tolerance = self._tolerances(pursuit, odometry)
             if self.legs.is_done(pursuit, odometry, seconds, heading_tolerance):
                 match pursuit.leg:
                     case "turning":
                         pursuit = pursuit._replace(leg="driving", releases=0)
                     case "driving":
-                        tolerance, _ = self._tolerances(pursuit, odometry)
                         if pursuit.distance(odometry) > MISSED_RATIO * tolerance:
                             return self._try_again(pursuit, odometry)
                         # The last turn is about the goal, which reduces the position error further.

@@ -143,6 +143,7 @@ def test_with_one_channel_it_turns_about_the_inner_wheel_and_drives_on(bearing, 
         ({"track": 0.31}, 1.0),  # half of it is more than 0.15 m
         ({"wheelbase": 0.12}, 1.0),  # four wheels
         ({"left_channels": 2, "right_channels": 2}, 1.0),
+        ({"left_channels": 0, "right_channels": 0}, 1.0),  # no encoders
     ],
 )
 def test_else_it_turns_on_the_spot(values, distance):
