@@ -276,7 +276,7 @@ class GoalFollower(Block):
         if _is_latched(stop):  # time in a latched stop does not count
             return FollowerStep(pursuit._replace(is_coasting=True))
         pursuit = self._count_time(pursuit, odometry, stop, seconds)
-        timeout = self._timeout(pursuit, stop) or self._disobeys(pursuit, odometry)
+        timeout = self._timeout(pursuit, odometry, stop) or self._disobeys(pursuit, odometry)
         if timeout is not None:
             return FollowerStep(pursuit, 0.0, 0.0, *timeout)
         step = self._move(pursuit, now, odometry, seconds)
@@ -297,13 +297,16 @@ class GoalFollower(Block):
             idle_for=pursuit.idle_for + min(seconds, GAP_MAX) if is_idle else 0.0,
         )
 
-    def _timeout(self, pursuit: Pursuit, stop: Stop | None) -> tuple[GoalEnd, str] | None:
+    def _timeout(
+        self, pursuit: Pursuit, odometry: Odometry, stop: Stop | None
+    ) -> tuple[GoalEnd, str] | None:
         """How and why the goal ends, if it takes too long."""
         if stop is not None and pursuit.blocked_for > self.patience:
             return "blocked", f"{stop.cause}, for {self.patience:g} s"
         if pursuit.elapsed > pursuit.time_limit:
             cause = f"time limit of {pursuit.time_limit:.0f} s exceeded"
-            return "given_up", "; ".join((cause, *self.wheels.weaknesses()))
+            away = f"{_away(pursuit, odometry)} in attempt {pursuit.attempts + 1}"
+            return "given_up", "; ".join((f"{cause}, {away}", *self.wheels.weaknesses()))
         if pursuit.idle_for > self.stuck_after:
             return "stuck", f"no wheel has turned for {self.stuck_after:g} s{self._idle_reason()}"
         fault = self.wheels.fault(self.least_speed, self.stuck_after, self.lag_estimate)
@@ -431,12 +434,7 @@ class GoalFollower(Block):
         """Begin the next attempt, or give up."""
         pursuit = pursuit._replace(attempts=pursuit.attempts + 1)
         if pursuit.attempts >= self.attempts:
-            distance = pursuit.distance(odometry)
-            turn = abs(pursuit._replace(leg="aligning").heading_error(odometry))
-            cause = (
-                f"{distance * 1000:.0f} mm and {degrees(turn):.1f} deg away after "
-                f"{pursuit.attempts} attempts"
-            )
+            cause = f"{_away(pursuit, odometry)} after {pursuit.attempts} attempts"
             cause = "; ".join((cause, *self.wheels.weaknesses()))
             return FollowerStep(pursuit, end="given_up", cause=cause)
         return FollowerStep(self._begin(pursuit, odometry))
@@ -448,6 +446,12 @@ class GoalFollower(Block):
 
 def _is_latched(stop: Stop | None) -> bool:
     return stop is not None and stop.code != "" and stop.latched
+
+
+def _away(pursuit: Pursuit, odometry: Odometry) -> str:
+    """How far the robot is from the goal, and from its heading."""
+    turn = abs(pursuit._replace(leg="aligning").heading_error(odometry))
+    return f"{pursuit.distance(odometry) * 1000:.0f} mm and {degrees(turn):.1f} deg away"
 
 
 def _goal_state(now: int, odometry: Odometry, step: FollowerStep) -> GoalState:

@@ -206,6 +206,20 @@ def test_a_goal_that_is_missed_in_every_attempt_is_given_up():
     assert course.drive(goal(0.3, 0.2)) == "given_up"
 
 
+def test_the_time_limit_is_told_with_what_is_left():
+    course = Course()
+    course.step(goal(0.5, 0.0))
+    pursuit = course.block.pursuit._replace(elapsed=99.0, attempts=2)
+    standing = Odometry(course.now + STEP, 0.488, 0.0, radians(3), 0.0, 0.0, NONE)
+    pursuit = pursuit._replace(goal=pursuit.goal._replace(heading=0.0))
+    step = course.block.advance(pursuit, course.now + STEP, standing, None, STEP * 1e-9)
+    limit = f"time limit of {pursuit.time_limit:.0f} s exceeded"
+    assert (step.end, step.cause) == (
+        "given_up",
+        f"{limit}, 12 mm and 3.0 deg away in attempt 3",
+    )
+
+
 def test_a_long_wait_at_an_obstacle_ends_as_blocked():
     course = Course()
     for _ in range(50):
