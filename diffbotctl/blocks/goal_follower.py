@@ -128,7 +128,8 @@ class GoalFollower(Block):
         top_speed = 0.5 * min(
             self.left_rated * self.left_diameter, self.right_rated * self.right_diameter
         )
-        slowest = max(CREEP_SPEED_RATIO * top_speed, CREEP_COUNTS * pitch)
+        counted_speed = CREEP_COUNTS * pitch
+        slowest = max(CREEP_SPEED_RATIO * top_speed, counted_speed)
         self.least_speed = min(self.creep, slowest)  # m/s, of a wheel
         self.turn_radius = self._first_turn_radius()
         limits = LegLimits(
@@ -136,7 +137,7 @@ class GoalFollower(Block):
             self.tolerance,
             self.heading_tolerance,
             self.least_speed,
-            CREEP_COUNTS * pitch,
+            counted_speed,
             self.lag,
         )
         self.legs = GoalLegs(limits, self.wheels)

@@ -219,13 +219,15 @@ class CommandSender:
         return (self._sequence + 1) % COMMAND_NUMBERS
 
 
+def in_frame(value: float, one: int) -> int:
+    """A speed (rad/s) or a duty in the units of a frame, of which `one` is 1."""
+    return max(-INT16_MAX, min(INT16_MAX, round(value * one)))
+
+
 def _quantise(now: int, sequence: int, command: Wheels | Duty) -> tuple[frames.Frame, SentCommand]:
     """A command in the board's units, and the rounded values."""
     one = frames.SPEED_ONE if isinstance(command, Wheels) else frames.DUTY_ONE
-    left, right = (
-        max(-INT16_MAX, min(INT16_MAX, round(value * one)))
-        for value in (command.left, command.right)
-    )
+    left, right = in_frame(command.left, one), in_frame(command.right, one)
     if isinstance(command, Wheels):
         sent = SentCommand(now, left / one, right / one, "wheels")
         return frames.CommandFrame(sequence, left, right), sent

@@ -11,6 +11,7 @@ from typing import Literal, NamedTuple
 
 from diffbotctl.control.speed_loop import LOOP_PERIOD, SpeedGains, WheelSpeedLoop
 from diffbotctl.links import diffbot_frames as frames
+from diffbotctl.links.diffbot_commands import in_frame
 from diffbotctl.messages import Duty, Encoders, Wheels
 from diffbotctl.time import MILLISECOND as MS
 from diffbotctl.time import NEVER
@@ -168,7 +169,7 @@ class SimulatedBoard:
             self._sent.append((arrival, command.left, command.right))
         for side, value in zip(self.sides, (command.left, command.right), strict=True):
             # The speeds in a frame are whole numbers.
-            told = value if is_duty else round(value * frames.SPEED_ONE) / frames.SPEED_ONE
+            told = value if is_duty else in_frame(value, frames.SPEED_ONE) / frames.SPEED_ONE
             self._queue(side, arrival, told, is_duty)
         self._update_due()
 
