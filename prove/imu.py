@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from itertools import product
 from math import cos, degrees, hypot, pi, radians, sin, sqrt
 from pathlib import Path
+from random import Random
 from statistics import NormalDist, fmean, median
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
@@ -153,8 +154,61 @@ def rows(seed: int, robots: int) -> Iterator[Row]:
         )
     yield from refused_mountings(seed, max(1, robots // 10))
     yield from calibrated_mountings(seed)
+    yield from sliding_wheels(seed, robots)
     yield from tours(seed, robots, CALIBRATED)
     yield from tours(seed, robots, EXACT)
+
+
+class SlideEnd(NamedTuple):
+    """How a goal ended: error of the odometry in m, and in standard deviations of what was told."""
+
+    code: int
+    error: float
+    sigmas: float
+
+
+def slide(encoders: str, trial: Trial, is_sliding: bool) -> SlideEnd:
+    """One goal, on the way to which a wheel slides by a random share for a random time."""
+    rng = Random(f"slide {trial.seed}")
+    start, share = rng.uniform(2.5, 5.0), rng.uniform(0.2, 1.0)
+    disturbance = (
+        f"{{start: {start} s, end: {start + rng.uniform(0.3, 3.0)} s, "
+        f"{rng.choice(('left', 'right'))}_slide: {share}}}"
+    )
+    goal = Goal(0, 1, rng.uniform(0.8, 2.0), rng.uniform(-1.0, 1.0))
+    with TemporaryDirectory() as folder:
+        file = robot_file(Path(folder), encoders, trial, True, EXACT)
+        options = RunOptions(
+            port="sim", goals=(goal,), seed=trial.seed, fast=True, duration=LONGEST
+        )
+        sets = [*OPEN_FLOOR, *[f"robot.simulation.disturbances=[{disturbance}]"] * is_sliding]
+        result = Run(load("goal", str(file), sets), options, tell=lambda _: None).go()
+    assert result.truth is not None and result.odometry is not None
+    truth, told = result.truth.pose, result.odometry
+    xx, xy, _, yy, _, _ = told.covariance
+    x, y = truth.x - told.x, truth.y - told.y
+    squared = (yy * x * x - 2.0 * xy * x * y + xx * y * y) / (xx * yy - xy * xy)
+    code = -1 if result.ending is None else result.ending.code
+    return SlideEnd(code, hypot(x, y), sqrt(squared))
+
+
+def sliding_wheels(seed: int, count: int) -> Iterator[Row]:
+    """A wheel that slides: the goal is not claimed where the robot is not, as far as it is told."""
+    for encoders in ENCODERS:
+        trials = Trial.several(seed * 3000, count)
+        ends = [slide(encoders, trial, True) for trial in trials]
+        false = [end for end in ends if not end.code and end.error > 0.02 and end.sigmas > 4.0]
+        unsure = sum(end.code == 3 for end in ends)
+        worst = max(end.error for end in ends)
+        figure = (
+            f"{len(false)} of {count}, {unsure} unsure, {worst * 1000:.0f} mm at most"
+            + "".join(f"; {end.error * 1000:.0f} mm" for end in false)
+        )
+        name = f"a wheel slides, {encoders}: claimed, but over 20 mm and 4 sd off"
+        yield Row(name, figure, "0", not false)
+        healthy = [slide(encoders, trial, False) for trial in trials]
+        doubted = sum(end.code == 3 for end in healthy)
+        yield Row(f"no wheel slides, {encoders}: unsure", f"{doubted} of {count}", "0", not doubted)
 
 
 def tours(seed: int, count: int, wheels: float) -> Iterator[Row]:

@@ -92,7 +92,9 @@ class OdometryBlock(Block):
             entry = self.calibration.get("imu.scale")
             scale_sd = SCALE_SD if entry is None or entry.sd is None else float(entry.sd)
             is_fine = self.left_side.encoder.counts > LEARNABLE_SLOTS_MAX
-            pose = GyroPoseFilter(self.track, self.slip, geometry, scale_sd)
+            pose = GyroPoseFilter(
+                self.track, self.slip, geometry, scale_sd, is_calibrated=entry is not None
+            )
             self.pose, self.gyro = pose, GyroHeading(pose, self.imu_scale, is_fine)
         self.roll_out_end = 0  # ns; 0 except after a restart of the board
         self.roll_out_edges = False  # whether there were any since then
@@ -173,8 +175,8 @@ class OdometryBlock(Block):
 
     def _message(self, time: int, left: Wheel, right: Wheel) -> Odometry:
         text = warning(left, right)
-        if self.gyro is not None and self.gyro.fault:
-            text = f"{self.gyro.fault}; {text}" if text else self.gyro.fault
+        if self.gyro is not None and self.gyro.warning:
+            text = f"{self.gyro.warning}; {text}" if text else self.gyro.warning
         message = self.pose.message(time, left, right, text)
         probability = self._lost_edges.probability
         for wheel in (left, right):

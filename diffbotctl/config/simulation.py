@@ -420,6 +420,22 @@ class Disturbance(Section):
         default=0.0,
         help="Further friction of the right wheel, in duty; more than 1 blocks it.",
     )
+    left_slide = Param(
+        float,
+        unit="1",
+        minimum=0.0,
+        maximum=1.0,
+        default=0.0,
+        help="Share of its turn by which the left wheel slides; 1: it spins in place.",
+    )
+    right_slide = Param(
+        float,
+        unit="1",
+        minimum=0.0,
+        maximum=1.0,
+        default=0.0,
+        help="Share of its turn by which the right wheel slides; 1: it spins in place.",
+    )
     left_halved = Param(
         bool,
         default=False,

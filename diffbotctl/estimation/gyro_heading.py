@@ -19,6 +19,8 @@ MOUNTING_FAULTS = {
     "across": "the IMU measured nearly nothing of a turn of the wheels: it is not mounted as "
     "`axes` states, or the wheels slip; run `diffbotctl calibrate imu`",
 }
+UNPROVEN = ", or the IMU is not mounted as `axes` states"
+SLID = "the wheels have slid on the floor"
 
 
 class GyroHeading:
@@ -34,7 +36,7 @@ class GyroHeading:
         self.fault = ""
         self.news: list[str] = []
         self._pose = pose
-        self._is_used = self._was_at_rest = self._slips = self._has_moved = False
+        self._is_used = self._was_at_rest = self._slides = self._has_moved = False
         self._counts: tuple[int, int] | None = None
         self._still_since = 0
         # Variances of the bias: as the robot left its last rest, and added until the next one.
@@ -44,6 +46,11 @@ class GyroHeading:
     def awaits_rest(self) -> bool:
         """True until the bias was measured at rest, or the robot moved or the gyro failed."""
         return not (self.gyro.is_zeroed or self._has_moved or self.fault)
+
+    @property
+    def warning(self) -> str:
+        """Why the pose is less accurate than usual; empty when it is not."""
+        return self.fault or (SLID if self._pose.slide.has_slid else "")
 
     def restart(self) -> None:
         """The board has restarted: its sum begins again."""
@@ -79,24 +86,26 @@ class GyroHeading:
         pose.bias_sd = sqrt(self.gyro.variance + (self._walk / 12.0 if is_at_rest else 0.0))
 
     def _leave_rest(self) -> None:
+        self._slides = False
+        self._pose.slide.compare_from_here()
         self._pose.zeroed()
         self._zeroed_variance = self.gyro.variance
         if self._is_used:
             self.news.append(f"IMU zeroed: {self.bias_text()}")
 
     def moved(self, encoders: Encoders, wheels: tuple[WheelTravel, WheelTravel]) -> None:
-        """The pose filter has moved; tell when the wheels slip, or the gyro is mounted wrongly."""
+        """The pose filter has moved; tell when the wheels slide, or the gyro is mounted wrongly."""
         self._pose.remember(encoders.time)
         self._pose.compare_turns(bool(encoders.left_command or encoders.right_command))
         if self._pose.is_wrong and self._is_used:
             self._fail(MOUNTING_FAULTS[self._pose.mounting])
-        slip = self._pose.slipped_turn(*wheels)
-        if slip and not self._slips:
+        excess = self._pose.find_slide(*wheels)
+        if excess and not self._slides:
+            self._slides = True
             self.news.append(
-                f"the wheels slip: in half a second they turned {abs(degrees(slip)):.0f} deg "
-                "further than the robot"
+                f"the turns by wheels and IMU differ by {abs(degrees(excess)):.0f} deg: the wheels "
+                f"slide on the floor{UNPROVEN if self._pose.mounting == 'unknown' else ''}"
             )
-        self._slips = bool(slip)
 
     def bias_text(self) -> str:
         """The bias with its standard deviation."""

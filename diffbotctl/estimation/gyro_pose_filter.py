@@ -15,31 +15,33 @@ from diffbotctl.estimation.geometry_deviation import GeometryDeviation, PoseDevi
 from diffbotctl.estimation.gyro_turn import TurnStep
 from diffbotctl.estimation.pose_filter import PoseFilter, WheelTravel, arc
 from diffbotctl.estimation.pose_history import Correction
+from diffbotctl.estimation.wheel_slide import Slid, WheelSlide
 from diffbotctl.messages import Odometry
 
 # A failure is noticed within this time, in which the turn was wrong. The wheels' turn replaces it;
 # what may be left of the error is at least this.
 UNNOTICED_NS = 500_000_000
 FAILURE_HEADING_SD = 0.05  # rad
-# Wheels slip when their turn in that time differs by more than this from the gyro's.
-SLIP_MIN, SLIP_SDS, SLIP_SHARE = 5.0 * pi / 180.0, 4.0, 0.1
 # The first turn of driven wheels, made within the time, shows how the gyro is mounted: of SIGN_TURN
-# it measures more than the share, in the same direction or in the other one; of AXIS_TURN an axis
-# across measures less than its share.
+# it measures more than the share, in the same direction or, all the time, about as much in the
+# other one; of AXIS_TURN an axis across measures less than its share. A wheel that slides gives any
+# ratio: of an IMU that was calibrated on this robot nothing is wrong but after AXIS_TURN.
 SIGN_TURN, SIGN_SHARE = 20.0 * pi / 180.0, 0.5
+OPPOSED_TURN, OPPOSED_SHARE = 8.0 * pi / 180.0, 0.3  # by which both sizes may differ
 AXIS_TURN, AXIS_SHARE = 60.0 * pi / 180.0, 0.25
 TURN_NS = 5_000_000_000
 Mounting = Literal["unknown", "right", "opposed", "across"]
 
 
 class _Moment(NamedTuple):
-    """Where the robot was, and the turns by wheels and gyro up to then, rad."""
+    """Where the robot was, the turns by wheels and gyro up to then (rad), and what had slid."""
 
     time: int
     x: float
     y: float
     by_wheels: float
     by_gyro: float
+    slid: Slid
 
 
 class GyroPoseFilter(PoseFilter):
@@ -49,9 +51,19 @@ class GyroPoseFilter(PoseFilter):
     """
 
     def __init__(
-        self, track: float, slip: float, geometry: tuple[GeometryDeviation, ...], scale_sd: float
+        self,
+        track: float,
+        slip: float,
+        geometry: tuple[GeometryDeviation, ...],
+        scale_sd: float,
+        is_calibrated: bool = False,
     ) -> None:
-        """As PoseFilter; `scale_sd`: relative standard deviation of the gyro's scale."""
+        """As PoseFilter; `scale_sd`: relative standard deviation of the gyro's scale.
+
+        `is_calibrated`: it has measured turns of this robot, so that its axis is right.
+        """
+        self._is_calibrated = is_calibrated
+        self._opposed_turn = AXIS_TURN if is_calibrated else SIGN_TURN
         self.step: TurnStep | None = None
         self.bias_sd = 0.0
         self.scale_sd = scale_sd
@@ -60,6 +72,8 @@ class GyroPoseFilter(PoseFilter):
         self._by_wheels = self._by_gyro = 0.0
         self.mounting: Mounting = "unknown"
         self._compared: _Moment | None = None  # from which on both turns are compared
+        self._may_be_opposed = True  # as of all moments since then
+        self.slide = WheelSlide(track, slip, geometry, scale_sd)
         super().__init__(track, slip, geometry)
 
     @property
@@ -73,6 +87,7 @@ class GyroPoseFilter(PoseFilter):
         self._of_scale = self._of_bias = PoseDeviation()
         self._moments.clear()
         self._compared = None
+        self.slide.forget()
 
     def correct_bias(self, error: float) -> None:
         """The bias (rad/s) was larger by `error` since it was measured last."""
@@ -98,7 +113,8 @@ class GyroPoseFilter(PoseFilter):
         x, y, correction = self.x, self.y, 0.0
         before = self._compared if self.is_wrong else next(iter(self._moments), None)
         if before is not None:
-            x, y, correction = before.x, before.y, self._slipped(before)
+            x, y, correction = before.x, before.y, self._excess(before)
+            self._take_back(before.slid)
         half = 0.5 * correction  # the wrong turn grew from zero on the way from there
         ahead, aside = self.x - x, self.y - y
         self.x = x + ahead * cos(half) - aside * sin(half)
@@ -110,9 +126,17 @@ class GyroPoseFilter(PoseFilter):
         self._compared = None
         self.start()
 
+    def _take_back(self, before: Slid) -> None:
+        """Take back what seems to have slid since `before`: it was the failure."""
+        self.x += self.slide.slid.x - before.x
+        self.y += self.slide.slid.y - before.y
+        self.slide.slid = before
+
     def remember(self, time: int) -> None:
         """Note the pose at `time` (ns) for a failure that is noticed later."""
-        self._moments.append(_Moment(time, self.x, self.y, self._by_wheels, self._by_gyro))
+        self._moments.append(
+            _Moment(time, self.x, self.y, self._by_wheels, self._by_gyro, self.slide.slid)
+        )
         while time - self._moments[0].time > UNNOTICED_NS:
             self._moments.popleft()
 
@@ -122,39 +146,58 @@ class GyroPoseFilter(PoseFilter):
             return
         now, before = self._moments[-1], self._compared
         if before is None or not is_driven or now.time - before.time > TURN_NS:
-            self._compared = now
+            self._compared, self._may_be_opposed = now, True
             return
         by_wheels, by_gyro = now.by_wheels - before.by_wheels, now.by_gyro - before.by_gyro
+        difference_max = OPPOSED_TURN + OPPOSED_SHARE * abs(by_wheels)
+        self._may_be_opposed &= abs(by_wheels + by_gyro) < difference_max
+        self.mounting = self._mounting_by(by_wheels, by_gyro)
+
+    def _mounting_by(self, by_wheels: float, by_gyro: float) -> Mounting:
+        """What both turns (rad) show."""
         if abs(by_wheels) < SIGN_TURN:
-            return
+            return "unknown"
         if abs(by_gyro) > SIGN_SHARE * abs(by_wheels):
-            self.mounting = "right" if by_gyro * by_wheels > 0.0 else "opposed"
-        elif abs(by_wheels) >= AXIS_TURN:
-            is_across = abs(by_gyro) < AXIS_SHARE * abs(by_wheels)
-            self.mounting = "across" if is_across else "right"
+            if by_gyro * by_wheels > 0.0:
+                return "right"
+            if self._may_be_opposed and abs(by_wheels) >= self._opposed_turn:
+                return "opposed"
+        if abs(by_wheels) < AXIS_TURN:
+            return "unknown"
+        is_across = abs(by_gyro) < AXIS_SHARE * abs(by_wheels)
+        return "across" if is_across and not self._is_calibrated else "right"
 
-    def slipped_turn(self, left: WheelTravel, right: WheelTravel) -> float:
-        """Turn (rad) by which the wheels exceed the gyro lately, if that proves slip; else 0."""
-        if self.step is None or not self._moments:
+    def find_slide(self, left: WheelTravel, right: WheelTravel) -> float:
+        """Take what the wheels have slid from the way. Returns the turn (rad) by which they exceed
+        the gyro, where they have; otherwise 0."""
+        slide = self.slide.find(left, right, self.bias_sd)
+        if slide is None:
             return 0.0
-        before = self._moments[0]
-        slipped = self._slipped(before)
-        sd = sqrt(left.variance + right.variance) / self.track
-        share = SLIP_SHARE * abs(self._by_wheels - before.by_wheels)
-        return slipped if abs(slipped) > SLIP_MIN + SLIP_SDS * sd + share else 0.0
+        self.x -= slide.x
+        self.y -= slide.y
+        return slide.turn
 
-    def _slipped(self, before: _Moment) -> float:
+    def _excess(self, before: _Moment) -> float:
+        """Turn (rad) of the wheels since `before`, less that of the gyro."""
         return (self._by_wheels - before.by_wheels) - (self._by_gyro - before.by_gyro)
 
     def message(
         self, time: int, left: WheelTravel, right: WheelTravel, warning: str = ""
     ) -> Odometry:
-        """As PoseFilter, with the errors of the gyro."""
+        """As PoseFilter, with the errors of the gyro and what the wheels have slid."""
         message = super().message(time, left, right, warning)
         covariance = message.covariance
-        for deviation, sd in ((self._of_scale, self.scale_sd), (self._of_bias, self.bias_sd)):
+        _, _, along, around = self.slide.slid
+        for deviation, sd in (
+            (self._of_scale, self.scale_sd),
+            (self._of_bias, self.bias_sd),
+            (along, 1.0),
+        ):
             added = _products(deviation, sd)
             covariance = tuple(a + b for a, b in zip(covariance, added, strict=True))  # type: ignore[assignment]
+        if around:
+            xx, xy, xh, yy, yh, hh = covariance
+            covariance = (xx + around, xy, xh, yy + around, yh, hh)
         return message._replace(covariance=covariance)
 
     def _heading_variance(self, variance: float) -> float:
@@ -173,6 +216,7 @@ class GyroPoseFilter(PoseFilter):
         self._by_gyro += step.angle
         middle = self.heading + 0.5 * step.angle
         direction, ahead = (cos(middle), sin(middle)), 0.5 * (left + right)
+        self.slide.add(left, right, step, middle)
         along = 0.25 * (left_variance + right_variance)
         self._propagate(ahead, along, step.variance, direction)
         of_track, of_left, of_right = self.unit_effects

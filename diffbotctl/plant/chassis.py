@@ -49,9 +49,11 @@ class Chassis:
 
     __slots__ = (
         "_left_angle",
+        "_left_grip",
         "_left_since_slip",
         "_play",
         "_right_angle",
+        "_right_grip",
         "_right_since_slip",
         "_rng",
         "_slip",
@@ -84,6 +86,11 @@ class Chassis:
         self._slip, self._rng, self._play = slip, rng, 0.5 * backlash
         self._left_angle = self._right_angle = 0.0
         self._left_since_slip = self._right_since_slip = 0.0
+        self._left_grip = self._right_grip = 1.0
+
+    def slide(self, left: float, right: float) -> None:
+        """From now on the wheels slide by these shares of what they turn, and roll the rest."""
+        self._left_grip, self._right_grip = 1.0 - left, 1.0 - right
 
     @property
     def pose(self) -> Pose:
@@ -97,8 +104,8 @@ class Chassis:
             right_angle = self._behind_play(self._right_angle, right_angle)
         if left_angle == self._left_angle and right_angle == self._right_angle:
             return
-        left = (left_angle - self._left_angle) * self.left_radius
-        right = (right_angle - self._right_angle) * self.right_radius
+        left = (left_angle - self._left_angle) * self.left_radius * self._left_grip
+        right = (right_angle - self._right_angle) * self.right_radius * self._right_grip
         self._left_angle, self._right_angle = left_angle, right_angle
         if self._slip:
             self._left_since_slip += abs(left)

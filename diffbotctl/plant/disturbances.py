@@ -1,4 +1,4 @@
-"""What changes while a simulated robot runs: its supply, friction and encoders of its
+"""What changes while a simulated robot runs: its supply, friction, grip and encoders of its
 wheels, its button."""
 
 from __future__ import annotations
@@ -12,12 +12,14 @@ from diffbotctl.time import NEVER, SECOND
 
 
 class DisturbanceState(NamedTuple):
-    """What acts at one time: factor of the supply, drag of the wheels (duty), encoders that lose
-    every second slot or all, the stop button."""
+    """What acts at one time: factor of the supply, drag of the wheels (duty), shares of their turns
+    by which they slide, encoders that lose every second slot or all, the stop button."""
 
     supply: float
     left_drag: float
     right_drag: float
+    left_slide: float
+    right_slide: float
     left_halved: bool
     right_halved: bool
     left_silent: bool
@@ -47,6 +49,8 @@ class DisturbanceSchedule:
             prod(disturbance.supply for disturbance in active),
             sum(disturbance.left_drag for disturbance in active),
             sum(disturbance.right_drag for disturbance in active),
+            max((disturbance.left_slide for disturbance in active), default=0.0),
+            max((disturbance.right_slide for disturbance in active), default=0.0),
             any(disturbance.left_halved for disturbance in active),
             any(disturbance.right_halved for disturbance in active),
             any(disturbance.left_silent for disturbance in active),

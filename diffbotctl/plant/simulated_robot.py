@@ -390,6 +390,7 @@ class SimulatedRobot:
         state = self._disturbances.update(now)
         self._battery.supply = state.supply
         self.drive.set_drag(state.left_drag, state.right_drag)
+        self.chassis.slide(state.left_slide, state.right_slide)
         left, right = self.wheels
         left.lose_slots(state.left_halved, state.left_silent)
         right.lose_slots(state.right_halved, state.right_silent)

@@ -104,12 +104,40 @@ def test_a_failure_takes_back_the_turns_of_the_last_half_second():
     assert pose.heading == pytest.approx(12 * 0.01 / TRACK)
 
 
-def test_wheels_that_slip_are_noticed_and_others_not():
+def test_a_wheel_that_slides_widens_the_covariance_along_the_way():
+    """The right wheel spins in place for 0.2 m: the axle travels 0.1 m less than told, or even less
+    if the left one slides, too."""
     pose = GyroPoseFilter(TRACK, SLIP, (), 0.003)
-    wheels = drive(pose, 40, -0.01, 0.01, angle=0.02 / TRACK * 0.97)
-    assert pose.slipped_turn(*wheels) == 0.0
-    wheels = drive(pose, 40, -0.01, 0.01, angle=0.0, start=40)
-    assert pose.slipped_turn(*wheels) == pytest.approx(20 * 0.02 / TRACK, rel=0.1)
+    before = sd(pose.message(0, *drive(pose, 20)), 0)
+    wheels = drive(pose, 20, 0.0, 0.01, angle=0.0, start=20)
+    assert pose.x == pytest.approx(0.3)
+    assert pose.find_slide(*wheels) == pytest.approx(0.2 / TRACK)
+    after = pose.message(0, *wheels)
+    assert pose.x == pytest.approx(0.2)
+    assert before < 0.005
+    assert sd(after, 0) == pytest.approx(0.1, rel=0.01)
+    assert sd(after, 3) < 0.005
+    pose.set_pose(0.0, 0.0, 0.0)
+    assert sd(pose.message(0, *wheels), 0) < 0.005
+
+
+@pytest.mark.parametrize(("left", "right"), [(0.0, 0.01), (-0.01, 0.01)])
+def test_what_seemed_to_slide_while_the_gyro_failed_did_not(left, right):
+    """The pose is that of a filter which did not look for it."""
+    ends = []
+    for looks in (False, True):
+        pose = GyroPoseFilter(TRACK, SLIP, (), 0.003)
+        drive(pose, 100)
+        pose.slide.compare_from_here()
+        wheels = drive(pose, 6, left, right, angle=0.0, start=100)
+        if looks:
+            assert pose.find_slide(*wheels)
+        wheels = drive(pose, 6, left, right, angle=0.0, start=106)
+        pose.lose_gyro()
+        ends.append(pose.message(0, *wheels))
+        assert not pose.slide.has_slid
+    assert ends[1][:4] == pytest.approx(ends[0][:4])
+    assert ends[1].covariance == pytest.approx(ends[0].covariance)
 
 
 TURN = 0.02 / TRACK  # of the wheels in a frame, 9.2 deg

@@ -256,6 +256,16 @@ def right_wheel(plant):
     return Drive(plant).run(1.0, 0.0, 0.6).final[1]
 
 
+def left_roll(plant):
+    Drive(plant).run(1.0, 0.6, 0.0)
+    return abs(plant.chassis.heading)
+
+
+def right_roll(plant):
+    Drive(plant).run(1.0, 0.0, 0.6)
+    return abs(plant.chassis.heading)
+
+
 def left_edges(plant):
     return sum(edge.side == 0 for edge in Drive(plant).run(1.0, 0.6, 0.0).edges)
 
@@ -367,6 +377,8 @@ ROWS = [
     ("disturbances.left_drag", "{left_drag: 0}", "{left_drag: 0.2}", left_wheel, LESS, ()),
     ("disturbances.left_drag", "{left_drag: 0.2}", "{left_drag: 1.5}", left_wheel, LESS, ()),
     ("disturbances.right_drag", "{right_drag: 0}", "{right_drag: 0.2}", right_wheel, LESS, ()),
+    ("disturbances.left_slide", "{left_slide: 0}", "{left_slide: 0.5}", left_roll, LESS, ()),
+    ("disturbances.right_slide", "{right_slide: 0}", "{right_slide: 1}", right_roll, LESS, ()),
     ("disturbances.left_halved", "{start: 2 s}", "{left_halved: true}", left_edges, LESS, ()),
     ("disturbances.left_silent", "{start: 2 s}", "{left_silent: true}", left_edges, LESS, ()),
     ("disturbances.right_silent", "{start: 2 s}", "{right_silent: true}", right_edges, LESS, ()),
