@@ -35,7 +35,7 @@ HIDDEN_SDS = 2.0  # of the speed; fewer edges than its uncertainty explains have
 ROUNDING_MAX = 1.5  # edges; of two counts
 REST_S = 0.3  # without a drive and without an edge, after which a wheel is at rest
 # Edges and angle (rad) of a wheel at rest that are told: one that trembles makes less.
-PUSHED_EDGES_MIN, PUSHED_ANGLE_MIN = 3, 0.1
+PUSHED_EDGES_MIN, PUSHED_ANGLE_MIN = 2, 0.1
 
 
 class FineWheelOdometer:

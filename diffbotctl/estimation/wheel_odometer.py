@@ -6,11 +6,7 @@ from math import copysign, pi, sqrt
 
 from diffbotctl.control.speed_loop import SpeedLoopMirror, speed_gains
 from diffbotctl.estimation.edge_intervals import EdgeIntervals
-from diffbotctl.estimation.fine_wheel import (
-    PUSHED_EDGES_MIN,
-    FineWheelOdometer,
-    pushed_variance,
-)
+from diffbotctl.estimation.fine_wheel import FineWheelOdometer, pushed_variance
 from diffbotctl.estimation.lost_edges import LostEdges, MotorGain
 from diffbotctl.estimation.predicted_wheel import Response, no_load_speed
 from diffbotctl.estimation.priors import Priors
@@ -28,6 +24,7 @@ FREE_WHEELING_REVERSAL_SD = 0.15
 # The same where the level of the pin tells on which side of an edge the wheel has stopped; and of a
 # motor of an unusual kind.
 LEVEL_REVERSAL_SD, UNUSUAL_LEVEL_REVERSAL_SD = 0.1, 0.2
+ONE_EDGE_SD = 0.5  # pitches, of a wheel at rest that gives one edge
 MEASURED_OPEN_SHARE_SD = 0.01  # pitches; it differs a little with the speed
 
 
@@ -198,14 +195,14 @@ class WheelOdometer:
         return variance
 
     def _pushed_variance(self) -> float:
-        """Variance (pitches2) of what somebody has turned the wheel since the last report: one
-        channel does not measure the direction. The last edges of a wheel that comes to rest are
-        none."""
+        """Variance (pitches2) of what somebody, or the other wheel, has turned the wheel since the
+        last report: one channel does not measure the direction."""
         pushed = self.counting.pushed
-        if pushed < PUSHED_EDGES_MIN:
-            self.reported_pushed = 0
-            return 0.0
         before, self.reported_pushed = self.reported_pushed, pushed
+        if pushed <= before:
+            return 0.0
+        if pushed == 1:  # which may be that of a small motion
+            return ONE_EDGE_SD * ONE_EDGE_SD
         return pushed_variance(before, pushed)
 
     def unobserved_travel(self, count: int) -> float:

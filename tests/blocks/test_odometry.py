@@ -292,6 +292,30 @@ def test_a_robot_that_is_pushed_may_have_moved_either_way(kind, period):
     assert "without a command" not in pose.warning
 
 
+@pytest.mark.parametrize(("edges", "pitches"), [(1, 0.5), (2, sqrt(8.0)), (3, sqrt(18.0))])
+def test_a_wheel_that_is_dragged_in_a_turn_about_it_may_have_turned_either_way(edges, pitches):
+    """The right wheel turns for 4 s; the left one, without a command, gives an edge each second."""
+    frames = [frame for _, frame, *_ in drive("edges", 1, tour=[(4.0, 0.0, 6.5), (1.0, 0.0, 0.0)])]
+    poses = []
+    for most in (0, edges):
+        _, odometry = block("edges")
+        dragged, at = 0, frames[0].time + SECOND
+        for frame in frames:
+            if dragged < most and frame.time >= at:
+                dragged, at = dragged + 1, at + SECOND
+                given = frame.time
+            if dragged:
+                frame = frame._replace(left=frame.left + dragged, left_edge=given)
+            pose, _ = odometry.react(frame.time, frame)
+        poses.append(pose)
+    still, moved = poses
+    track = odometry.track
+    added = moved.covariance[5] - still.covariance[5]
+    assert sqrt(added) * track == pytest.approx(pitches * PITCH, rel=0.15)
+    assert ("left wheel: turned by" in moved.warning) is (edges > 1)
+    assert not still.warning
+
+
 def test_an_encoder_that_loses_every_second_edge_is_told_and_in_the_covariance():
     """From 2 s on the right wheel counts half; both motors turn as stated, at changing duties."""
     setup, odometry = block("counts")
