@@ -44,6 +44,7 @@ CRAWL_CREEP_RATIO = 2.0  # of the creep speed: friction holds a wheel at lower s
 LOST_MIN = 0.3
 LOST_EDGES_PROBABILITY_MAX = 0.5  # an encoder that is likelier broken than not
 TURNED_MAX = 540 * pi / 180  # rad in one turn, which needs 180 deg and some corrections
+HEADING_SD_MAX = 60 * pi / 180  # rad; with it no way leads to the goal but by chance
 OPPOSED_TURN_MAX = 120 * pi / 180  # rad against the commands; more than any motor coasts
 FARTHER_MAX = 0.12  # m beyond the distance at the start; the robot does not obey
 LIMITED_STEP_MAX = 0.1  # s; block speed_limiter starts anew after a longer silence
@@ -333,6 +334,15 @@ class GoalFollower(Block):
         # A robot that counts half of its edges drives twice as far: it must not go on to the end.
         if odometry.lost_edges_probability >= LOST_EDGES_PROBABILITY_MAX:
             return "given_up", f"it is not known where the robot is: {odometry.warning}"
+        heading_sd = sqrt(max(odometry.covariance[5], 0.0))
+        # What an encoder makes uncertain that is likelier whole is not lost: see `_judge`.
+        is_lost = heading_sd > HEADING_SD_MAX and not odometry.lost_edges_probability
+        if is_lost and odometry.warning:
+            cause = (
+                f"it is not known which way the robot faces: to {degrees(heading_sd):.0f} deg "
+                f"(standard deviation): {odometry.warning}"
+            )
+            return "given_up", cause
         if pursuit.opposed_turn > OPPOSED_TURN_MAX:
             cause = "the robot turns against its commands: do both motors turn their own wheels?"
             return "given_up", cause

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import radians
 
 from diffbotctl.block import Block, In, Out, action
 from diffbotctl.estimation.commanded_wheel import CommandedWheelOdometer
@@ -17,7 +18,7 @@ from diffbotctl.estimation.geometry_deviation import (
 )
 from diffbotctl.estimation.gyro_heading import SCALE_SD, GyroHeading
 from diffbotctl.estimation.gyro_pose_filter import GyroPoseFilter
-from diffbotctl.estimation.lost_edges import BOTH_TEXTS, LostEdges
+from diffbotctl.estimation.lost_edges import BOTH_TEXTS, LostEdges, PossibleFaults
 from diffbotctl.estimation.pin_level import COUNTED_LEVELS
 from diffbotctl.estimation.pose_filter import PoseFilter
 from diffbotctl.estimation.pulse_width import PulseWidth
@@ -44,6 +45,9 @@ ROLL_OUT_NS = 350_000_000
 # Of the way that a wheel rolls while the board restarts: friction shortens it by up to a half, and
 # the time of the restart within a frame is unknown.
 RESTART_TRAVEL_SD = 0.4
+# m and rad; on more of it the turns by wheels and gyro agree with working encoders only. One that
+# counts half makes them differ by half of the way over the track, and both by half of the turn.
+AGREED_PATH_MIN, AGREED_TURN_MIN = 0.3, radians(45.0)
 
 EncoderWheel = WheelOdometer | FineWheelOdometer
 Wheel = EncoderWheel | CommandedWheelOdometer
@@ -109,9 +113,15 @@ class OdometryBlock(Block):
             COUNTED_LEVELS.get(side.encoder.edge) if side.encoder.channels == 1 else None
             for side in sides
         ]
+        channels = {side.encoder.channels for side in sides}
+        # Of two channels an encoder with every second pulse missing, or doubled, counts none or
+        # both ways: only the robot file may be wrong.
+        self.possible_faults = PossibleFaults(
+            channels == {1}, channels == {1} or may_have_wrong_slots
+        )
         self.lost_by_edges = (
             ExplainedLostEdges(*sides, may_have_wrong_slots)
-            if all(side.encoder.channels for side in sides)
+            if 0 not in channels and any(self.possible_faults)
             else None
         )
 
@@ -212,6 +222,7 @@ class OdometryBlock(Block):
             left.skipped_command(encoders.skipped_left_command, is_duty, skipped)
             right.skipped_command(encoders.skipped_right_command, is_duty, skipped)
         self._take_levels(encoders, left, right)
+        self.lost_by_gains.possible = self._possible_faults()
         left.update(time, encoders.left, encoders.left_edge, encoders.left_command, is_duty, since)
         right.update(
             time, encoders.right, encoders.right_edge, encoders.right_command, is_duty, since
@@ -226,11 +237,23 @@ class OdometryBlock(Block):
             and isinstance(right, EncoderWheel)
         ):
             duties = left.mirrored_duty, right.mirrored_duty
+            self.lost_by_edges.possible = self.lost_by_gains.possible
             self.lost_by_edges.update(encoders, since, *duties)
             self._lost_edges.tell(left, right)
         left.report()
         right.report()
         self.pose.move(left, right)
+
+    def _possible_faults(self) -> PossibleFaults:
+        """Those of encoders that the gyro does not rule out."""
+        of_one, of_both = self.possible_faults
+        if self.gyro is None or not self.gyro.is_used:
+            return self.possible_faults
+        slide = self.gyro.slide
+        return PossibleFaults(
+            of_one and slide.agreed_path < AGREED_PATH_MIN,
+            of_both and slide.agreed_turn < AGREED_TURN_MIN,
+        )
 
     def _take_levels(self, encoders: Encoders, left: Wheel, right: Wheel) -> None:
         """Take the level of a pin, of which a frame tells one at most."""

@@ -7,11 +7,14 @@ from math import degrees, sqrt
 from diffbotctl.estimation.gyro_pose_filter import GyroPoseFilter
 from diffbotctl.estimation.gyro_turn import GyroTurn
 from diffbotctl.estimation.pose_filter import WheelTravel
+from diffbotctl.estimation.wheel_slide import WheelSlide
 from diffbotctl.messages import Encoders, Imu, ImuState
 
 # Time without edges and commands after which the wheels stand. With few slots they creep on unseen,
 # for about four lags of their motors.
 SETTLED_NS, SETTLED_COARSE_NS = 60_000_000, 350_000_000
+# Of a robot that trembles or is pushed: after it odometry begins without the gyro.
+WAITING_MAX_NS = 12_000_000_000
 SCALE_SD = 0.03  # relative, of a gyro that was not calibrated (data sheet)
 MOUNTING_FAULTS = {
     "opposed": "the IMU measures turns with the wrong sign: it is not mounted as `axes` states, or "
@@ -21,6 +24,7 @@ MOUNTING_FAULTS = {
 }
 UNPROVEN = ", or the IMU is not mounted as `axes` states"
 SLID = "the wheels have slid on the floor"
+UNUSED = "the heading comes from the wheels: the robot did not stand still long enough for the IMU"
 
 
 class GyroHeading:
@@ -36,7 +40,10 @@ class GyroHeading:
         self.fault = ""
         self.news: list[str] = []
         self._pose = pose
-        self._is_used = self._was_at_rest = self._slides = self._has_moved = False
+        self._was_at_rest = self._slides = self._has_begun = False
+        self._waiting_since: int | None = None  # ns
+        self.is_used = False
+        """whether the heading comes from the gyro"""
         self._counts: tuple[int, int] | None = None
         self._still_since = 0
         # Variances of the bias: as the robot left its last rest, and added until the next one.
@@ -44,25 +51,34 @@ class GyroHeading:
 
     @property
     def awaits_rest(self) -> bool:
-        """True until the bias was measured at rest, or the robot moved or the gyro failed."""
-        return not (self.gyro.is_zeroed or self._has_moved or self.fault)
+        """True until the bias was measured at rest, or the robot was driven or the gyro failed."""
+        return not (self.gyro.is_zeroed or self._has_begun or self.fault)
+
+    @property
+    def slide(self) -> WheelSlide:
+        """What the wheels have slid, while it is used."""
+        return self._pose.slide
 
     @property
     def warning(self) -> str:
         """Why the pose is less accurate than usual; empty when it is not."""
-        return self.fault or (SLID if self._pose.slide.has_slid else "")
+        if self.fault:
+            return self.fault
+        if self._has_begun and not self.is_used:
+            return UNUSED
+        return SLID if self._pose.slide.has_slid else ""
 
     def restart(self) -> None:
         """The board has restarted: its sum begins again."""
         self.gyro.restart()
-        self._is_used, self._counts, self._pose.step = False, None, None
+        self.is_used, self._counts, self._pose.step = False, None, None
 
     def take(self, encoders: Encoders, wheels: tuple[WheelTravel, WheelTravel]) -> None:
         """Set the turn of the pose filter's next move. `wheels`: as of the last move."""
         is_at_rest = self._is_at_rest(encoders)
         if self._pose.is_wrong:
             return
-        if encoders.turn_fault or (encoders.turn is None and self._is_used):
+        if encoders.turn_fault or (encoders.turn is None and self.is_used):
             self._fail(encoders.turn_fault or "the board reports no turn of the IMU")
         if encoders.turn is None or encoders.turn_fault:
             return
@@ -77,11 +93,11 @@ class GyroHeading:
         elif self._was_at_rest:
             self._leave_rest()
         self._was_at_rest = is_at_rest
-        if not self._is_used and self.gyro.is_zeroed and is_at_rest and step is not None:
+        if not self.is_used and self.gyro.is_zeroed and is_at_rest and step is not None:
             pose.use_gyro(*wheels)
-            self._is_used = True
+            self.is_used = True
             self.news.append(f"the heading comes from the IMU: {self.bias_text()}")
-        pose.step = step if self._is_used else None
+        pose.step = step if self.is_used else None
         # What a walk of the bias leaves of itself when both its ends are known: a twelfth.
         pose.bias_sd = sqrt(self.gyro.variance + (self._walk / 12.0 if is_at_rest else 0.0))
 
@@ -90,14 +106,14 @@ class GyroHeading:
         self._pose.slide.compare_from_here()
         self._pose.zeroed()
         self._zeroed_variance = self.gyro.variance
-        if self._is_used:
+        if self.is_used:
             self.news.append(f"IMU zeroed: {self.bias_text()}")
 
     def moved(self, encoders: Encoders, wheels: tuple[WheelTravel, WheelTravel]) -> None:
         """The pose filter has moved; tell when the wheels slide, or the gyro is mounted wrongly."""
         self._pose.remember(encoders.time)
         self._pose.compare_turns(bool(encoders.left_command or encoders.right_command))
-        if self._pose.is_wrong and self._is_used:
+        if self._pose.is_wrong and self.is_used:
             self._fail(MOUNTING_FAULTS[self._pose.mounting])
         excess = self._pose.find_slide(*wheels)
         if excess and not self._slides:
@@ -116,7 +132,7 @@ class GyroHeading:
         """What the gyro shows at `time` (ns); `is_calibrated`: its scale is."""
         step, rate = self._pose.step, 0.0
         state: ImuState = "failed" if self.fault else "zeroing"
-        if self._is_used:
+        if self.is_used:
             state = "working"
             if step is not None and step.seconds:
                 rate = step.angle / step.seconds
@@ -125,15 +141,19 @@ class GyroHeading:
 
     def _fail(self, fault: str) -> None:
         self.gyro.restart()
-        if self._is_used:
+        if self.is_used:
             self._pose.lose_gyro()
             self.news.append(f"{fault}; the heading comes from the wheels")
-        self._is_used, self.fault, self._pose.step = False, fault, None
+        self.is_used, self.fault, self._pose.step = False, fault, None
 
     def _is_at_rest(self, encoders: Encoders) -> bool:
         counts = (encoders.left, encoders.right)
-        is_driven = encoders.left_command or encoders.right_command
+        is_driven = bool(encoders.left_command or encoders.right_command)
         if counts != self._counts or is_driven:
-            self._has_moved = self._has_moved or self._counts is not None
             self._counts, self._still_since = counts, encoders.time
+            self._has_begun = self._has_begun or is_driven
+        if self._waiting_since is None:
+            self._waiting_since = encoders.time
+        if encoders.time - self._waiting_since > WAITING_MAX_NS:
+            self._has_begun = True
         return encoders.time - self._still_since >= self._settled

@@ -20,7 +20,9 @@ BIAS_SD_MAX = radians(0.006)  # rad/s; a worse one gives no better heading than 
 WINDOW_MIN_S, WINDOW_MAX_S = 0.08, 2.0  # of the rate at rest
 # Rates that differ by more from their mean are those of a robot that is moved by hand. A bias that
 # differs by more from the expected one is that of wheels that creep on, unless it lasts.
-STEADY_RATE = radians(3.0)
+# The first bias is not compared with an expected one: a hand that pushes the robot by less than an
+# edge would be in it. A gyro at rest has a noise of 0.05 deg/s.
+STEADY_RATE, FIRST_STEADY_RATE = radians(3.0), radians(0.5)
 JUMP_SDS = 4.0
 
 
@@ -89,7 +91,7 @@ class GyroTurn:
         if span < WINDOW_MIN_S:
             return not is_turned
         mean = (turn - rest.turn) / span
-        if abs(rate - mean) > STEADY_RATE:
+        if abs(rate - mean) > (STEADY_RATE if self.is_zeroed else FIRST_STEADY_RATE):
             self._rest = None
             return False
         error = 2.0 * RESOLUTION_SD * RESOLUTION_SD / (span * span) + NOISE * NOISE / span

@@ -127,6 +127,17 @@ SHIFTS = (HALF, 0.0), (0.0, HALF), (-HALF, 0.0), (0.0, -HALF), (HALF, HALF)
 SHIFT_PRIORS = (*(HALF_PROBABILITY,) * 4, BOTH_PROBABILITY)
 
 
+class PossibleFaults(NamedTuple):
+    """Which faults nothing else rules out."""
+
+    of_one: bool = True
+    """one encoder, of one channel"""
+    of_both: bool = True
+
+
+ALL_FAULTS = PossibleFaults()
+
+
 class Suspicion(NamedTuple):
     """What is told of both encoders."""
 
@@ -165,6 +176,7 @@ class LostEdges:
         self.lasting = NO_SUSPICION  # the likeliest since the pose was set
         self.pulse_ratios = (0.0, 0.0)
         """of the left and the right encoder, `PulseWidth.lost_log_ratio`"""
+        self.possible = ALL_FAULTS
 
     @property
     def shows_missing_pulses(self) -> bool:
@@ -210,11 +222,20 @@ class LostEdges:
         left.lost_share, right.lost_share = self.shares
         left.lost_text, right.lost_text = self.texts
 
+    def _is_possible(self, suspicion: Suspicion) -> bool:
+        return self.possible.of_both if all(suspicion.texts) else self.possible.of_one
+
     def _given_pulses(self, faults: FaultProbabilities) -> FaultProbabilities:
         return faults.given_pulses(*self.pulse_ratios, self.may_have_wrong_slots)
 
     def _take(self, faults: FaultProbabilities, least: float, frames: int) -> None:
         """Suspect what has been likelier than `least` for some time, in the last `frames` too."""
+        if not self.possible.of_one:
+            faults = FaultProbabilities(both_lost=faults.both_lost, both_twice=faults.both_twice)
+        if not self.possible.of_both:
+            faults = faults._replace(both_lost=0.0, both_twice=0.0)
+        if not self._is_possible(self.lasting):
+            self.lasting = NO_SUSPICION
         probability = sum(faults, 0.0)
         self.frames = self.frames + frames if probability >= least else 0
         if self.frames < FRAMES_MIN:

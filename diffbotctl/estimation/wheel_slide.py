@@ -43,13 +43,19 @@ class Slid(NamedTuple):
 
 
 class WheelSlide:
-    """What the wheels slide, from their turns and those of the gyro: `slid`."""
+    """What the wheels slide, from their turns and those of the gyro: `slid`.
+
+    `agreed_path` (m, of the axle) and `agreed_turn` (rad): on which both turns have agreed since
+    the last slide. An encoder that counts half of its edges, or twice, makes them differ.
+    """
 
     def __init__(
         self, track: float, slip: float, geometry: Sequence[GeometryDeviation], scale_sd: float
     ) -> None:
         """As GyroPoseFilter."""
         self.track, self.slip, self.geometry, self.scale_sd = track, slip, geometry, scale_sd
+        self.agreed_path = self.agreed_turn = 0.0
+        self._by_gyro = 0.0
         self.forget()
 
     def forget(self) -> None:
@@ -58,7 +64,8 @@ class WheelSlide:
         self.compare_from_here()
 
     def compare_from_here(self) -> None:
-        """Compare the turns from now on."""
+        """Compare the turns from now on; they have agreed until here."""
+        self.agreed_turn += abs(self._by_gyro)
         self._left = self._right = self._path = 0.0
         self._by_gyro = self._seconds = 0.0
         self._x = self._y = 0.0
@@ -75,6 +82,7 @@ class WheelSlide:
         self._left += left
         self._right += right
         self._path += path
+        self.agreed_path += 0.5 * path
         self._x += path * cos(heading)
         self._y += path * sin(heading)
         self._by_gyro += step.angle
@@ -95,6 +103,8 @@ class WheelSlide:
             slide = self._take(excess, is_sure)
         if slide is not None or self._path > 2.0 * PATH_MAX:
             self.compare_from_here()
+        if slide is not None:
+            self.agreed_path = self.agreed_turn = 0.0
         return slide
 
     def _sd(self, left: WheelTravel, right: WheelTravel, bias_sd: float) -> float:

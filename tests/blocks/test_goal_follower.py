@@ -389,6 +389,23 @@ def test_a_pose_that_is_known_less_well_than_the_goal_was_far_reaches_nothing(sd
 
 
 @pytest.mark.parametrize(
+    ("degrees_known", "warning", "is_lost"),
+    [(55.0, "pushed", False), (65.0, "pushed", True), (65.0, "", False)],
+)
+def test_a_robot_that_does_not_know_which_way_it_faces_does_not_drive(
+    degrees_known, warning, is_lost
+):
+    course = Course()
+    variance = (degrees_known * pi / 180) ** 2
+    course.covariance, course.warning = (0.0, 0.0, 0.0, 0.0, 0.0, variance), warning
+    end = course.drive(goal(1.0, 0.0, 0.0))
+    assert (end == "given_up") is is_lost
+    if is_lost:
+        assert course.causes[-1].endswith("faces: to 65 deg (standard deviation): pushed")
+        assert abs(course.x) < 0.01
+
+
+@pytest.mark.parametrize(
     "calibrated, sd, end",
     [
         (GEOMETRY, 0.1, "reached_unsure"),

@@ -61,6 +61,16 @@ def test_a_robot_that_is_turned_by_hand_turns():
     assert gyro.bias == pytest.approx(bias, abs=radians(0.05))
 
 
+def test_a_hand_that_turns_the_robot_unseen_is_not_in_the_first_bias():
+    """By 0.8 deg within 0.4 s, which no edge shows."""
+    gyro = GyroTurn(1.0)
+    _, turn = run(gyro, 0, 0.5, 0.0, is_at_rest=True)
+    _, turn = run(gyro, SECOND // 2, 0.4, radians(2.0), is_at_rest=True, turn=turn)
+    run(gyro, 9 * SECOND // 10, 2.0, 0.0, is_at_rest=True, turn=turn)
+    assert gyro.is_zeroed
+    assert gyro.bias == pytest.approx(BIAS, abs=radians(0.01))
+
+
 def test_a_sum_that_begins_again_is_no_turn():
     gyro = GyroTurn(1.0)
     run(gyro, 0, 2.0, 0.0, is_at_rest=True)

@@ -15,6 +15,7 @@ from diffbotctl.estimation.lost_edges import (
     FaultProbabilities,
     LostEdges,
     MotorGain,
+    PossibleFaults,
     are_usual,
     gain_probabilities,
 )
@@ -125,6 +126,23 @@ def test_what_was_likely_stays_told_until_the_pose_is_set():
     assert lost.texts[0] == "" and lost.texts[1].startswith("at times counts half")
     lost.pose_is_set()
     assert lost.shares == (0.0, 0.0) and lost.texts == ("", "")
+
+
+def test_what_something_else_rules_out_is_not_told():
+    one, both = PossibleFaults(of_one=False), PossibleFaults(of_both=False)
+    for gains, impossible, other in (((1.05, 0.53), one, both), ((2.2, 2.1), both, one)):
+        lost = compared(*gains)
+        told = lost.shares
+        assert any(told)
+        lost.possible = other
+        lost.compare(*(MotorGain(gain, 0.0025) for gain in gains))
+        assert lost.shares == pytest.approx(told, rel=0.1)
+        lost.possible = impossible
+        lost.compare(*(MotorGain(gain, 0.0025) for gain in gains))
+        assert lost.shares == (0.0, 0.0) and lost.texts == ("", "")
+        lost.possible = other
+        lost.compare(MotorGain(1.0, 0.0025), MotorGain(1.0, 0.0025))
+        assert lost.texts == ("", "")  # what was ruled out is forgotten
 
 
 def test_the_other_gain_is_the_calibrated_one_times_the_level_of_the_battery():

@@ -132,6 +132,18 @@ def test_a_small_difference_does_not_become_a_slide_on_a_long_way():
         assert slide.find(Wheel(), Wheel(), 0.0) is None
 
 
+def test_on_how_much_both_turns_have_agreed():
+    slide = slide_of(100, -0.01, 0.01, 0.1)
+    assert slide.find(Wheel(), Wheel(), 0.0) is None
+    assert slide.agreed_path == pytest.approx(1.0)
+    slide.compare_from_here()
+    assert slide.agreed_turn == pytest.approx(10.0)
+    for _ in range(10):
+        slide.add(0.0, 0.01, TurnStep(0.0, 0.0, 0.02), 0.0)
+    assert slide.find(Wheel(), Wheel(), 0.0)
+    assert (slide.agreed_path, slide.agreed_turn) == (0.0, 0.0)
+
+
 def test_the_position_is_forgotten():
     slide = slide_of(10, 0.0, 0.01, 0.0)
     slide.find(Wheel(), Wheel(), 0.0)
