@@ -24,6 +24,7 @@ FREE_WHEELING_REVERSAL_SD = 0.15
 # The same where the level of the pin tells on which side of an edge the wheel has stopped; and of a
 # motor of an unusual kind.
 LEVEL_REVERSAL_SD, UNUSUAL_LEVEL_REVERSAL_SD = 0.1, 0.2
+COMPARED_EDGES_MIN = 12.0  # from the start on, of both wheels whose gains are compared
 ONE_EDGE_SD = 0.5  # pitches, of a wheel at rest that gives one edge
 MEASURED_OPEN_SHARE_SD = 0.01  # pitches; it differs a little with the speed
 
@@ -297,7 +298,13 @@ def compare_gains(
     lost_edges: LostEdges, left: WheelOdometer, right: WheelOdometer, are_even: bool
 ) -> None:
     """Decide by the gains of both motors whether an encoder loses every second edge; see
-    `LostEdges.compare`."""
+    `LostEdges.compare`.
+
+    The gain of a wheel that has hardly turned is the calibrated one, without the robot's load that
+    the other wheel has shown: in a first turn about a wheel they are not alike.
+    """
+    if min(abs(left.counting.position), abs(right.counting.position)) < COMPARED_EDGES_MIN:
+        return
     lost_edges.compare(_motor_gain(left), _motor_gain(right), are_even)
 
 

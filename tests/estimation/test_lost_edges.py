@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import exp
+from types import SimpleNamespace
 
 import pytest
 
@@ -19,6 +20,7 @@ from diffbotctl.estimation.lost_edges import (
     are_usual,
     gain_probabilities,
 )
+from diffbotctl.estimation.wheel_odometer import compare_gains
 
 
 def compared(left, right, sd=0.05, frames=FRAMES_MIN):
@@ -126,6 +128,23 @@ def test_what_was_likely_stays_told_until_the_pose_is_set():
     assert lost.texts[0] == "" and lost.texts[1].startswith("at times counts half")
     lost.pose_is_set()
     assert lost.shares == (0.0, 0.0) and lost.texts == ("", "")
+
+
+def turned_wheel(gain, edges):
+    """What `compare_gains` reads of a wheel that has given `edges`."""
+    motion = SimpleNamespace(gain=gain, gain_variance=0.0025)
+    return SimpleNamespace(
+        counting=SimpleNamespace(position=edges), filter=SimpleNamespace(motion=motion)
+    )
+
+
+@pytest.mark.parametrize(("edges", "is_told"), [(0.0, False), (11.0, False), (-12.0, True)])
+def test_the_gain_of_a_wheel_that_has_hardly_turned_proves_nothing(edges, is_told):
+    """A heavy robot turns about its left wheel: the load has not yet shown in the gain of that."""
+    lost = LostEdges()
+    for _ in range(FRAMES_MIN):
+        compare_gains(lost, turned_wheel(1.0, edges), turned_wheel(0.45, 40.0), False)
+    assert any(lost.shares) is is_told
 
 
 def test_what_something_else_rules_out_is_not_told():
