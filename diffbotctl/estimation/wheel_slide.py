@@ -17,6 +17,7 @@ from diffbotctl.estimation.pose_filter import WheelTravel
 # Turns by wheels and gyro that differ by more are those of wheels that slide: by a part of the
 # wheels' turn, for tyres scrub, and by standard deviations of all errors that are known.
 TURN_MIN, TURN_SHARE, TURN_SDS = radians(2.0), 0.05, 4.0
+HEADED_MIN = 0.6  # of the path, as a vector: that of a turn by 190 deg
 PATH_MAX = 0.5  # m; on a longer way the errors of the diameters hide what a wheel slides
 
 
@@ -131,13 +132,16 @@ class WheelSlide:
         """`is_sure`: that a wheel has travelled less than it turned."""
         right_slides = self._right * excess > 0.0
         left_slides = self._left * excess < 0.0
-        length = abs(excess) * self.track
-        if right_slides is left_slides:  # in a turn on the spot either may: forward or backward
-            sd = 0.5 * length if right_slides else length
+        length, headed = abs(excess) * self.track, hypot(self._x, self._y)
+        # In a turn on the spot either wheel may slide, forward or backward; in a long one it did so
+        # in an unknown direction.
+        is_known = right_slides is not left_slides
+        if not is_known or headed < HEADED_MIN * self._path:
+            sd = 0.5 * length if right_slides or left_slides else length
             self.slid = self.slid._replace(around=self.slid.around + sd * sd)
             return Slide(excess, 0.0, 0.0)
         half = 0.5 * copysign(length, self._right if right_slides else self._left)
-        share = half / hypot(self._x, self._y)
+        share = half / headed
         x, y = share * self._x, share * self._y
         slide = Slide(excess, x, y) if is_sure else Slide(excess, 0.0, 0.0)
         before, sds = self.slid, 1.0 if is_sure else 2.0

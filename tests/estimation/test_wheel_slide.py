@@ -106,6 +106,18 @@ def test_the_way_lacks_what_the_wheel_slides_that_may(left, right, turned, lacki
     assert bool(slide.slid.around) is (lacking == 0.0)
 
 
+@pytest.mark.parametrize("turned", [200.0, 360.0])
+def test_in_a_long_turn_a_wheel_slides_in_an_unknown_direction(turned):
+    """The right wheel goes round the left one, and slides by 0.1 m."""
+    slide = WheelSlide(TRACK, 0.0, (), 0.0)
+    length = TRACK * radians(turned) + 0.1
+    for step in range(100):
+        heading = radians(turned) * (step + 0.5) / 100
+        slide.add(0.0, length / 100, TurnStep(radians(turned) / 100, 0.0, 0.02), heading)
+    assert slide.find(Wheel(), Wheel(), 0.0) == pytest.approx((0.5, 0.0, 0.0))
+    assert slide.slid.around == pytest.approx(0.05**2)
+
+
 def test_slides_on_a_way_add_up_along_it():
     """0.1 m of one wheel to x and 0.1 m of it to y: half of it each."""
     slide = slide_of(10, 0.01, 0.02, 0.0)
