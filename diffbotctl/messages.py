@@ -187,6 +187,10 @@ class Odometry(NamedTuple):
         float,
         Field("", "Probability that an encoder loses every second edge, or counts each one twice."),
     ] = 0.0
+    pushed_heading_sd: Annotated[
+        float,
+        Field("rad", "Standard deviation of the heading by wheels that turned without a command."),
+    ] = 0.0
 
 
 class Imu(NamedTuple):

@@ -334,10 +334,8 @@ class GoalFollower(Block):
         # A robot that counts half of its edges drives twice as far: it must not go on to the end.
         if odometry.lost_edges_probability >= LOST_EDGES_PROBABILITY_MAX:
             return "given_up", f"it is not known where the robot is: {odometry.warning}"
-        heading_sd = sqrt(max(odometry.covariance[5], 0.0))
-        # What an encoder makes uncertain that is likelier whole is not lost: see `_judge`.
-        is_lost = heading_sd > HEADING_SD_MAX and not odometry.lost_edges_probability
-        if is_lost and odometry.warning:
+        heading_sd = odometry.pushed_heading_sd
+        if heading_sd > HEADING_SD_MAX:
             cause = (
                 f"it is not known which way the robot faces: to {degrees(heading_sd):.0f} deg "
                 f"(standard deviation): {odometry.warning}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import radians
+from math import hypot, radians, sqrt
 
 from diffbotctl.block import Block, In, Out, action
 from diffbotctl.estimation.commanded_wheel import CommandedWheelOdometer
@@ -192,7 +192,12 @@ class OdometryBlock(Block):
         for wheel in (left, right):
             if isinstance(wheel, FineWheelOdometer):
                 probability = max(probability, wheel.steps.probability)
-        return message._replace(lost_edges_probability=probability) if probability else message
+        pushed_sd = hypot(left.pushed_travel, right.pushed_travel) / self.track
+        if pushed_sd:  # a gyro measures a push, but not one before its first rest
+            pushed_sd = min(pushed_sd, sqrt(max(message.covariance[5], 0.0)))
+        if not probability and not pushed_sd:
+            return message
+        return message._replace(lost_edges_probability=probability, pushed_heading_sd=pushed_sd)
 
     @property
     def _lost_edges(self) -> LostEdges:

@@ -24,6 +24,7 @@ class CommandedWheelOdometer:
     start_correction = added_variance = 0.0
     late_corrections: Sequence[float] = ()
     disagreement_frames = 0
+    pushed_travel = 0.0
     fault_share = SPEED_SD
     fault = FAULT
 

@@ -137,6 +137,11 @@ class FineWheelOdometer:
             return ""
         return f"turned by {edges} edges without a command, its encoder does not show which way"
 
+    @property
+    def pushed_travel(self) -> float:
+        """Standard deviation (m) of what somebody has turned it since the pose was set."""
+        return sqrt(pushed_variance(0, self.pushed_in_all)) * self.pitch
+
     def pose_is_set(self) -> None:
         """What happened before does not matter any more."""
         self.pushed_in_all = 0

@@ -112,6 +112,11 @@ class WheelOdometer:
             return pushed
         return "; ".join(filter(None, (pushed, self.lost_text, gaps, faults.text)))
 
+    @property
+    def pushed_travel(self) -> float:
+        """Standard deviation (m) of what somebody has turned it since the pose was set."""
+        return self.counting.pushed_travel
+
     def pose_is_set(self) -> None:
         """What happened before does not matter any more."""
         self.counting.pose_is_set()

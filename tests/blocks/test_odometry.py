@@ -287,9 +287,12 @@ def test_a_robot_that_is_pushed_may_have_moved_either_way(kind, period):
     assert sqrt(pose.covariance[0]) > 0.4 * (pose.x - back) > 0.05
     assert "left wheel: turned by 12 edges without a command" in pose.warning
     assert "counted twice" not in pose.warning
+    # 12 edges of each wheel the one way or the other, twice as far apart.
+    assert pose.pushed_heading_sd == pytest.approx(2 * pushed * PITCH / odometry.track, rel=0.01)
+    assert before.pushed_heading_sd == 0.0
     odometry.set_pose(0)
     pose, _ = odometry.react(0, frame_message._replace(time=frame_message.time + 25 * MS))
-    assert "without a command" not in pose.warning
+    assert "without a command" not in pose.warning and pose.pushed_heading_sd == 0.0
 
 
 @pytest.mark.parametrize(("edges", "pitches"), [(1, 0.5), (2, sqrt(8.0)), (3, sqrt(18.0))])
