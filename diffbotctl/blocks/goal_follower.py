@@ -259,7 +259,9 @@ class GoalFollower(Block):
 
     def _begin(self, pursuit: Pursuit, odometry: Odometry) -> Pursuit:
         tolerance = ALIGNED_DISTANCE_RATIO * self.tolerance
-        return pursuit.begin(odometry, tolerance, self.reverse, self.turn_radius)
+        # A wheel that has turned without a command may be one that the other one drags along.
+        radius = 0.0 if odometry.pushed_heading_sd else self.turn_radius
+        return pursuit.begin(odometry, tolerance, self.reverse, radius)
 
     def _drop_effective(self, odometry: Odometry) -> None:
         """Remove commands that took effect before the time of the pose, except the last."""

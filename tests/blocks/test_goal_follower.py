@@ -155,6 +155,14 @@ def test_else_it_turns_on_the_spot(values, distance):
     assert course.linear == pytest.approx(0.0, abs=0.02) and course.angular > 0.5
 
 
+def test_after_a_wheel_was_dragged_along_it_turns_on_the_spot():
+    course = Course()
+    course.pushed_heading_sd = 0.1
+    for _ in range(5):
+        course.step(goal(0.0, 1.0))
+    assert course.linear == pytest.approx(0.0, abs=0.02) and course.angular > 0.5
+
+
 @pytest.mark.parametrize("left", [1.5, 1.8, 2.5, 4.0])
 @pytest.mark.parametrize("lag", [0.1, 0.2, 0.3, 0.5])
 def test_a_small_turn_ends_with_slow_motors(lag, left):
