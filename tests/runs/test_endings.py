@@ -1,6 +1,7 @@
 """Every exit path ends in a stop: its output and its exit code."""
 
 import os
+import re
 import resource
 import signal
 import threading
@@ -185,5 +186,8 @@ def test_a_block_that_sleeps_stops_the_robot_with_its_name(tmp_path, monkeypatch
     result = Run(load(str(pipeline), "book_2wd", ["world.walls=[]"]), options).go()
     (stop,) = result.stops
     assert (stop.code, stop.latched) == ("block_overrun", True)
-    assert "block sleeps took 0.4" in stop.cause
+    # Less than 0.4 s where the engine has waited for a processor in this instant, which is not the
+    # block's fault; always more than the limit.
+    took = re.search(r"block sleeps took (\d+\.\d\d) s for one reaction; 0\.15 s", stop.cause)
+    assert took is not None and float(took[1]) > 0.15
     assert result.odometry.x < 0.6  # 0.3 m/s for 1.5 s, and the way to standstill
