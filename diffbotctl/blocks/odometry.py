@@ -227,6 +227,8 @@ class OdometryBlock(Block):
             left.skipped_command(encoders.skipped_left_command, is_duty, skipped)
             right.skipped_command(encoders.skipped_right_command, is_duty, skipped)
         self._take_levels(encoders, left, right)
+        left.set_other_driven(bool(encoders.right_command))
+        right.set_other_driven(bool(encoders.left_command))
         self.lost_by_gains.possible = self._possible_faults()
         left.update(time, encoders.left, encoders.left_edge, encoders.left_command, is_duty, since)
         right.update(

@@ -41,6 +41,9 @@ class CommandedWheelOdometer:
         """m, without sign, that it travels until it rests when it is released now."""
         return abs(self.speed) * self._motor.lag
 
+    def set_other_driven(self, is_driven: bool) -> None:
+        """Without an encoder nothing shows what the other wheel does to it."""
+
     def pose_is_set(self) -> None:
         """Nothing is remembered of the time before."""
 

@@ -34,8 +34,9 @@ EDGE_SD = 0.05  # pitches; the same with edge times
 HIDDEN_SDS = 2.0  # of the speed; fewer edges than its uncertainty explains have cancelled
 ROUNDING_MAX = 1.5  # edges; of two counts
 REST_S = 0.3  # without a drive and without an edge, after which a wheel is at rest
-# Edges and angle (rad) of a wheel at rest that are told: one that trembles makes less.
-PUSHED_EDGES_MIN, PUSHED_ANGLE_MIN = 2, 0.1
+# Edges and angle (rad) of a wheel at rest that are told: one that trembles, or rolls out slowly,
+# makes less. While the other wheel is driven, which may drag it along, fewer edges are told.
+PUSHED_EDGES_MIN, DRAGGED_EDGES_MIN, PUSHED_ANGLE_MIN = 3, 2, 0.1
 
 
 class FineWheelOdometer:
@@ -69,6 +70,9 @@ class FineWheelOdometer:
         self.pushed = 0  # edges without a drive, since the wheel was at rest
         self.pushed_since = 0.0  # pitches2, their variance since the last report
         self.pushed_in_all = 0  # edges, since the pose was set
+        self.dragged = 0  # of those, while the other wheel was driven
+        self.is_other_driven = False
+        """whether the other wheel has a command in the next frame"""
         self.rate = self.rate_before = 0.0  # edges/s in the last frames
         self.edges_before = 0
         self.signed_speed = 0.0
@@ -133,18 +137,26 @@ class FineWheelOdometer:
     def pushed_text(self) -> str:
         """That somebody has turned the wheel, or an empty text."""
         edges = self.pushed_in_all
-        if edges < PUSHED_EDGES_MIN or edges < PUSHED_ANGLE_MIN * self.pitches_per_rad:
+        is_told = edges >= PUSHED_EDGES_MIN or self.dragged >= DRAGGED_EDGES_MIN
+        if not is_told or edges < PUSHED_ANGLE_MIN * self.pitches_per_rad:
             return ""
         return f"turned by {edges} edges without a command, its encoder does not show which way"
 
+    def set_other_driven(self, is_driven: bool) -> None:
+        """Whether the other wheel, which may drag this one, has a command in the next frame."""
+        self.is_other_driven = is_driven
+
     @property
     def pushed_travel(self) -> float:
-        """Standard deviation (m) of what somebody has turned it since the pose was set."""
+        """Standard deviation (m) of what somebody has turned it since the pose was set, if that is
+        told."""
+        if not self.pushed_text:
+            return 0.0
         return sqrt(pushed_variance(0, self.pushed_in_all)) * self.pitch
 
     def pose_is_set(self) -> None:
         """What happened before does not matter any more."""
-        self.pushed_in_all = 0
+        self.pushed_in_all = self.dragged = 0
         self.gaps.pose_is_set()
         self.steps.pose_is_set()
 
@@ -249,6 +261,8 @@ class FineWheelOdometer:
             before, self.pushed = self.pushed, self.pushed + edges
             self.pushed_since += pushed_variance(before, self.pushed)
             self.pushed_in_all += edges
+            if self.is_other_driven:
+                self.dragged += edges
         else:
             self.rested_for = 0.0
 

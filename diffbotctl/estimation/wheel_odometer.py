@@ -6,7 +6,11 @@ from math import copysign, pi, sqrt
 
 from diffbotctl.control.speed_loop import SpeedLoopMirror, speed_gains
 from diffbotctl.estimation.edge_intervals import EdgeIntervals
-from diffbotctl.estimation.fine_wheel import FineWheelOdometer, pushed_variance
+from diffbotctl.estimation.fine_wheel import (
+    PUSHED_EDGES_MIN,
+    FineWheelOdometer,
+    pushed_variance,
+)
 from diffbotctl.estimation.lost_edges import LostEdges, MotorGain
 from diffbotctl.estimation.predicted_wheel import Response, no_load_speed
 from diffbotctl.estimation.priors import Priors
@@ -117,6 +121,10 @@ class WheelOdometer:
         """Standard deviation (m) of what somebody has turned it since the pose was set."""
         return self.counting.pushed_travel
 
+    def set_other_driven(self, is_driven: bool) -> None:
+        """Whether the other wheel, which may drag this one, has a command in the next frame."""
+        self.counting.is_other_driven = is_driven
+
     def pose_is_set(self) -> None:
         """What happened before does not matter any more."""
         self.counting.pose_is_set()
@@ -202,8 +210,12 @@ class WheelOdometer:
 
     def _pushed_variance(self) -> float:
         """Variance (pitches2) of what somebody, or the other wheel, has turned the wheel since the
-        last report: one channel does not measure the direction."""
+        last report: one channel does not measure the direction. The last edges of a wheel that
+        comes to rest are none."""
         pushed = self.counting.pushed
+        if pushed < PUSHED_EDGES_MIN and not self.counting.is_other_driven:
+            self.reported_pushed = min(self.reported_pushed, pushed)
+            return 0.0
         before, self.reported_pushed = self.reported_pushed, pushed
         if pushed <= before:
             return 0.0

@@ -319,6 +319,20 @@ def test_a_wheel_that_is_dragged_in_a_turn_about_it_may_have_turned_either_way(e
     assert not still.warning
 
 
+def test_the_last_edges_of_a_robot_that_rolls_out_slowly_are_no_push():
+    """Both wheels give two edges more, half a second apart, without a command."""
+    *_, (odometry, rested, before, _) = drive("edges", 1, tour=[(2.0, 6.5, 6.5), (2.0, 0.0, 0.0)])
+    for frame in range(1, 60):
+        edges, time = min(frame // 20, 2), rested.time + frame * 25 * MS
+        edge = rested.time + 20 * edges * 25 * MS
+        counts = rested._replace(time=time, left=rested.left + edges, right=rested.right + edges)
+        if edges:
+            counts = counts._replace(left_edge=edge, right_edge=edge)
+        pose, _ = odometry.react(time, counts)
+    assert edges == 2 and not pose.warning and pose.pushed_heading_sd == 0.0
+    assert pose.covariance[5] < before.covariance[5] + (0.5 * PITCH / odometry.track) ** 2
+
+
 def test_an_encoder_that_loses_every_second_edge_is_told_and_in_the_covariance():
     """From 2 s on the right wheel counts half; both motors turn as stated, at changing duties."""
     setup, odometry = block("counts")
