@@ -19,6 +19,7 @@ from diffbotctl.prompts.answers_file import AnswersFile
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
 from diffbotctl.testing.calibration_robots import SilentScreen
+from diffbotctl.testing.matrix_case import position_sigmas
 from diffbotctl.testing.trials.row import Row, print_rows
 from diffbotctl.time import SECOND
 from prove.motion import OPEN_FLOOR
@@ -185,11 +186,9 @@ def slide(encoders: str, trial: Trial, is_sliding: bool) -> SlideEnd:
         result = Run(load("goal", str(file), sets), options, tell=lambda _: None).go()
     assert result.truth is not None and result.odometry is not None
     truth, told = result.truth.pose, result.odometry
-    xx, xy, _, yy, _, _ = told.covariance
     x, y = truth.x - told.x, truth.y - told.y
-    squared = (yy * x * x - 2.0 * xy * x * y + xx * y * y) / (xx * yy - xy * xy)
     code = -1 if result.ending is None else result.ending.code
-    return SlideEnd(code, hypot(x, y), sqrt(squared))
+    return SlideEnd(code, hypot(x, y), position_sigmas(x, y, told))
 
 
 def sliding_wheels(seed: int, count: int) -> Iterator[Row]:

@@ -316,7 +316,7 @@ def _result(
         abs(_wrap((goal.heading or 0.0) - at.heading)),
         hypot(x, y),
         turn,
-        _mahalanobis(x, y, pose),
+        position_sigmas(x, y, pose),
         turn / sqrt(hh) if hh > 0.0 else float("inf"),
         sqrt(max(0.5 * (xx + yy), 0.0)),
         sqrt(max(hh, 0.0)),
@@ -337,7 +337,7 @@ def _end_of(run: ObservedRun, result: RunResult, state: GoalState | None) -> str
     return state.state
 
 
-def _mahalanobis(x: float, y: float, pose: Odometry) -> float:
+def position_sigmas(x: float, y: float, pose: Odometry) -> float:
     """The error (x, y) in standard deviations of the told covariance."""
     xx, xy, _, yy, _, _ = pose.covariance
     determinant = xx * yy - xy * xy
