@@ -116,9 +116,8 @@ class OdometryBlock(Block):
         channels = {side.encoder.channels for side in sides}
         # Of two channels an encoder with every second pulse missing, or doubled, counts none or
         # both ways: only the robot file may be wrong.
-        self.possible_faults = PossibleFaults(
-            channels == {1}, channels == {1} or may_have_wrong_slots
-        )
+        has_one = 1 in channels
+        self.possible_faults = PossibleFaults(has_one, has_one or may_have_wrong_slots)
         self.lost_by_edges = (
             ExplainedLostEdges(*sides, may_have_wrong_slots)
             if 0 not in channels and any(self.possible_faults)

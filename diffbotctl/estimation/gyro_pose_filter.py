@@ -131,6 +131,7 @@ class GyroPoseFilter(PoseFilter):
         self.x += self.slide.slid.x - before.x
         self.y += self.slide.slid.y - before.y
         self.slide.slid = before
+        self.slide.compare_from_here()
 
     def remember(self, time: int) -> None:
         """Note the pose at `time` (ns) for a failure that is noticed later."""
