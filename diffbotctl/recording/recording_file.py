@@ -18,7 +18,8 @@ IN_USE = "another run or `bag record` is writing this file now"
 def open_locked(path: Path) -> IO[bytes]:
     """Open `path`, empty, for a process that writes it alone.
 
-    The lock lasts until that process closes the file or ends, also when it is killed. Raises
+    The lock lasts until that process closes the file or ends, also when it is killed. A device such
+    as /dev/null is not locked, since it keeps nothing that a second writer could destroy. Raises
     OSError, with IN_USE as its text while another process has the lock.
     """
 
@@ -26,8 +27,8 @@ def open_locked(path: Path) -> IO[bytes]:
         # Emptied once it is locked: until then it may be the recording of another run.
         number = os.open(name, flags & ~os.O_TRUNC, 0o666)
         try:
-            _lock(number)
             if stat.S_ISREG(os.fstat(number).st_mode):
+                _lock(number)
                 os.truncate(number, 0)
         except OSError:
             os.close(number)

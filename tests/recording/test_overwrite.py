@@ -2,6 +2,7 @@
 
 import signal
 import subprocess
+from pathlib import Path
 
 import pytest
 
@@ -118,6 +119,12 @@ def test_a_run_that_opens_a_recording_of_another_run_is_refused(tmp_path):
     with open_locked(path), pytest.raises(RunError, match="is writing this file now"):
         Run(load("goal"), RunOptions(fast=True, record=path))
     assert Run(load("goal"), RunOptions(fast=True, record=path)).go().ending.code == 0
+
+
+def test_two_runs_may_write_to_a_device_that_keeps_nothing():
+    with open_locked(Path("/dev/null")):
+        run = Run(load("goal"), RunOptions(fast=True, record="/dev/null"))
+        assert run.go().ending.code == 0
 
 
 def test_the_recording_of_a_killed_run_is_free_again(tmp_path):
