@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import ast
 import importlib.util
+import os
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -71,3 +76,43 @@ def test_no_compiled_module_is_older_than_its_source():
             f"{source.relative_to(ROOT)} has changed since it was compiled; "
             "run `make compiled`, or `make interpreted`"
         )
+
+
+@pytest.mark.parametrize("name", build_compiled.modules())
+def test_each_sum_of_a_generator_says_whether_it_is_an_integer(name):
+    for node in ast.walk(ast.parse((ROOT / "diffbotctl" / name).read_text())):
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "sum":
+            assert len(node.args) == 2 or not isinstance(node.args[0], ast.GeneratorExp), (
+                f"diffbotctl/{name}:{node.lineno}: the compiler takes a sum without a start for an "
+                "integer, and the compiled module then fails with floats; write "
+                "`sum((...), 0.0)`, or `sum((...), 0)`"
+            )
+
+
+def test_compiled_modules_give_the_results_of_the_sources(tmp_path):
+    for folder in ("diffbotctl", "prove"):
+        unwanted = shutil.ignore_patterns("*.so", "__pycache__")
+        shutil.copytree(ROOT / folder, tmp_path / folder, ignore=unwanted)
+    for name in ("build_compiled.py", "setup.cfg"):
+        shutil.copy(ROOT / name, tmp_path / name)
+
+    def run(*words):
+        environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+        command = [sys.executable, *words]
+        done = subprocess.run(
+            command, cwd=tmp_path, env=environment, capture_output=True, text=True
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    def results():
+        matrix = ("--seed", "31", "--runs", "24", "--processes", "1", "--output", "runs")
+        run("-m", "prove.matrix", *matrix)
+        with_gyro = run("-m", "prove.imu", "--seed", "3", "--robots", "1")
+        return with_gyro, (tmp_path / "runs").read_text()
+
+    interpreted = results()
+    run("build_compiled.py")
+    origin = run("-c", "import diffbotctl.estimation.edge_gaps as module; print(module.__file__)")
+    assert origin.strip().endswith(".so") and str(tmp_path) in origin
+    assert results() == interpreted

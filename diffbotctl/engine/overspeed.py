@@ -175,7 +175,10 @@ class OverspeedDetector:
             (abs(count - before), (time - last) / SECOND)
             for (last, before), (time, count) in pairwise(self.recent)
         ]
-        counted, seconds = sum(count for count, _ in steps), sum(elapsed for _, elapsed in steps)
+        counted, seconds = (
+            sum((count for count, _ in steps), 0),
+            sum((elapsed for _, elapsed in steps), 0.0),
+        )
         mean = counted * self.pitch / max(seconds, 1e-3)
         if mean > limit:
             return mean

@@ -13,7 +13,7 @@ SPAN_EDGES_MIN, SPAN_EDGES_RATIO_MAX = 5, 2.5
 TIMED_FIRST_EDGES_MIN, TIMED_SPAN_EDGES_MIN = 3, 1
 SPAN_SECONDS_MAX = 0.3
 WEIGHTS = (1.0 / 6.0, -4.0 / 6.0, 1.0, -4.0 / 6.0, 1.0 / 6.0)
-SQUARES = sum(weight**2 for weight in WEIGHTS)
+SQUARES = sum((weight**2 for weight in WEIGHTS), 0.0)
 EDGES_GAIN, EDGES_CHANGE_MAX = 0.3, 1.0
 SLOPE_MAX = 0.3  # of the mean speed in all spans; a faster change is not smooth enough
 
@@ -85,7 +85,7 @@ class CountSpans:
         slope = (2.0 * (rates[4] - rates[0]) + rates[3] - rates[1]) / 10.0
         if abs(slope) * number > SLOPE_MAX * mean:
             return None
-        edges = sum(edges for _, edges in self.rates) / number
+        edges = sum((edges for _, edges in self.rates), 0) / number
         scale = edges / mean  # seconds of a span
         square = (scale * sum(map(mul, WEIGHTS, rates), 0.0)) ** 2
         self.number += 1

@@ -112,15 +112,15 @@ class EdgeGaps:
 
     def _rate(self) -> float:
         """Before the edges ended; 0 where too few show it."""
-        edges = sum(edges for _, edges in self.frames)
+        edges = sum((edges for _, edges in self.frames), 0)
         if edges < BEFORE_EDGES_MIN:
             return 0.0
-        return edges / sum(seconds for seconds, _ in self.frames)
+        return edges / sum((seconds for seconds, _ in self.frames), 0.0)
 
     def _remember(self, seconds: float, edges: int) -> None:
         frames = self.frames
         frames.append((seconds, edges))
-        while len(frames) > 1 and sum(each for each, _ in frames) - frames[0][0] >= BEFORE_S:
+        while len(frames) > 1 and sum((each for each, _ in frames), 0.0) - frames[0][0] >= BEFORE_S:
             frames.popleft()
 
     def _restart(self, sign: int) -> None:

@@ -23,7 +23,7 @@ SHARES = (
 # Share of the deviations in which the motion itself was not smooth, such as at a start or a seam of
 # the floor, and the change of the speed then, relative to it.
 ROUGH_SHARE, ROUGH_CHANGE = 0.01, 0.1
-SHARE_UNKNOWN = sqrt(FAULTY * sum(share * share * part for share, part in SHARES))
+SHARE_UNKNOWN = sqrt(FAULTY * sum((share * share * part for share, part in SHARES), 0.0))
 
 
 def rough_density(square: float, edges: float, noise: float) -> float:

@@ -119,7 +119,7 @@ class RateSteps:
     def _taken(self, spans: list[Span]) -> Span | None:
         """The last of `spans` with enough edges, which are removed; None if they took too long."""
         taken: list[Span] = []
-        while spans and sum(span.edges for span in taken) < self.edges_min:
+        while spans and sum((span.edges for span in taken), 0) < self.edges_min:
             taken.append(spans.pop())
         whole = _sum(taken)
         is_enough = whole.edges >= self.edges_min
@@ -158,7 +158,9 @@ class RateSteps:
 
 def _sum(spans: list[Span]) -> Span:
     seconds = sum((span.seconds for span in spans), 0.0)
-    return Span(seconds, sum(span.edges for span in spans), spans[0].commanded if spans else 0.0)
+    return Span(
+        seconds, sum((span.edges for span in spans), 0), spans[0].commanded if spans else 0.0
+    )
 
 
 def _recent(spans: list[Span], seconds: float) -> list[Span]:

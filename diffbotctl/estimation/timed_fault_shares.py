@@ -72,7 +72,9 @@ class TimedFaultShares:
             motion = SQUARES * (uneven * edges) ** 2
             noise = SLOT_VARIANCE + motion
             none = self._density(size, motion)
-            one = sum(part * self._density(size - value, motion) for value, part in self.single)
+            one = sum(
+                (part * self._density(size - value, motion) for value, part in self.single), 0.0
+            )
             for no_fault, one_fault, more, variance in parts:
                 likely = no_fault * none + one_fault * one
                 if more:
@@ -87,7 +89,7 @@ class TimedFaultShares:
             return normal_density(value * value, SLOT_VARIANCE + motion)
         sd, variance = sqrt(motion), SLOT_VARIANCE + SINE_SPREAD * motion
         densities = (normal_density((value - each * sd) ** 2, variance) for each in SINE_VALUES)
-        return sum(densities) / len(SINE_VALUES)
+        return sum(densities, 0.0) / len(SINE_VALUES)
 
     def _faults_in(self, faults: float) -> tuple[float, float, float, float]:
         """Probabilities that five spans with `faults` in each on average have none, one and more;

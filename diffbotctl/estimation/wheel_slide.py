@@ -111,22 +111,25 @@ class WheelSlide:
     def _sd(self, left: WheelTravel, right: WheelTravel, bias_sd: float) -> float:
         """Of the difference of both turns, rad, without slide."""
         travelled = (
-            sum(wheel.variance + wheel.end_variance + wheel.disagreement for wheel in (left, right))
+            sum(
+                (
+                    wheel.variance + wheel.end_variance + wheel.disagreement
+                    for wheel in (left, right)
+                ),
+                0.0,
+            )
             + self.slip * self.slip * self._path
             + (left.fault_share * self._left) ** 2
             + (right.fault_share * self._right) ** 2
-            + sum(
-                (
-                    error.right * self._right
-                    - error.left * self._left
-                    - error.track * (self._right - self._left)
-                )
-                ** 2
-                for error in self.geometry
-            )
+            + sum((self._turn_error(error) ** 2 for error in self.geometry), 0.0)
         )
         by_gyro = (self.scale_sd * self._by_gyro) ** 2 + (bias_sd * self._seconds) ** 2
         return sqrt(travelled / (self.track * self.track) + by_gyro)
+
+    def _turn_error(self, error: GeometryDeviation) -> float:
+        """Of the turn by the wheels, in m between them, where the geometry has this error."""
+        both_wheels = error.right * self._right - error.left * self._left
+        return both_wheels - error.track * (self._right - self._left)
 
     def _take(self, excess: float, is_sure: bool) -> Slide:
         """`is_sure`: that a wheel has travelled less than it turned."""
