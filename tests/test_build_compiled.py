@@ -90,8 +90,8 @@ def test_each_sum_of_a_generator_says_whether_it_is_an_integer(name):
 
 
 def test_compiled_modules_give_the_results_of_the_sources(tmp_path):
-    for folder in ("diffbotctl", "prove", "pipelines", "robots"):
-        unwanted = shutil.ignore_patterns("*.so", "__pycache__")
+    for folder in ("diffbotctl", "firmware", "pipelines", "prove", "robots"):
+        unwanted = shutil.ignore_patterns("*.so", "__pycache__", "node_modules")
         shutil.copytree(ROOT / folder, tmp_path / folder, ignore=unwanted)
     for name in ("build_compiled.py", "setup.cfg"):
         shutil.copy(ROOT / name, tmp_path / name)
