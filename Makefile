@@ -41,10 +41,16 @@ demo: $(VENV)/installed
 DEBIAN := gcc make gcc-avr avr-libc gcc-arm-none-eabi avrdude libsimavr-dev arduino-core-avr \
   netcat-openbsd iproute2 openssh-client socat dbus-daemon chromium
 
+# Headers of Python, with which the compiled modules are built.
+PYTHON_INCLUDE = $(shell $(PYTHON) -c 'import sysconfig; print(sysconfig.get_path("include"))')
+
 packages:
 	@dpkg -s $(DEBIAN) >/dev/null 2>&1 || { echo "installing $(DEBIAN)"; \
 	  $(SUDO) apt-get update -qq && \
 	  $(SUDO) apt-get install -y -qq --no-install-recommends $(DEBIAN) >/dev/null; }
+	@test -f "$(PYTHON_INCLUDE)/Python.h" || { echo "installing python3-dev"; \
+	  $(SUDO) apt-get update -qq && \
+	  $(SUDO) apt-get install -y -qq --no-install-recommends python3-dev >/dev/null; }
 
 # The emulator of a Pico: an npm package, and Node.js if it is not there from another source.
 PICO := firmware/emulator/rp2040
