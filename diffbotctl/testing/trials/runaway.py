@@ -53,7 +53,6 @@ ROBOTS = ("book_2wd", "book_2wd_counts", "book_2wd_stock")
 SPEED_SHARES = (0.1, 0.45)  # commanded, of the full speed of the motors
 FAULT_TIMES_S = (1.5, 5.0)
 DRIVE_TIME_S = 30.0
-FULL_SPEED_MIN = 0.87  # of the stated speed: 10 % weaker motor, and the battery's sag
 LATE_S = 0.5  # beyond the bound: acceleration, delay of command and telemetry
 
 
@@ -72,6 +71,8 @@ class StuckDriver(SimulatedRobotDriver):
     def __init__(self, robot: SimulatedRobot, takes_duty: bool, side: str, at: float) -> None:
         super().__init__(robot, takes_duty)
         self.side, self.at, self.full = side, round(at * SECOND), 1.0
+        self.wheel = robot.wheels[0 if side == "left" else 1]
+        self.angles: list[tuple[int, float]] = []  # ns, rad: of the stuck wheel
 
     def command(self, now: int, command: Wheels | Duty) -> None:
         """Send the command, with the full speed in the place of the stuck wheel's."""
@@ -79,7 +80,14 @@ class StuckDriver(SimulatedRobotDriver):
             left, right = command.left, command.right
             full = (self.full, right) if self.side == "left" else (left, self.full)
             command = self.command_class(command.time, *full)
+            self.angles.append((now, self.wheel.angle))
         super().command(now, command)
+
+    @property
+    def stuck_speed(self) -> float:
+        """Mean true speed (rad/s) of the stuck wheel until the host stopped it."""
+        (begin, first), (end, last) = self.angles[0], self.angles[-1]
+        return abs(last - first) / (end - begin) * SECOND
 
 
 PIPELINE = """\
@@ -108,6 +116,7 @@ class StuckRun(Run):
 
     def __init__(self, seed: int, robot: str, side: str, at: float, speed: float) -> None:
         self.fault = (side, at)
+        self.stuck: StuckDriver | None = None
         options = RunOptions(seed=seed, fast=True, duration=DRIVE_TIME_S)
         with tempfile.TemporaryDirectory() as folder:
             configuration = _straight(robot, speed, Path(folder))
@@ -123,6 +132,7 @@ class StuckRun(Run):
         if driver.command_class is Wheels:
             side = robot.drive.left if self.fault[0] == "left" else robot.drive.right
             stuck.full = side.motor.rated
+        self.stuck = stuck
         return PortRobot(stuck, plant)
 
 
@@ -149,12 +159,12 @@ def runaway(seed: int) -> Runaway:
     run = StuckRun(seed, name, side, at, target * wheel.wheel.diameter / 2)
     result = run.go()
     gate = run.assembly.graph.block("gate")
-    assert isinstance(gate, Gate) and run.plant is not None
+    assert isinstance(gate, Gate) and run.stuck is not None
     stop = next((stop for stop in result.stops if stop.code == CODE), None)
     return Runaway(
         name,
         inf if stop is None else stop.time / SECOND - at,
-        bound(gate.wheels_watched[side], target, FULL_SPEED_MIN * wheel.motor.rated),
+        bound(gate.wheels_watched[side], target, run.stuck.stuck_speed),
         stop is not None and stop.cause.startswith(f"the {side} wheel"),
     )
 
