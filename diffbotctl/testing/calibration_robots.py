@@ -13,6 +13,7 @@ from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.simulated_session import SimulatedTools
 from diffbotctl.calibrate.step import Outcome
 from diffbotctl.config.load import load_robot
+from diffbotctl.config.robot import SIDES
 from diffbotctl.prompts.answers_file import AnswersFile
 from diffbotctl.prompts.question import ManualAction, MarkFloor, MotionNotice
 
@@ -22,7 +23,6 @@ distance.reading: {measure: tape, noise: 1 mm}
 geometry: {measure: tape, noise: 2 mm}
 """
 TRUTH = "geometry: {track_spread: 0.03, diameter_spread: 0.005}"
-SIDES = ("left", "right")
 TOLD_REVERSED = {"left": True, "right": False}  # by robots/book_2wd.yaml
 DISCS = (16, 24, 30)
 

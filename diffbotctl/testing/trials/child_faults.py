@@ -206,11 +206,10 @@ def unplugged(seed: int) -> FaultOutcome:
             _drive(port, rng)
             wire.pull()
             with port.changed:
-                pulled = port.board.now
+                at = port.board.now
             # What the wire carried before it was pulled is read in the board's next step.
-            port.wait_for(lambda board: board.now > pulled, START_TIMEOUT_S)
-            with port.changed:
-                before, at = len(port.board.commands), port.board.now
+            port.wait_for(lambda board: board.now > at, START_TIMEOUT_S)
+            before = len(port.board.commands)
             pause = rng.uniform(*UNPLUGGED_S)
             port.wait_for(lambda board: board.now > at + pause, START_TIMEOUT_S)
             wire.plug()

@@ -20,6 +20,7 @@ from diffbotctl.block import Block, Every, Out
 from diffbotctl.config import registry
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.config.load import load
+from diffbotctl.config.robot import SIDES
 from diffbotctl.drivers.simulated_robot import SimulatedRobotDriver
 from diffbotctl.engine.overspeed import OverspeedDetector
 from diffbotctl.engine.safety_gate import Gate
@@ -71,7 +72,7 @@ class StuckDriver(SimulatedRobotDriver):
     def __init__(self, robot: SimulatedRobot, takes_duty: bool, side: str, at: float) -> None:
         super().__init__(robot, takes_duty)
         self.side, self.at, self.full = side, round(at * SECOND), 1.0
-        self.wheel = robot.wheels[0 if side == "left" else 1]
+        self.wheel = robot.wheels[SIDES.index(side)]
         self.angles: list[tuple[int, float]] = []  # ns, rad: of the stuck wheel
 
     def command(self, now: int, command: Wheels | Duty) -> None:
@@ -116,7 +117,6 @@ class StuckRun(Run):
 
     def __init__(self, seed: int, robot: str, side: str, at: float, speed: float) -> None:
         self.fault = (side, at)
-        self.stuck: StuckDriver | None = None
         options = RunOptions(seed=seed, fast=True, duration=DRIVE_TIME_S)
         with tempfile.TemporaryDirectory() as folder:
             configuration = _straight(robot, speed, Path(folder))
@@ -132,7 +132,6 @@ class StuckRun(Run):
         if driver.command_class is Wheels:
             side = robot.drive.left if self.fault[0] == "left" else robot.drive.right
             stuck.full = side.motor.rated
-        self.stuck = stuck
         return PortRobot(stuck, plant)
 
 
@@ -149,7 +148,7 @@ def _straight(robot: str, speed: float, folder: Path) -> Configuration:
 def runaway(seed: int) -> Runaway:
     """One run with a wheel that turns at full speed; drawn from `seed`."""
     rng = Random(f"runaway {seed}")
-    name, side = rng.choice(ROBOTS), rng.choice(("left", "right"))
+    name, side = rng.choice(ROBOTS), rng.choice(SIDES)
     robot = load("goal", name, []).robot
     assert robot is not None
     wheel = robot.drive.left
@@ -158,13 +157,13 @@ def runaway(seed: int) -> Runaway:
     target = share * wheel.motor.rated
     run = StuckRun(seed, name, side, at, target * wheel.wheel.diameter / 2)
     result = run.go()
-    gate = run.assembly.graph.block("gate")
-    assert isinstance(gate, Gate) and run.stuck is not None
+    gate, driver = run.assembly.graph.block("gate"), run.robots[0].robot
+    assert isinstance(gate, Gate) and isinstance(driver, StuckDriver)
     stop = next((stop for stop in result.stops if stop.code == CODE), None)
     return Runaway(
         name,
         inf if stop is None else stop.time / SECOND - at,
-        bound(gate.wheels_watched[side], target, run.stuck.stuck_speed),
+        bound(gate.wheels_watched[side], target, driver.stuck_speed),
         stop is not None and stop.cause.startswith(f"the {side} wheel"),
     )
 
