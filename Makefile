@@ -66,7 +66,7 @@ test: packages pico $(VENV)/tested
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy diffbotctl
-	$(BIN)/python -m pytest -n 3 --dist loadgroup -rs  # more processes than cores: many tests wait for a board in real time
+	$(BIN)/python -m pytest -n 3 --dist loadgroup -rsfE  # more processes than cores: many tests wait for a board in real time
 
 # A separate environment with ROS 2 from third-party wheels (x86-64; Python 3.10 to 3.13; 250 MB), for the
 # tests of `diffbotctl ros2` against real nodes. Without it `make test` says that they did not run. tf2_msgs

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 from random import Random
 from tempfile import TemporaryDirectory
+from threading import Thread
 
 import pytest
 
@@ -32,16 +33,32 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(autouse=True)
 def others_are_unaffected(folder):
-    """Beside each test a quiet client is served, and nothing reaches the motors."""
+    """Beside each test a quiet client is served, and nothing reaches the motors.
+
+    It reads in a thread: a client that reads nothing for some 20 s loses lines, and on a busy
+    computer a test takes longer.
+    """
     client = PlainClient(folder)
     client.request("subscribe", topic="gate.wheels")
+    lines = []
+    reader = Thread(target=read_to_the_last, args=(client, lines))
+    reader.start()
     yield
     client.send('{"id": "last", "method": "status"}')
-    while (reply := client.read()).get("id") != "last":
-        wheels = reply["message"]
-        assert (wheels["left"], wheels["right"]) == (0.0, 0.0)
+    reader.join()
+    reply = lines.pop()
+    assert reply is not None and reply.get("id") == "last", f"no reply; it read {reply}"
     assert reply["held"] is None
+    for line in lines:
+        assert (line["message"]["left"], line["message"]["right"]) == (0.0, 0.0)
     client.close()
+
+
+def read_to_the_last(client, lines):
+    """Append what `client` reads to `lines`, up to the reply to "last" or the end (None)."""
+    lines.append(client.read())
+    while lines[-1] is not None and lines[-1].get("id") != "last":
+        lines.append(client.read())
 
 
 def refusal_to(folder, data):
