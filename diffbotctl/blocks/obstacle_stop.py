@@ -45,7 +45,7 @@ class ObstacleStop(Block):
         reason="the sensor's noise alone is 3 mm, and it hardly sees farther than a metre",
         help="Distance between the front of the robot and the obstacle at standstill.",
     )
-    reaction = Param(
+    reaction: float | None = Param(
         float,
         unit="s",
         default=None,
@@ -83,7 +83,7 @@ class ObstacleStop(Block):
         live=True,
         help="When the obstacle has gone: drive on by itself, or wait for `resume`.",
     )
-    sensor = Param(
+    sensor: str | None = Param(
         str,
         none=True,
         default=None,

@@ -56,7 +56,7 @@ class RangeSensor(Block):
     """
 
     sensor = Param(str, default="front", help="Name of the sensor in the robot file.")
-    frozen_for = Param(
+    frozen_for: float | None = Param(
         float,
         unit="s",
         default=3.0,

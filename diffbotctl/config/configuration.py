@@ -19,7 +19,7 @@ SensorMessage = Literal["Volts", "Scan"]
 class RobotUse(Section):
     """The node `robot`: which robot file, and the source of its wheel commands."""
 
-    use = Param(str, none=True, default=None, help="Name or path of a robot file.")
+    use: str | None = Param(str, none=True, default=None, help="Name or path of a robot file.")
     wires = Param(
         dict[str, str], key="in", default={}, help="Source of each robot input: block.output."
     )
@@ -44,7 +44,9 @@ class GoalEntry(Section):
         maximum=POSE_MAX["m"],
         help="y coordinate.",
     )
-    heading = Param(float, unit="rad", none=True, default=None, help="Final heading; none: any.")
+    heading: float | None = Param(
+        float, unit="rad", none=True, default=None, help="Final heading; none: any."
+    )
 
 
 class BlockEntry(Section):
@@ -82,7 +84,7 @@ class WorldEntry(Section):
     That is the frame odom, unless the robot's `simulation.start` sets another start pose.
     """
 
-    field = Param(
+    field: tuple[float, float] | None = Param(
         tuple[float, float],
         unit="m",
         none=True,
@@ -159,7 +161,7 @@ class Pipeline(Section):
         "robots by name, each as {path, as, robot, set}.",
     )
     vars: Any = Param(dict, default={}, help="Values used elsewhere as $name.")
-    robot = Param(
+    robot: RobotUse | None = Param(
         RobotUse, none=True, default=None, help="The robot; absent: the pipeline has none."
     )
     goals = Param(list[GoalEntry], default=[], help="Poses to reach, in order.")

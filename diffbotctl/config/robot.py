@@ -91,7 +91,9 @@ class BoardSection(Section):
         reason="a shorter time stops the robot between two commands, a longer one lets it drive on "
         "without any",
     )
-    stop_button = Param(Pin, none=True, default=None, help="Pin of an emergency stop button.")
+    stop_button: Pin | None = Param(
+        Pin, none=True, default=None, help="Pin of an emergency stop button."
+    )
     supply: BoardSupply = Choice(
         BoardSupply,
         default="vin",
@@ -180,7 +182,7 @@ class SpeedLoopSection(Section):
         maximum=0.75,
         help="Duty that overcomes friction.",
     )
-    speed = Param(
+    speed: float | None = Param(
         float,
         none=True,
         default=None,
@@ -188,7 +190,7 @@ class SpeedLoopSection(Section):
         maximum=0.75,
         help="Duty per rad/s above static; none: full duty at rated speed.",
     )
-    proportional = Param(
+    proportional: float | None = Param(
         float,
         none=True,
         default=None,
@@ -196,7 +198,7 @@ class SpeedLoopSection(Section):
         maximum=0.75,
         help="Duty per rad/s of speed error; none: as `speed`.",
     )
-    integral = Param(
+    integral: float | None = Param(
         float,
         none=True,
         default=None,
@@ -222,24 +224,24 @@ class MotorSection(Section):
     idle: IdleMode = Choice(
         IdleMode, default="coast", help="At rest: turn freely, or brake by shorted windings."
     )
-    enable = Param(
+    enable: Pin | None = Param(
         Pin, none=True, default=None, help="Pin of the driver's EN input; carries the PWM."
     )
-    in1 = Param(
+    in1: Pin | None = Param(
         Pin,
         none=True,
         help="Pin of the driver's first direction input, or first PWM input.",
     )
-    in2 = Param(
+    in2: Pin | None = Param(
         Pin,
         none=True,
         default=None,
         help="Pin of its second direction input, or second PWM input; none: a driver with one.",
     )
-    standby = Param(
+    standby: Pin | None = Param(
         Pin, none=True, default=None, help="Pin of the driver's standby input, for both motors."
     )
-    stall_current = Param(
+    stall_current: float | None = Param(
         float,
         unit="A",
         none=True,
@@ -266,7 +268,7 @@ class MotorSection(Section):
         help="Current between two pulses of the driver: `slow`, the windings are shorted and the "
         "speed is linear in the duty; `fast`, they are open; none: unknown, odometry finds out.",
     )
-    friction = Param(
+    friction: float | None = Param(
         float,
         unit="1",
         none=True,
@@ -275,7 +277,7 @@ class MotorSection(Section):
         maximum=0.75,
         help="Duty at which friction just stops a turning wheel; none: as loop.static.",
     )
-    breakaway = Param(
+    breakaway: float | None = Param(
         float,
         unit="1",
         none=True,
@@ -318,10 +320,12 @@ class EncoderSection(Section):
         help="A level shorter than this is noise, and the edge at its end is not counted; default: "
         "a quarter of the shortest level at the rated speed, at most 2 ms; none with two channels.",
     )
-    pin = Param(
+    pin: Pin | None = Param(
         Pin, none=True, help="Pin of the encoder's output, or channel A; needs an interrupt."
     )
-    pin_b = Param(Pin, none=True, default=None, help="Pin of channel B; none: one channel.")
+    pin_b: Pin | None = Param(
+        Pin, none=True, default=None, help="Pin of channel B; none: one channel."
+    )
     reversed = Param(
         bool,
         default=False,
@@ -343,7 +347,7 @@ class EncoderSection(Section):
         maximum=0.4,
         help="As slot_errors, for the edges counted backward, after open_share; empty: unknown.",
     )
-    open_share = Param(
+    open_share: float | None = Param(
         float,
         unit="1",
         none=True,
@@ -373,7 +377,7 @@ class DriveSection(Section):
 
     type = Param(str, choices=("differential",), default="differential", help="Kind of drive.")
     track = Param(float, unit="m", above=0.02, below=2.0, help="Distance between the tyre centres.")
-    wheelbase = Param(
+    wheelbase: float | None = Param(
         float,
         unit="m",
         none=True,
@@ -422,8 +426,10 @@ class MountSection(Section):
 class CurveSection(Section):
     """Curve of a Sharp distance sensor: volts = a / (distance + b) + c."""
 
-    a = Param(float, none=True, default=None, above=0.0, maximum=50.0, help="Slope, in V m.")
-    b = Param(
+    a: float | None = Param(
+        float, none=True, default=None, above=0.0, maximum=50.0, help="Slope, in V m."
+    )
+    b: float | None = Param(
         float,
         unit="m",
         none=True,
@@ -432,7 +438,7 @@ class CurveSection(Section):
         maximum=1.0,
         help="Offset of the distance.",
     )
-    c = Param(
+    c: float | None = Param(
         float,
         unit="V",
         none=True,
@@ -451,11 +457,13 @@ class SensorSection(Section):
         help="Part name. sharp_custom: another Sharp, with near, reach and curve; overhead_camera: "
         "sees the actual pose from above.",
     )
-    pin = Param(
+    pin: Pin | None = Param(
         Pin, none=True, default=None, help="Analog pin of its output; none: not read by a pin."
     )
-    trigger = Param(Pin, none=True, default=None, help="Pin of the trigger of an HC-SR04.")
-    echo = Param(
+    trigger: Pin | None = Param(
+        Pin, none=True, default=None, help="Pin of the trigger of an HC-SR04."
+    )
+    echo: Pin | None = Param(
         Pin,
         none=True,
         default=None,
@@ -466,7 +474,7 @@ class SensorSection(Section):
         default="direct",
         help="Connection of its 5 V echo to the pin; a Pico needs the divider.",
     )
-    near = Param(
+    near: float | None = Param(
         float,
         unit="m",
         none=True,
@@ -475,7 +483,7 @@ class SensorSection(Section):
         below=1.0,
         help="Smallest distance of a sharp_custom.",
     )
-    reach = Param(
+    reach: float | None = Param(
         float,
         unit="m",
         none=True,
@@ -492,7 +500,7 @@ class ImuSection(Section):
     """The inertial sensor on the board's I2C bus; its gyro measures the turns of the robot."""
 
     type: ImuType | None = Choice(ImuType, none=True, default=None, help="Part name; none: no IMU.")
-    address = Param(
+    address: int | None = Param(
         int,
         none=True,
         default=None,
@@ -519,7 +527,7 @@ class ImuSection(Section):
 class CasterSection(Section):
     """The ball or caster that supports the robot besides its two wheels."""
 
-    x = Param(
+    x: float | None = Param(
         float,
         unit="m",
         none=True,
@@ -589,7 +597,7 @@ class LimitsSection(Section):
 class BatterySection(Section):
     """The motor supply."""
 
-    full = Param(
+    full: float | None = Param(
         float,
         unit="V",
         none=True,
@@ -598,8 +606,10 @@ class BatterySection(Section):
         maximum=60.0,
         help="Voltage when full, for the wiring checks; none: not checked.",
     )
-    pin = Param(Pin, none=True, default=None, help="Analog pin that measures it through a divider.")
-    divider = Param(
+    pin: Pin | None = Param(
+        Pin, none=True, default=None, help="Analog pin that measures it through a divider."
+    )
+    divider: float | None = Param(
         float,
         unit="1",
         none=True,
@@ -629,15 +639,19 @@ class Calibrated(Section):
         help="Of a wheel diameter or the track: what is left of `sd` when the mean diameter of "
         "both wheels is known exactly. The rest is the scale that all lengths have in common.",
     )
-    date = Param(str, none=True, default=None, help="Date of the calibration.")
-    method = Param(str, none=True, default=None, help="The calibration that measured it.")
+    date: str | None = Param(str, none=True, default=None, help="Date of the calibration.")
+    method: str | None = Param(
+        str, none=True, default=None, help="The calibration that measured it."
+    )
     volts: Any = Param(
         object,
         none=True,
         default=None,
         help="Battery voltage during the calibration, or `not measured`.",
     )
-    recording = Param(str, none=True, default=None, help="Hash of the recording it was taken from.")
+    recording: str | None = Param(
+        str, none=True, default=None, help="Hash of the recording it was taken from."
+    )
 
 
 class Robot(Section):

@@ -62,7 +62,7 @@ class SavedView(Section):
         ScreenPanel, default="map", help="What a small screen shows beside the values."
     )
     plots = Param(PlotsView, default=PlotsView(), help="What is plotted.")
-    map = Param(
+    map: MapSection | None = Param(
         MapSection, none=True, default=None, help="Part of the map; absent: all is kept in view."
     )
 

@@ -123,7 +123,7 @@ class EncoderTruth(Section):
         maximum=2e-3,
         help="Standard deviation of an edge's delay.",
     )
-    slots = Param(
+    slots: int | None = Param(
         int,
         none=True,
         default=None,
@@ -356,7 +356,7 @@ class WiringTruth(Section):
 class BatteryTruth(Section):
     """The motor supply of the simulated robot."""
 
-    volts = Param(
+    volts: float | None = Param(
         float,
         none=True,
         default=None,
@@ -388,7 +388,7 @@ class Disturbance(Section):
     """A disturbance that begins, and may end, while the simulated robot runs."""
 
     start = Param(float, unit="s", minimum=0.0, default=0.0, help="Begins at this time.")
-    end = Param(
+    end: float | None = Param(
         float,
         unit="s",
         minimum=0.0,

@@ -17,10 +17,12 @@ from diffbotctl.testing.terminal import Terminal
 from diffbotctl.testing.trials import programs
 from diffbotctl.testing.trials.programs import CAUSES
 
+# It writes one line for the log: the tests search the newest 50, some time after its start.
 LEAD = """
 import json, sys
-for line in sys.stdin:
-    sys.stderr.write("seen " + line[:9] + "\\n")
+for number, line in enumerate(sys.stdin):
+    if number == 0:
+        sys.stderr.write("seen " + line[:9] + "\\n")
     print(json.dumps({"lead": {"linear": 0.1, "angular": 0.0}}), flush=True)
 """
 PIPELINE = f"""

@@ -161,7 +161,8 @@ def _rewire(context: CheckContext, pipeline: Pipeline, replacement: dict[str, st
     """Connect every input on one of these outputs to the replacement."""
     for node, value in nodes_with_inputs(context).items():
         entry = pipeline.robot if node == "robot" else pipeline.blocks[node]
-        for port, source in (entry.wires if entry and entry.wires else {}).items():
+        wires = (entry.wires if entry else None) or {}
+        for port, source in wires.items():
             if source in replacement:
-                entry.wires[port] = replacement[source]
+                wires[port] = replacement[source]
                 value.entries["in"].entries[port].data = replacement[source]
