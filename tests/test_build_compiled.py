@@ -109,7 +109,10 @@ def test_compiled_modules_give_the_results_of_the_sources(tmp_path):
         matrix = ("--seed", "31", "--runs", "24", "--processes", "1", "--output", "runs")
         run("-m", "prove.matrix", *matrix)
         with_gyro = run("-m", "prove.imu", "--seed", "3", "--robots", "1")
-        return with_gyro, (tmp_path / "runs").read_text()
+        words = ("run", "wander", "--seed", "3", "--for", "20s", "--fast", "--quiet", "--digest")
+        with_scanner = run("-m", "diffbotctl", *words)
+        assert "digest" in with_scanner
+        return with_gyro, with_scanner, (tmp_path / "runs").read_text()
 
     interpreted = results()
     run("build_compiled.py")
