@@ -33,6 +33,8 @@ from diffbotctl.time import SECOND
 STOP_TARGET_S = 0.5  # from the fault to PWM 0 on both motors
 HANGING_BLOCK = "diffbotctl.testing.trials.host_freeze:Hangs"  # also where this file is `__main__`
 START_TIMEOUT_S = 40.0
+START_ATTEMPTS = 3
+OVERLOADED = "STOP host_frozen"
 WATCH_TIME_S = 6.0  # after the fault; the longest time in which the motors are waited for
 REST_TIME_S = 0.7  # PWM 0 counts as off when it stays so
 HANGS = "the block hangs now"  # on the output of a block that does
@@ -70,11 +72,19 @@ class Stand:
             self.driven_at = now
 
     def start(self, words: list[str]) -> subprocess.Popen[str]:
-        """Start a run; returns when both motors are on."""
+        """Start a run; returns when both motors are on.
+
+        An overloaded computer stops the robot before the trial has begun: then it begins again.
+        """
         line = [*words, "--port", os.ttyname(self.host), *STOCK]
-        self.process = start_in_pipe(line, start_new_session=True)
-        assert self.wait(lambda: all(self.device.pwm), START_TIMEOUT_S), self.end()
-        return self.process
+        attempts_left = START_ATTEMPTS
+        while True:
+            attempts_left -= 1
+            self.process = process = start_in_pipe(line, start_new_session=True)
+            if self.wait(lambda: all(self.device.pwm), START_TIMEOUT_S):
+                return process
+            output = self.end()
+            assert attempts_left and OVERLOADED in output, output
 
     def drive_for(self, seconds: float) -> None:
         """Let it drive; both motors are on at the end, also after a stop that ended by itself."""
