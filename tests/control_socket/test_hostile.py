@@ -47,7 +47,7 @@ def others_are_unaffected(folder):
     client.send('{"id": "last", "method": "status"}')
     reader.join()
     reply = lines.pop()
-    assert reply is not None and reply.get("id") == "last", f"no reply; it read {reply}"
+    assert reply.get("id") == "last", f"no reply; it read {reply}"
     assert reply["held"] is None
     for line in lines:
         assert (line["message"]["left"], line["message"]["right"]) == (0.0, 0.0)
@@ -55,10 +55,11 @@ def others_are_unaffected(folder):
 
 
 def read_to_the_last(client, lines):
-    """Append what `client` reads to `lines`, up to the reply to "last" or the end (None)."""
-    lines.append(client.read())
-    while lines[-1] is not None and lines[-1].get("id") != "last":
-        lines.append(client.read())
+    """Append what `client` reads to `lines`, up to the reply to "last" or the end."""
+    for line in iter(client.read, None):
+        lines.append(line)
+        if line.get("id") == "last":
+            break
 
 
 def refusal_to(folder, data):
