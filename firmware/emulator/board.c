@@ -17,6 +17,8 @@
 
 #define SUPPLY_MILLIVOLTS 5000
 #define MCUSR 0x54
+#define SPL 0x5D
+#define ADDRESSES_END 0xFFFF
 #define PORF 1
 #define EXTRF 2
 #define WDRF 8
@@ -66,6 +68,8 @@ void board_reset(board_t *board, uint8_t cause)
     avr_cycle_count_t cycle = avr->cycle;
     avr_reset(avr);
     avr->cycle = cycle;
+    avr->data[SPL] = (uint8_t)board->ram_end;
+    avr->data[SPL + 1] = (uint8_t)(board->ram_end >> 8);
     avr->data[MCUSR] = cause;
     restarted(board);
 }
@@ -130,6 +134,11 @@ void board_begin(board_t *board, const options_t *options)
         fprintf(stderr, "simavr has no %s\n", options->chip->mcu);
         exit(1);
     }
+    board->ram_end = avr->ramend;
+    /* The stock bootloaders put a message of any length into their memory, and past its end. On the chip
+       nothing is there (data sheet, section 8.3); simavr would call it a crash. */
+    if (options->boot)
+        avr->ramend = ADDRESSES_END;
     avr_init(avr);
     avr->frequency = 16000000;
     avr->log = LOG_NONE;

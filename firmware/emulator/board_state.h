@@ -136,6 +136,7 @@ struct board {
     sonar_t sonars[SONARS];
     gyro_t gyro;
     uint32_t dirty_writes;
+    uint16_t ram_end; /* last address of the chip's memory */
     uint8_t flags;
     int16_t duty[MOTORS];
     uint8_t brake[MOTORS];

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import pairwise
+from random import Random
 
 import pytest
 
@@ -9,6 +10,7 @@ from diffbotctl.emulator.emulated_robot import motor_pins
 from diffbotctl.emulator.process import LINE, Emulator
 from diffbotctl.emulator.program import bootloader, build
 from diffbotctl.links import diffbot_frames as frames
+from diffbotctl.links.diffbot_codec import FrameDecoder, encode_payload
 from diffbotctl.testing.board_bench import BOOK, RADIO, UNO, USB, BoardBench, speed
 from diffbotctl.testing.trials import (
     board,
@@ -379,3 +381,20 @@ def test_the_emulator_compiles_without_a_cache(tmp_path):
     program = build(tmp_path)
     assert program.parent == tmp_path
     assert build(tmp_path) == program
+
+
+@pytest.mark.parametrize("settings", [BOOK, UNO], ids=["mega2560", "uno"])
+def test_frames_for_the_bootloader_do_no_harm(settings):
+    """Right after a reset the stock bootloader reads the USB port.
+
+    It stores a message of any length, also past the end of the chip's memory.
+    """
+    draw, board = Random(2), settings.board
+    with Emulator(motor_pins(settings), board=board, boot=bootloader(board)) as emulator:
+        for _ in range(1500):
+            frame = encode_payload(draw.randbytes(draw.randint(1, 200)))
+            step = emulator.step(emulator.now + draw.choice((1, 3, 10)) * MS, received=(frame, b""))
+            assert step.changes == []
+        emulator.reset(LINE)
+        sent = b"".join(emulator.step(emulator.now + 100 * MS).bytes_of(0) for _ in range(30))
+    assert any(isinstance(frame, frames.HelloFrame) for frame in FrameDecoder().feed(sent))
