@@ -84,7 +84,9 @@ $(ROS2)/installed: tests/ros2/build_tf2_msgs.py
 	$(ROS2)/bin/python tests/ros2/build_tf2_msgs.py
 	touch $@
 
+# The tests with the mark `nightly`, then every figure beside its target.
 prove: packages pico $(VENV)/tested
+	$(BIN)/python -m pytest -n 3 --dist loadgroup -rsfE -m nightly
 	$(BIN)/python -m prove --seed $(SEED) --robots $(ROBOTS) --trials $(TRIALS) --starts $(STARTS) \
 	  --board $(BOARD) --wander $(WANDER) --faulty $(FAULTY) --emulated $(EMULATED) --goals $(GOALS) --matrix $(MATRIX) \
 	  --hostile $(HOSTILE) --hours $(HOURS) --failures $(FAILURES) --bridge $(BRIDGE) --cuts $(CUTS) --drives $(DRIVES) --calibrated $(CALIBRATED) \

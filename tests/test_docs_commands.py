@@ -138,7 +138,13 @@ class Reader:
             engine.communicate(timeout=LONGEST)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def pages_that_show(condition):
+    """Decorator of a test: once for each page that shows a command of this kind."""
+    shown = [page for page in PAGES if any(map(condition, lines(page)))]
+    return pytest.mark.parametrize("page", shown, ids=lambda page: page.name)
+
+
+@pages_that_show(lambda line: True)
 def test_commands_that_need_nothing(page, reader):
     for line in PREPARED.get(page.name, ()):
         assert reader.types(line)[0] == 0, line
@@ -155,11 +161,9 @@ def test_commands_that_need_nothing(page, reader):
         assert code == 0 or (code == 1 and finds), f"{page.name} shows: {line}\n{said}"
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pages_that_show(on_an_engine)
 def test_commands_for_a_running_robot(page, reader):
     shown = [line for line in lines(page) if on_an_engine(line)]
-    if not shown:
-        return
     with reader.running(PIPELINES.get(page.name, "standby")):
         for line in shown:
             if " echo " in line and "--once" not in line:
@@ -172,12 +176,11 @@ def test_commands_for_a_running_robot(page, reader):
             assert code == 0, f"{page.name} shows: {line}\n{said}"
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pages_that_show(on_a_terminal)
 def test_commands_on_a_terminal(page, reader):
-    shown = [line for line in lines(page) if on_a_terminal(line)]
-    for line in PREPARED.get(page.name, ()) if shown else ():
+    for line in PREPARED.get(page.name, ()):
         assert reader.types(line)[0] == 0, line
-    for line in shown:
+    for line in filter(on_a_terminal, lines(page)):
         with Terminal(
             ["bash", "-c", f"cd {reader.work}; exec {line}"], reader.environment
         ) as terminal:
@@ -186,7 +189,7 @@ def test_commands_on_a_terminal(page, reader):
             assert terminal.ended() in (0, 130)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pages_that_show(asks)
 def test_commands_that_ask(page, reader):
     for line in filter(asks, lines(page)):
         line = line.partition(" #")[0]
@@ -202,17 +205,15 @@ def test_commands_that_ask(page, reader):
 STOCK = "book_2wd_stock"  # its board runs the book's firmware: tests/links have a double of it
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def on_the_emulated_board(line):
+    is_on_it = on_a_board(line) and STOCK not in line
+    return is_on_it and not on_the_air(line) and not asks(line)
+
+
+@pages_that_show(on_the_emulated_board)
 def test_commands_for_a_board(page, reader):
-    shown = [
-        line
-        for line in lines(page)
-        if on_a_board(line) and STOCK not in line and not on_the_air(line) and not asks(line)
-    ]
-    if not shown:
-        return
     with board() as virtual:
-        for line in shown:
+        for line in filter(on_the_emulated_board, lines(page)):
             line = line.partition(" #")[0].replace("/dev/rfcomm0", str(virtual.radio))
             line = re.sub(r"--port (auto|/dev/tty\w+)", f"--port {virtual.usb}", line)
             line += " --yes" * (" flash " in line) + " --quiet" * (" run " in line)

@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 from collections import defaultdict
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -48,7 +49,6 @@ LAYERS = [
 LAYER = {name: number for number, names in enumerate(LAYERS) for name in names}
 IMPURE = {"time", "random", "os", "socket", "threading", "pathlib", "io", "datetime", "secrets"}
 SOURCES = sorted((ROOT / "diffbotctl").rglob("*.py"))
-TREES = {path: ast.parse(path.read_text()) for path in SOURCES}
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
 
 SMALL_MODULE_LINES = 25
@@ -57,9 +57,16 @@ SMALL_MODULES = {  # module: why it stands alone
     "time": "the lowest layer; every other module may import it",
     "estimation/edge_places": "counts, levels and hypotheses of edges share it",
 }
+pytestmark = pytest.mark.xdist_group("structure")  # each source is parsed once
+
 VAGUE_CONSTANTS = {"MOST", "LEAST", "LOOK", "PATIENCE", "LEFT"}
 FUNCTION_IMPORTS_MAX = 20
 FORMAT_SKIPS_MAX = 20
+
+
+@cache
+def tree_of(path):
+    return ast.parse(path.read_text())
 
 
 def module_name(path):
@@ -80,7 +87,7 @@ def import_nodes(tree):
 
 def imports(path):
     """Names that a file imports (`module` or `module.name`), with their lines."""
-    for node in import_nodes(TREES[path]):
+    for node in import_nodes(tree_of(path)):
         if isinstance(node, ast.ImportFrom):
             assert not node.level, f"{path}:{node.lineno} write the import from `diffbotctl` on"
         prefix = f"{node.module}." if isinstance(node, ast.ImportFrom) else ""
@@ -114,20 +121,20 @@ def circle(graph):
     return []
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=short_name)
-def test_imports_run_one_way(path):
-    here = LAYER.get(top_name(path))
-    assert here is not None, (
-        f"{path.relative_to(ROOT)} is in no layer, so nothing limits what it imports; "
-        "add its folder to LAYERS"
-    )
-    for name, line in imports(path):
-        steps = name.split(".")
-        if steps[0] == "diffbotctl" and len(steps) > 1 and steps[1] in LAYER:
-            assert LAYER[steps[1]] <= here, (
-                f"{place(path, line)} imports {name}, which is in a higher layer; "
-                "move what both need down to the lower one"
-            )
+def test_imports_run_one_way():
+    for path in SOURCES:
+        here = LAYER.get(top_name(path))
+        assert here is not None, (
+            f"{path.relative_to(ROOT)} is in no layer, so nothing limits what it imports; "
+            "add its folder to LAYERS"
+        )
+        for name, line in imports(path):
+            steps = name.split(".")
+            if steps[0] == "diffbotctl" and len(steps) > 1 and steps[1] in LAYER:
+                assert LAYER[steps[1]] <= here, (
+                    f"{place(path, line)} imports {name}, which is in a higher layer; "
+                    "move what both need down to the lower one"
+                )
 
 
 def test_modules_import_in_no_circle():
@@ -198,25 +205,22 @@ def test_c_modules_include_and_call_in_no_circle(folder, left_out):
     )
 
 
-@pytest.mark.parametrize(
-    "path",
-    [path for path in SOURCES if top_name(path) in ("blocks", "links", "plant")],
-    ids=short_name,
-)
-def test_blocks_protocols_and_plant_use_no_clock_randomness_or_file(path):
-    for name, line in imports(path):
-        if name == "random.Random":
-            continue  # the class of the seeded generator that the plant is given
-        assert name.split(".")[0] not in IMPURE, (
-            f"{place(path, line)} imports {name}: a replay could differ from its recording; "
-            "take time and inputs as arguments"
-        )
+def test_blocks_protocols_and_plant_use_no_clock_randomness_or_file():
+    pure = [path for path in SOURCES if top_name(path) in ("blocks", "links", "plant")]
+    for path in pure:
+        for name, line in imports(path):
+            if name == "random.Random":
+                continue  # the class of the seeded generator that the plant is given
+            assert name.split(".")[0] not in IMPURE, (
+                f"{place(path, line)} imports {name}: a replay could differ from its recording; "
+                "take time and inputs as arguments"
+            )
 
 
 def test_public_classes_have_distinct_names():
     places = defaultdict(list)
     for path in SOURCES:
-        for node in TREES[path].body:
+        for node in tree_of(path).body:
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 places[node.name].append(place(path, node.lineno))
     shared = {name: found for name, found in places.items() if len(found) > 1}
@@ -253,7 +257,7 @@ def test_constants_name_their_quantity():
     vague = [
         f"{place(path, node.lineno)} {name}"
         for path in SOURCES
-        for name, node in assigned_names(TREES[path])
+        for name, node in assigned_names(tree_of(path))
         if name.lstrip("_") in VAGUE_CONSTANTS
     ]
     assert not vague, (
@@ -264,7 +268,7 @@ def test_constants_name_their_quantity():
 
 def test_units_of_time_are_defined_once():
     for path in SOURCES:
-        for name, node in assigned_names(TREES[path]):
+        for name, node in assigned_names(tree_of(path)):
             assert name not in ("SECOND", "MILLISECOND", "MICROSECOND", "NEVER") or (
                 short_name(path) == "time"
             ), f"{place(path, node.lineno)} defines {name} again; import it from diffbotctl.time"
@@ -273,7 +277,7 @@ def test_units_of_time_are_defined_once():
 def declared_parameters():
     """Names of `name = Param(...)` in class bodies, with their places."""
     for path in SOURCES:
-        for owner in ast.walk(TREES[path]):
+        for owner in ast.walk(tree_of(path)):
             for node in owner.body if isinstance(owner, ast.ClassDef) else ():
                 if (
                     isinstance(node, ast.Assign)
@@ -286,7 +290,7 @@ def declared_parameters():
 
 def test_declared_parameters_are_read():
     read = set()
-    for tree in TREES.values():
+    for tree in map(tree_of, SOURCES):
         for node in ast.walk(tree):
             if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Load):
                 read.add(node.attr)
@@ -313,7 +317,7 @@ def function_imports():
         lines = path.read_text().splitlines()
         inside = {
             node
-            for function in ast.walk(TREES[path])
+            for function in ast.walk(tree_of(path))
             if isinstance(function, FUNCTIONS)
             for node in import_nodes(function)
         }
