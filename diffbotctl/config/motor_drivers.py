@@ -1,13 +1,19 @@
 """Motor drivers: inputs, supply, electrical figures and printed names of the pins.
 
-The figures are typical ones of the data sheet named by `source`. Voltages are those of the motor
-supply, currents continuous ones of one motor. Only the checks, the wiring and the plant read them:
-what an estimator knows of a robot is measured on it.
+The rows are in motor_drivers.yaml. The figures are typical ones of the data sheet named by
+`source`. Voltages are those of the motor supply, currents continuous ones of one motor. Only the
+checks, the wiring and the plant read them: what an estimator knows of a robot is measured on it.
 """
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+import re
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import yaml
+
+from diffbotctl.config.unsupported_parts import UnsupportedPart
 
 # Inputs of one motor: PWM, two directions; PWM, one direction; two PWMs.
 DriverMode = Literal["enable_in1_in2", "enable_direction", "two_pwm"]
@@ -28,6 +34,8 @@ OffState = Literal["open", "shorted"]
 
 
 THRESHOLD_SHARE_MAX = 0.9  # of a battery that hardly exceeds the threshold
+LETTERS_AFTER_AN = "AEFHILMNORSX"  # their names begin with a vowel: an L298N, an MX1508
+PART_DIGITS_MIN = 3  # of a part number; fewer do not tell one part from another
 
 
 class BridgeFigures(NamedTuple):
@@ -65,178 +73,73 @@ class DriverNames(NamedTuple):
 
 
 class MotorDriverFacts(NamedTuple):
-    """One type of driver board for two motors."""
+    """One type of driver board for two motors, or of two boards for one motor each.
+
+    `states`: what the bridge does in the states `enable_low`, `both_low` and `both_high` of its
+    inputs, as far as it has them.
+    """
 
     title: str
     mode: DriverMode
     supply: tuple[float, float]  # V, motor supply
     bridge: BridgeFigures
+    states: dict[str, OffState]
     left: DriverNames
     right: DriverNames
     supply_pin: str = "VM"
     logic_pin: str | None = None  # supplied with 5 V by the board
     standby: str | None = None
     always_high: str | None = None  # an input that has to be connected to the board's logic supply
-    always_brakes: bool = False  # at duty 0 the outputs short the motor
+    other_names: tuple[str, ...] = ()
 
     @property
     def with_article(self) -> str:
         """Its title after the indefinite article."""
-        return f"{'an' if self.title.startswith('L') else 'a'} {self.title}"
+        is_word = self.title[1:2].islower()
+        vowel = self.title[0] in LETTERS_AFTER_AN and not is_word
+        return f"{'an' if vowel else 'a'} {self.title}"
 
     @property
     def current(self) -> float:
         """Continuous current (A) of one motor."""
         return self.bridge.current
 
+    @property
+    def rests(self) -> tuple[str, ...]:
+        """The values of `idle` that the firmware can bring about.
+
+        At rest it lowers the PWM inputs to coast, and raises both inputs to brake where there are
+        two.
+        """
+        if self.mode == "enable_in1_in2":
+            return ("coast", "brake")
+        if self.bridge.off_state == "shorted":
+            return ("brake",)
+        return ("coast", "brake") if self.states.get("both_high") == "shorted" else ("coast",)
+
     def inputs(self) -> tuple[str, ...]:
         """The pins of a motor in the robot file that the driver has."""
         return MOTOR_INPUTS[self.mode]
 
 
-def _letters(*names: str | None) -> tuple[DriverNames, DriverNames]:
-    """Names in which # stands for A or B."""
-    sides = ([n and n.replace("#", letter) for n in names] for letter in "AB")
-    left, right = (DriverNames(*side) for side in sides)  # type: ignore[arg-type]
-    return left, right
+def _facts(row: dict[str, Any]) -> MotorDriverFacts:
+    """A row of the table; the firmware pulses `enable`, or one of two PWM inputs."""
+    halves = {side: DriverNames(*row[side]) for side in ("left", "right")}
+    off_state = row["states"]["both_low" if row["mode"] == "two_pwm" else "enable_low"]
+    figures = {name: row[name] for name in BridgeFigures._fields if name in row}
+    bridge = BridgeFigures(off_state=off_state, **figures)
+    rest = {name: column for name, column in row.items() if name not in figures}
+    return MotorDriverFacts(**rest | halves | {"bridge": bridge})
 
 
-_BRIDGES = {
-    "l298n": BridgeFigures(
-        2.0,
-        1.4,
-        1.15,
-        "open",
-        True,
-        "ST L298: saturation voltages 1.35 + 1.2 V at 1 A, 2.0 + 1.7 V at 2 A",
-    ),
-    "tb6612": BridgeFigures(
-        1.2, 0.0, 0.5, "shorted", True, "Toshiba TB6612FNG: 0.5 ohm, upper and lower"
-    ),
-    "drv8833": BridgeFigures(1.5, 0.0, 0.36, "open", True, "TI DRV8833: 200 + 160 mohm"),
-    "tc1508s": BridgeFigures(
-        1.5,
-        0.0,
-        1.6,
-        "open",
-        True,
-        "1.6 ohm is that of the TC118S, one such bridge; the TC1508S's sheet was not seen",
-    ),
-    "l9110": BridgeFigures(
-        0.8,
-        1.1,
-        1.0,
-        "shorted",
-        False,
-        "L9110: 1.4 + 0.45 V at 0.75 A; split into two terms by estimate",
-    ),
-    "bts7960": BridgeFigures(
-        20.0,
-        0.0,
-        0.016,
-        "shorted",
-        True,
-        "Infineon BTS7960: path resistance 16 mohm; 20 A is the module's heat sink, not the chip",
-    ),
-    "drv8835": BridgeFigures(
-        1.2, 0.0, 0.305, "shorted", True, "TI DRV8835: 305 mohm, upper and lower"
-    ),
-    "drv8838": BridgeFigures(
-        1.7, 0.0, 0.28, "shorted", True, "TI DRV8838: 280 mohm, upper and lower"
-    ),
-    "cytron": BridgeFigures(
-        10.0,
-        0.0,
-        0.02,
-        "shorted",
-        False,
-        "Cytron MDD10A: 10 A; its sheet states no resistance, 20 mohm is an estimate",
-    ),
-}
-_L298N = (
-    DriverNames("ENA", "IN1", "IN2", "OUT1", "OUT2"),
-    DriverNames("ENB", "IN3", "IN4", "OUT3", "OUT4"),
-)
-_FOUR_INPUTS = (
-    DriverNames(None, "IN1", "IN2", "OUT1", "OUT2"),
-    DriverNames(None, "IN3", "IN4", "OUT3", "OUT4"),
-)
-_PHASE = _letters("#ENABLE", "#PHASE", None, "#OUT1", "#OUT2")
-MOTOR_DRIVERS = {
-    "l298n": MotorDriverFacts(
-        "L298N", "enable_in1_in2", (5.0, 35.0), _BRIDGES["l298n"], *_L298N, supply_pin="12V"
-    ),
-    "tb6612": MotorDriverFacts(
-        "TB6612",
-        "enable_in1_in2",
-        (4.5, 13.5),
-        _BRIDGES["tb6612"],
-        *_letters("PWM#", "#IN1", "#IN2", "#O1", "#O2"),
-        logic_pin="VCC",
-        standby="STBY",
-    ),
-    "drv8833": MotorDriverFacts(
-        "DRV8833",
-        "two_pwm",
-        (2.7, 10.8),
-        _BRIDGES["drv8833"],
-        *_letters(None, "#IN1", "#IN2", "#OUT1", "#OUT2"),
-        always_high="nSLEEP",
-    ),
-    "tc1508s": MotorDriverFacts(
-        "TC1508S", "two_pwm", (2.2, 9.6), _BRIDGES["tc1508s"], *_FOUR_INPUTS
-    ),
-    "l9110": MotorDriverFacts(
-        "L9110",
-        "two_pwm",
-        (2.5, 12.0),
-        _BRIDGES["l9110"],
-        *_letters(None, "#-IA", "#-IB", "#-OA", "#-OB"),
-        supply_pin="VCC",
-        always_brakes=True,
-    ),
-    "bts7960": MotorDriverFacts(
-        "BTS7960",
-        "two_pwm",
-        (5.5, 27.0),
-        _BRIDGES["bts7960"],
-        *_letters(None, "# RPWM", "# LPWM", "# M+", "# M-"),
-        supply_pin="B+",
-        logic_pin="VCC",
-        always_high="R_EN, L_EN",
-        always_brakes=True,
-    ),
-    "drv8835": MotorDriverFacts(
-        "DRV8835",
-        "enable_direction",
-        (2.0, 11.0),
-        _BRIDGES["drv8835"],
-        *_PHASE,
-        supply_pin="VIN",
-        logic_pin="VCC",
-        always_high="MODE",
-        always_brakes=True,
-    ),
-    "drv8838": MotorDriverFacts(
-        "DRV8838",
-        "enable_direction",
-        (2.0, 11.0),
-        _BRIDGES["drv8838"],
-        *_letters("# ENABLE", "# PHASE", None, "# OUT1", "# OUT2"),
-        supply_pin="VIN",
-        logic_pin="VCC",
-        always_brakes=True,
-    ),
-    "cytron": MotorDriverFacts(
-        "Cytron MDD10A",
-        "enable_direction",
-        (5.0, 30.0),
-        _BRIDGES["cytron"],
-        *_letters("PWM#", "DIR#", None, "M#A", "M#B"),
-        supply_pin="VB+",
-        always_brakes=True,
-    ),
-}
+def _rows() -> dict[str, dict[str, Any]]:
+    text = Path(__file__).with_name("motor_drivers.yaml").read_text(encoding="utf-8")
+    rows: dict[str, dict[str, Any]] = yaml.load(text, getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+    return rows
+
+
+_ROWS = _rows()
+MOTOR_DRIVERS = {name: _facts(row) for name, row in _ROWS.items() if "unsupported" not in row}
 
 
 def driver_facts(driver: str) -> MotorDriverFacts:
@@ -248,3 +151,56 @@ def driver_names(driver: str, side: str) -> DriverNames:
     """The names of the half that drives the `left` or `right` motor."""
     facts = driver_facts(driver)
     return facts.left if side == "left" else facts.right
+
+
+def unknown_driver(written: str) -> UnsupportedPart:
+    """What to write in place of `written`, which is no name of the table.
+
+    A similar name is no reason to suggest a chip, because the next number may have other inputs: a
+    DRV8838 has PWM and a direction, and a DRV8837 that is driven so turns its motor at rest.
+    """
+    cause = f"driver cannot be '{written}'"
+    names = _meant(_normal(written))
+    supported = [name for name in names if name in MOTOR_DRIVERS]
+    if names and not supported:
+        row = _ROWS[names[0]]
+        return UnsupportedPart(f"{cause}: {row['unsupported']}", row["fix"])
+    if len(supported) == 1:
+        inputs = MODE_TEXT[MOTOR_DRIVERS[supported[0]].mode]
+        return UnsupportedPart(cause, f"did you mean {supported[0]}? It has {inputs}")
+    cause += "; a driver with other inputs than its name states can turn the motors at rest"
+    fix = "find its inputs in its data sheet, and write a driver that has the same"
+    for mode, text in MODE_TEXT.items():
+        same = [name for name in supported or MOTOR_DRIVERS if MOTOR_DRIVERS[name].mode == mode]
+        fix += f". {text[0].upper()}{text[1:]}: {', '.join(same)}" if same else ""
+    return UnsupportedPart(cause, fix)
+
+
+def _meant(name: str) -> list[str]:
+    """The rows that `name` can mean: one of this name, of a name with a suffix, or of this number.
+
+    Makers put letters of their own before the number, and those of the package after it.
+    """
+    known = {
+        row: [
+            _normal(each) for each in (row, facts.get("title", ""), *facts.get("other_names", ()))
+        ]
+        for row, facts in _ROWS.items()
+    }
+    beginnings = {
+        each for names in known.values() for each in names if each and name.startswith(each)
+    }
+    if beginnings:
+        longest = max(beginnings, key=len)
+        return [row for row, names in known.items() if longest in names]
+    number = _number(name)
+    numbers = {row: map(_number, names) for row, names in known.items()}
+    return [row for row in known if len(number) >= PART_DIGITS_MIN and number in numbers[row]]
+
+
+def _normal(name: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", name.lower()[:80])
+
+
+def _number(name: str) -> str:
+    return re.sub(r"[^0-9]", "", name)

@@ -36,18 +36,6 @@ BaudRate = Literal[9600, 19200, 38400, 57600, 115200]
 Radio = Literal["hc05", "cable"]
 LevelShift = Literal["divider", "direct"]
 EchoLevel = Literal["direct", "divider"]
-MotorDriver = Literal[
-    "l298n",
-    "tb6612",
-    "drv8833",
-    "tc1508s",
-    "l9110",
-    "bts7960",
-    "drv8835",
-    "drv8838",
-    "cytron",
-    "none",
-]
 IdleMode = Literal["coast", "brake"]
 Decay = Literal["slow", "fast"]
 CountedEdge = Literal["rising", "falling"]
@@ -211,8 +199,11 @@ class SpeedLoopSection(Section):
 class MotorSection(Section):
     """One motor and its channel of the motor driver."""
 
-    driver: MotorDriver = Choice(
-        MotorDriver, default="l298n", help="Motor driver chip; none: simulated robots only."
+    driver = Param(
+        str,
+        choices=(*MOTOR_DRIVERS, "none"),
+        default="l298n",
+        help="Motor driver chip; none: simulated robots only.",
     )
     rated = Param(
         float,

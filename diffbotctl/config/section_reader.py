@@ -12,7 +12,8 @@ import re
 from functools import cache
 from typing import Any, TypeVar, get_args, get_origin
 
-from diffbotctl.config.unsupported_parts import unsupported_part
+from diffbotctl.config.motor_drivers import unknown_driver
+from diffbotctl.config.unsupported_parts import UnsupportedPart, unsupported_part
 from diffbotctl.config.yaml_tree import Value
 from diffbotctl.errors import Problem, closest_match, join_words
 from diffbotctl.params import Declaration, Pin, Section, declared
@@ -364,7 +365,10 @@ def _about_part(problem: Problem, value: Value, declaration: Declaration, path: 
     if problem.code != "E-CHOICE":
         return problem
     field = "sensors.type" if path[0] == "sensors" else ".".join(path[-2:])
-    part = unsupported_part(field, value.text, map(str, declaration.choices))
+    if field == "motor.driver":
+        part: UnsupportedPart | None = unknown_driver(value.text)
+    else:
+        part = unsupported_part(field, value.text, map(str, declaration.choices))
     if part is None:
         return problem
     return Problem(problem.code, problem.place, part.cause, part.fix)

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from difflib import SequenceMatcher
 from typing import NamedTuple
 
-NAME_CUTOFF = 0.75  # similarity of a misspelt name; TB6621 and TB6612 have 0.83
+NAME_CUTOFF = 0.75  # similarity of a misspelt name
 
 
 class UnsupportedPart(NamedTuple):
@@ -67,12 +67,6 @@ PARTS: dict[str, dict[str, UnsupportedPart]] = {
         name: OTHER_DRIVE
         for name in ("skidsteer", "fourwheel", "tank", "mecanum", "omni", "ackermann", "tricycle")
     },
-    "motor.driver": {
-        "l293d": UnsupportedPart(
-            "an L293D has the inputs of an L298N, for 0.6 A instead of 2 A a motor",
-            "write driver: l298n, and check that the motors take at most 0.6 A when blocked",
-        ),
-    },
     "imu.type": {
         "gy521": _same_imu("a GY-521", "mpu6050"),
         "gy9250": _same_imu("a GY-9250", "mpu9250"),
@@ -98,7 +92,7 @@ PARTS: dict[str, dict[str, UnsupportedPart]] = {
 
 
 def unsupported_part(field: str, written: str, allowed: Iterable[str]) -> UnsupportedPart | None:
-    """The part that `written` names in a field of a robot file, such as `motor.driver`."""
+    """The part that `written` names in a field of a robot file, such as `imu.type`."""
     parts = PARTS.get(field)
     if parts is None:
         return None
@@ -106,7 +100,7 @@ def unsupported_part(field: str, written: str, allowed: Iterable[str]) -> Unsupp
     values = [_normal(value) for value in allowed]
     if any(value.startswith(name) for value in values):
         return None
-    # Part numbers have suffixes: TB6612FNG, GP2Y0A21YK0F, MD10C of Cytron.
+    # Part numbers have suffixes: GP2Y0A21YK0F.
     for known, part in parts.items():
         if name.startswith(known) or (len(name) > 3 and known.startswith(name)):
             return part

@@ -66,19 +66,19 @@ def motor_drivers() -> str:
         "Typical figures at 25 degrees, used by `wiring`, `check` and the simulation. Between two",
         "pulses of the PWM and at rest the motor is open, or shorted, which brakes it.",
         "",
-        "| `driver` | continuous | loses | between pulses | at rest | too hot | source |",
-        "|---|---|---|---|---|---|---|",
+        "| `driver` | inputs | continuous | loses | between pulses | at rest | too hot | source |",
+        "|---|---|---|---|---|---|---|---|",
     ]
     for name, facts in MOTOR_DRIVERS.items():
         bridge = facts.bridge
         lost = f"{bridge.resistance:g} ohm"
         if bridge.threshold:
             lost = f"{bridge.threshold:g} V + {lost}"
-        rest = "shorted" if facts.always_brakes else "`idle`"
+        rest = "`idle`" if len(facts.rests) > 1 else bridge.off_state
         hot = "off until it cools" if bridge.has_thermal_shutdown else "not protected"
         lines.append(
-            f"| `{name}` | {bridge.current:g} A | {lost} | {bridge.off_state} | {rest} | {hot} | "
-            f"{bridge.source} |"
+            f"| `{name}` | {', '.join(facts.inputs())} | {bridge.current:g} A | {lost} | "
+            f"{bridge.off_state} | {rest} | {hot} | {bridge.source} |"
         )
     return "\n".join(lines)
 

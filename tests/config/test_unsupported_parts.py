@@ -3,6 +3,7 @@
 import pytest
 
 from diffbotctl.config.load import check
+from diffbotctl.config.motor_drivers import MODE_TEXT, MOTOR_DRIVERS, unknown_driver
 from diffbotctl.config.unsupported_parts import PARTS, unsupported_part
 
 
@@ -21,10 +22,6 @@ def problems(folder, line):
         ("board: {type: RP2040}", "the chip of a Pico", "type: pico"),
         ("board: {type: Raspberry Pi 4}", "the computer that runs", "mega2560, uno, nano or pico"),
         ("drive: {type: skid_steer}", "four that are switched in pairs", "wheelbase: the distance"),
-        ("drive: {motor: {driver: TB6612FNG}}", "allowed values", "did you mean tb6612?"),
-        ("drive: {motor: {driver: TB6621}}", "allowed values", "did you mean tb6612?"),
-        ("drive: {motor: {driver: L293D}}", "0.6 A", "driver: l298n"),
-        ("drive: {motor: {driver: l289n}}", "allowed values", "did you mean l298n?"),
         ("drive: {right: {encoder: none}}", "one wheel has an encoder", "the other one"),
         ("sensors: {front: {type: GP2Y0A21YK0F}}", "allowed values", "sharp_gp2y0a21yk0f"),
         ("sensors: {front: {type: HC-SR04}}", "allowed values", "did you mean hc_sr04?"),
@@ -60,3 +57,74 @@ def test_each_is_found_by_its_name_and_a_transposed_one(field):
 def test_other_words_name_no_part(word):
     for field in PARTS:
         assert unsupported_part(field, word, ["l298n", "none"]) is None
+
+
+def supported(driver):
+    """The drivers with the same inputs, as the fix lists them."""
+    mode = MOTOR_DRIVERS[driver].mode
+    same = ", ".join(name for name, facts in MOTOR_DRIVERS.items() if facts.mode == mode)
+    text = MODE_TEXT[mode]
+    return f"{text[0].upper()}{text[1:]}: {same}"
+
+
+@pytest.mark.parametrize(
+    ("written", "driver"),
+    [
+        ("TB6612FNG", "tb6612"),
+        ("DRV8871DDA", "drv8871"),
+        ("A4950", "a4950"),
+        ("AT8870", "drv8870"),
+        ("HG7881", "l9110"),
+        ("L9110S", "l9110"),
+        ("IBT-2", "bts7960"),
+        ("Monster Moto", "vnh2sp30"),
+        ("MD10C R3", "mdd10a"),
+        ("L298N mini", "mx1508"),
+        ("L298P shield", "l298p"),
+        ("HR8833", "drv8833"),
+    ],
+)
+def test_a_driver_by_another_name_is_answered_with_its_inputs(tmp_path, written, driver):
+    (problem,) = problems(tmp_path, f"drive: {{motor: {{driver: {written}}}}}")
+    inputs = MODE_TEXT[MOTOR_DRIVERS[driver].mode]
+    assert problem.fix == f"did you mean {driver}? It has {inputs}"
+
+
+@pytest.mark.parametrize("written", ["DRV8842", "l289n", "TB6621", "drv883", "A4940", "x"])
+def test_an_unknown_driver_is_not_answered_with_a_similar_name(tmp_path, written):
+    (problem,) = problems(tmp_path, f"drive: {{motor: {{driver: {written}}}}}")
+    assert "did you mean" not in problem.fix
+    for driver in ("l298n", "drv8838", "drv8833"):
+        assert supported(driver) in problem.fix
+
+
+def test_no_number_of_a_family_is_answered_with_another_one():
+    """A DRV8838 that is a DRV8837 in truth turns its motor at rest."""
+    for number in range(8800, 8900):
+        fix = unknown_driver(f"DRV{number}").fix
+        suggested = fix.partition("did you mean ")[2].partition("?")[0]
+        assert suggested in ("", f"drv{number}", {8872: "drv8871"}.get(number))
+
+
+@pytest.mark.parametrize("written", ["Cytron", "L298"])
+def test_a_name_of_drivers_with_different_inputs_lists_them(written):
+    fix = unknown_driver(written).fix
+    assert "did you mean" not in fix and fix.count(": ") >= 2
+
+
+@pytest.mark.parametrize(
+    ("written", "cause"),
+    [
+        ("A4988", "stepper motors"),
+        ("DRV8825", "stepper motors"),
+        ("PCA9685", "over I2C"),
+        ("Adafruit Motor Shield", "over I2C"),
+        ("L293D shield", "shift register"),
+        ("ULN2003A", "one direction only"),
+        ("Sabertooth 2x12", "servo pulses"),
+    ],
+)
+def test_a_driver_that_no_mode_fits_is_refused_with_its_reason(tmp_path, written, cause):
+    (problem,) = problems(tmp_path, f"drive: {{motor: {{driver: {written}}}}}")
+    assert cause in problem.cause
+    assert problem.fix.startswith(("use a driver", "wire "))

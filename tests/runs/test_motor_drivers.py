@@ -23,12 +23,15 @@ PINS = {
     "two_pwm": ("{enable: none, in1: 5, in2: 6}", "{enable: none, in1: 9, in2: 10}"),
 }
 
+# A driver of each kind that the firmware distinguishes.
+KINDS = ["l298n", "tb6612", "drv8838", "drv8833"]
+
 
 def robot(folder, driver, board="uno", standby="none", idle=""):
     """The book's robot with another driver."""
     facts = MOTOR_DRIVERS[driver]
     left, right = PINS[facts.mode]
-    idle = idle or ("brake" if facts.always_brakes else "coast")
+    idle = idle or facts.rests[0]
     supply = ", supply: usb" if board == "pico" else ""  # it takes no battery
     uart = "{uart: 1}" if board == "mega2560" else "{uart: 0}"
     file = folder / f"{driver}.yaml"
@@ -57,7 +60,7 @@ def test_a_goal_on_the_emulated_board(tmp_path, driver, board):
 
 
 @pytest.mark.parametrize("board", [name for name in BOARDS if name != "nano"])
-@pytest.mark.parametrize("driver", MOTOR_DRIVERS)
+@pytest.mark.parametrize("driver", KINDS)
 def test_directions_rest_and_restart(tmp_path, driver, board):
     """Forward, backward and stopped, by the truth table of the data sheet."""
     facts = MOTOR_DRIVERS[driver]
@@ -76,7 +79,7 @@ def test_directions_rest_and_restart(tmp_path, driver, board):
         bench.wait(40)
         assert bench.duty == [0.0, 0.0]
         rests = {change.motor: change.brake for change in bench.changes}
-        assert set(rests.values()) == {facts.always_brakes}
+        assert set(rests.values()) == {facts.rests == ("brake",)}
         bench.send(1, frames.DutyFrame(5, 20_000, 20_000))
         bench.wait(40)
         assert all(bench.duty)
@@ -85,7 +88,7 @@ def test_directions_rest_and_restart(tmp_path, driver, board):
         assert bench.duty == [0.0, 0.0]
 
 
-@pytest.mark.parametrize("driver", [d for d, f in MOTOR_DRIVERS.items() if not f.always_brakes])
+@pytest.mark.parametrize("driver", [d for d in KINDS if len(MOTOR_DRIVERS[d].rests) == 2])
 def test_brake_at_rest(tmp_path, driver):
     """`idle: brake` shorts the motor on each driver that can also coast."""
     file = robot(tmp_path, driver, "mega2560", standby_of(driver), idle="brake")
@@ -123,6 +126,7 @@ def test_a_hung_program_releases_two_pwm_inputs(tmp_path):
         ("drv8838", "none", "  right: {motor: {in2: 4}}", "a direction input"),
         ("l298n", "4", "", "no standby input"),
         ("drv8838", "none", "  motor: {idle: coast}", "shorts the motors at rest"),
+        ("l298p", "none", "  motor: {idle: brake}", "it cannot brake"),
         ("tb6612", "4", "board: {supply: regulator}", "no 5 V regulator"),
         ("drv8833", "none", "  right: {motor: {driver: tb6612, enable: 3, idle: coast}}", "driver"),
         ("drv8833", "none", "  left: {motor: {in1: 7}}", "no PWM"),
@@ -150,12 +154,24 @@ def test_the_wiring_names_every_input(tmp_path, driver):
     assert facts.title in wiring_svg(wires, notes(robot_file), driver)
 
 
-def test_the_facts_state_one_supply_range_and_current_each():
-    for name, facts in MOTOR_DRIVERS.items():
-        low, high = facts.supply
-        assert (
-            0 < low < high <= 40 and 0 < facts.current <= 43 and 0 < facts.bridge.drop(1.0) <= 3
-        ), name
+@pytest.mark.parametrize("driver", MOTOR_DRIVERS)
+def test_a_row_is_complete(tmp_path, driver):
+    """Figures within reason, a state for each input, and a robot file without an error."""
+    facts = MOTOR_DRIVERS[driver]
+    low, high = facts.supply
+    assert 0 < low < high <= 45 and 0 < facts.current <= 43 and 0 < facts.bridge.drop(1.0) <= 3.2
+    expected = {
+        "enable_in1_in2": {"enable_low", "both_low", "both_high"},
+        "enable_direction": {"enable_low"},
+        "two_pwm": {"both_low", "both_high"},
+    }
+    assert facts.states.keys() == expected[facts.mode]
+    assert set(facts.states.values()) <= {"open", "shorted"}
+    for half in (facts.left, facts.right):
+        absent = {"enable", "in1", "in2"} - set(facts.inputs())
+        assert {name for name in absent if getattr(half, name) is None} == absent
+    file = robot(tmp_path, driver, standby=standby_of(driver))
+    assert [p.cause for p in check("goal", str(file), ()) if p.severity == "error"] == []
 
 
 def test_an_emulated_board_brakes_and_coasts_in_the_plant(tmp_path):

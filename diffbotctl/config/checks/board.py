@@ -129,10 +129,12 @@ def check_driver(context: CheckContext) -> None:
         fix = f"connect {facts.standby} to a pin and write standby: 4, or to 5 V: standby: none"
         context.warn("W-DRIVER-STANDBY", place, cause, fix)
     idle = context.values("drive.left.motor.idle")
-    if facts.always_brakes and idle == ("coast",):
+    if idle is not None and idle[0] not in facts.rests:
         place = context.error_place("drive.left.motor.idle", "drive.left.motor.driver")
         cause = f"{facts.with_article} shorts the motors at rest: they cannot turn freely"
-        context.error("E-DRIVER", place, cause, "set idle: brake")
+        if idle[0] == "brake":
+            cause = f"{facts.with_article} opens the motors' terminals at rest: it cannot brake"
+        context.error("E-DRIVER", place, cause, f"set idle: {facts.rests[0]}")
     if facts.title != "L298N" and context.values("board.supply") == ("regulator",):
         place = context.error_place("board.supply")
         cause = f"{facts.with_article} has no 5 V regulator for the board"
@@ -154,7 +156,11 @@ def check_stall_current(context: CheckContext) -> None:
             f"a blocked motor takes {values[0]:g} A, {facts.with_article} carries "
             f"{facts.current:g} A: {effect}"
         )
-        enough = [other.title for other in MOTOR_DRIVERS.values() if other.current >= values[0]]
+        enough = [
+            other.title
+            for other in MOTOR_DRIVERS.values()
+            if other.current >= values[0] and other.mode == facts.mode
+        ]
         fix = "use a driver for that current"
         if enough:
             fix += f" ({join_words(enough)})"
