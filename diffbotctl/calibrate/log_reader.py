@@ -47,10 +47,13 @@ from diffbotctl.calibrate.recorded_frames import read_frames
 from diffbotctl.calibrate.recorded_turns import TICK_RATIO, estimated_turns
 from diffbotctl.config.robot import Robot
 from diffbotctl.config.yaml_reader import open_regular
+from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS
 from diffbotctl.errors import Problem, UsageError
 from diffbotctl.messages import Encoders
+from diffbotctl.recording.reader import RecordingReader
 
 COUNT_COLUMNS = ("time", "right", "left")
+SIMULATED_COLUMN = "simulated"  # its name alone marks the counts of a simulated robot
 POSE_COLUMNS = ("x", "y", "heading")
 DEGREES = "heading_deg"
 HEADING_MAX_RAD = 100 * 2 * pi
@@ -241,6 +244,15 @@ def refuse_dead_encoder(drives: Sequence[CountLog]) -> None:
     common = dead_encoder(np.array(turned)) or copied_column(counts)
     if common is not None:
         raise unusable_log(Path(drives[0].name), common)
+
+
+def is_simulated(path: Path) -> bool:
+    """Whether the drive in the readable file at `path` is of a simulated robot."""
+    if path.suffix != ".mcap":
+        return SIMULATED_COLUMN in column_names(path)
+    reader = RecordingReader(path)
+    next(reader.records(), None)
+    return reader.about.get("port") in VIRTUAL_PORTS or "simulated" in reader.about
 
 
 def fingerprint(paths: Sequence[Path]) -> str:

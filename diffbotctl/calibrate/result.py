@@ -57,6 +57,8 @@ class Provenance(NamedTuple):
     """of the battery; None if it was not measured"""
     recording: str | None
     """hash of the recording"""
+    simulated: bool = False
+    """whether the robot was a simulated one"""
 
 
 def formatted_value(finding: Finding, origin: Provenance) -> str:
@@ -76,6 +78,8 @@ def formatted_value(finding: Finding, origin: Provenance) -> str:
     entries["volts"] = volts
     if origin.recording:
         entries["recording"] = json.dumps(origin.recording)
+    if origin.simulated:
+        entries["simulated"] = "true"
     return "{" + ", ".join(f"{name}: {text}" for name, text in entries.items()) + "}"
 
 
@@ -128,7 +132,7 @@ def calibration_entries(file: RobotFile, now: datetime) -> list[CalibrationEntry
             _short_value(entry.value),
             _short_value(entry.sd),
             format_age(entry.date, now),
-            entry.method or "",
+            f"{entry.method or ''}{' (SIMULATED robot)' if entry.simulated else ''}",
             str(entry.volts or ""),
             (entry.recording or "")[:12],
         )

@@ -7,6 +7,7 @@ detects whether the file was changed since, and can go back step by step.
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -35,6 +36,13 @@ EMPTY_SECTION = re.compile(
     rf"^(?P<key>{SECTION}:)(?P<gap>[ ]*)(?P<braces>\{{[ ]*\}})?(?P<rest>[ ]*(?:#.*)?)$",
     re.MULTILINE,
 )
+SIMULATED_FILE = """\
+# What `calibrate` measures on a simulated robot. A real port refuses these results.
+format: 1
+kind: robot
+include: {include}
+calibration: {{}}
+"""
 FINGERPRINT_DIGITS = 8  # hexadecimal
 BACKUP_INFIX = ".before-"
 
@@ -107,6 +115,26 @@ def writable_copy(path: Path) -> tuple[Path, bool]:
         raise _write_error(copy, f"cannot be written: {error.strerror}", "") from error
     with suppress(OSError):  # the first line names a schema; a calibration does not need it
         place_schemas()
+    return copy, True
+
+
+def simulated_copy(path: Path) -> tuple[Path, bool]:
+    """The file beside the robot file at `path` for results of a simulated robot; whether it is new.
+
+    It includes the file at `path`, and so follows its changes. Raises UsageError if it cannot be
+    written.
+    """
+    copy = lookup.simulated_copy_of(path)
+    if copy.exists():
+        return copy, False
+    if lookup.is_shipped(copy):
+        raise lookup.shipped_folder_error(copy, "E-CALIBRATE-WRITE")
+    include = path.stem if lookup.is_shipped(path) else json.dumps(f"./{path.name}")
+    try:
+        copy.parent.mkdir(exist_ok=True)
+        copy.write_text(SIMULATED_FILE.format(include=include), encoding="utf-8")
+    except OSError as error:
+        raise _write_error(copy, f"cannot be written: {error.strerror}", "") from error
     return copy, True
 
 

@@ -14,7 +14,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, assert_never
 
-from diffbotctl.calibrate.log_reader import fingerprint
+from diffbotctl.calibrate.log_reader import SIMULATED_COLUMN, fingerprint
 from diffbotctl.calibrate.result import Provenance, format_date
 from diffbotctl.calibrate.session import RobotSession, StopKey
 from diffbotctl.calibrate.step import (
@@ -27,7 +27,7 @@ from diffbotctl.calibrate.step import (
     StepProgress,
 )
 from diffbotctl.config.configuration import RobotFile
-from diffbotctl.drivers.robot_ports import has_encoders
+from diffbotctl.drivers.robot_ports import has_encoders, is_simulated_port
 from diffbotctl.drivers.serial_robot import open_serial_robot
 from diffbotctl.engine.clock import PacedClock
 from diffbotctl.engine.driver import RobotDriver
@@ -129,7 +129,8 @@ def open_session(
             previous.close()
         return open_serial_robot(file.robot, port, report, now, is_upward_checked=False)
 
-    return RobotSession(file, make_driver, PacedClock(exact=False), key), None
+    clock = PacedClock(exact=False)
+    return RobotSession(file, make_driver, clock, key, is_simulated_port(port)), None
 
 
 def run_step(step: Step, session: RobotSession, prompter: Prompter, screen: Screen) -> Outcome:
@@ -189,7 +190,7 @@ def save_result(step: Step, outcome: Outcome, session: RobotSession, folder: Pat
     try:
         folder.mkdir(parents=True, exist_ok=True)
         recording = _free_path(folder, f"{step.name}-{now:%Y%m%d-%H%M%S}", ".csv")
-        recording.write_text(encoder_table(frames))
+        recording.write_text(encoder_table(frames, session.is_simulated))
         files.append(recording)
         for name, text in outcome.pictures.items():
             picture = recording.with_name(f"{recording.stem}-{name}")
@@ -197,7 +198,8 @@ def save_result(step: Step, outcome: Outcome, session: RobotSession, folder: Pat
             files.append(picture)
     except OSError as error:
         raise _unwritable(folder, error) from error
-    origin = Provenance(outcome.method, format_date(now), outcome.volts, fingerprint([recording]))
+    taken_from, simulated = fingerprint([recording]), session.is_simulated
+    origin = Provenance(outcome.method, format_date(now), outcome.volts, taken_from, simulated)
     return StepDone(origin, files)
 
 
@@ -227,9 +229,13 @@ def _free_path(folder: Path, stem: str, suffix: str) -> Path:
     return path
 
 
-def encoder_table(frames: Sequence[Encoders]) -> str:
-    """Frames as the CSV text that `calibrate from-log` reads, with edge times and commands."""
+def encoder_table(frames: Sequence[Encoders], is_simulated: bool) -> str:
+    """Frames as the CSV text that `calibrate from-log` reads, with edge times and commands.
+
+    Those of a simulated robot have one more column, whose name marks them.
+    """
     lines = ["time,right,left,right_edge,left_edge,right_command,left_command,kind,boot"]
+    lines[0] += f",{SIMULATED_COLUMN}" if is_simulated else ""
     for frame in frames:
         edges = [
             "" if edge is None else f"{edge * NS:.6f}"

@@ -123,9 +123,15 @@ class RobotSession:
     """
 
     def __init__(
-        self, file: RobotFile, make_driver: DriverFactory, clock: Clock, key: StopKey | None = None
+        self,
+        file: RobotFile,
+        make_driver: DriverFactory,
+        clock: Clock,
+        key: StopKey | None = None,
+        is_simulated: bool = True,
     ) -> None:
         self.file = file
+        self.is_simulated = is_simulated
         self.clock = clock
         self.key = key
         self.now = 0

@@ -154,6 +154,7 @@ def _open(path: Path, client: ControlClient, topics: list[LiveTopic]) -> LiveRec
         "pipeline": str(status["pipeline"]),
         "robot": str(status["robot"] or ""),
         "port": str(status["port"]),
+        **({"simulated": "yes"} if status["simulated"] else {}),
     }
     try:
         return LiveRecording(path, about, topics)

@@ -113,11 +113,12 @@ def _save(found: GeometryFit, files: tuple[Path, ...], robot: str | None, yes: b
     from datetime import UTC, datetime
 
     from diffbotctl.calibrate.geometry_fit import geometry_findings
-    from diffbotctl.calibrate.log_reader import fingerprint
+    from diffbotctl.calibrate.log_reader import fingerprint, is_simulated
     from diffbotctl.calibrate.result import Provenance, format_date
     from diffbotctl.config.load import load_robot
 
-    origin = Provenance("from-log", format_date(datetime.now(UTC)), None, fingerprint(files))
+    date, simulated = format_date(datetime.now(UTC)), any(map(is_simulated, files))
+    origin = Provenance("from-log", date, None, fingerprint(files), simulated)
     keep(load_robot(robot).file, geometry_findings(found), origin, yes)
 
 

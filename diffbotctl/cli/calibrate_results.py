@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from diffbotctl.calibrate.robot_file import FileChange
 
 COPIED = "{name} ships with diffbotctl and stays as it is:\ncopied to {mine}"
+FOR_SIMULATED = "{name} stays as it is: results of a simulated robot go into\n{mine}"
 UNWRITTEN = "Nothing was written. The entries are those with a + in front."
 
 
@@ -27,16 +28,21 @@ def keep(path: Path, findings: Sequence[Finding], origin: Provenance, yes: bool)
     """
     from diffbotctl.calibrate.robot_file import plan_change
 
-    return put(plan_change(own(path), findings, origin), yes)
+    return put(plan_change(own(path, origin.simulated), findings, origin), yes)
 
 
-def own(path: Path) -> Path:
-    """The file to write for the robot at `path`; a shipped one is copied, with a message."""
-    from diffbotctl.calibrate.robot_file import writable_copy
+def own(path: Path, is_simulated: bool = False) -> Path:
+    """The file to write for the robot at `path`; a shipped one is copied, with a message.
 
-    mine, was_copied = writable_copy(path)
-    if was_copied:
-        click.echo(COPIED.format(name=path.name, mine=mine))
+    Results of a simulated robot go into a file beside it.
+    """
+    from diffbotctl.calibrate.robot_file import simulated_copy, writable_copy
+    from diffbotctl.config.lookup import display_path
+
+    mine, is_new = simulated_copy(path) if is_simulated else writable_copy(path)
+    if is_new:
+        text = FOR_SIMULATED if is_simulated else COPIED
+        click.echo(text.format(name=path.name, mine=display_path(mine)))
     return mine
 
 
@@ -54,7 +60,7 @@ def put(made: FileChange, yes: bool) -> bool:
         return False
     kept = write_change(made)
     click.echo(f"{display_path(made.path)} is written; as it was: {kept.name}.")
-    click.echo("`diffbotctl calibrate undo` goes back.")
+    click.echo(f"`diffbotctl calibrate undo --robot {display_path(made.path)}` goes back.")
     return True
 
 

@@ -156,16 +156,16 @@ def _open_robot(
     from diffbotctl.cli.choose_port import choose_port
     from diffbotctl.config.load import load_robot
     from diffbotctl.config.lookup import display_path
-    from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS
+    from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS, is_simulated_port
     from diffbotctl.prompts.keyboard import Keyboard
     from diffbotctl.runs.signals import signals_as_interrupts
 
     port = choose_port(radio=True, simulates=True) if options.port == "auto" else options.port
-    is_real = port not in VIRTUAL_PORTS
-    file = load_robot(options.robot)
+    is_real, is_simulated = port not in VIRTUAL_PORTS, is_simulated_port(port)
+    file = load_robot(options.robot, refuse_simulated=not is_simulated)
     if not options.dry_run:
-        file = load_robot(str(own(file.file).absolute()))
-    click.echo(f"robot {display_path(file.file)}, {port if is_real else f'{port}: SIMULATED'}")
+        file = load_robot(str(own(file.file, is_simulated).absolute()))
+    click.echo(f"robot {display_path(file.file)}, {port}{': SIMULATED' * is_simulated}")
     keyboard = Keyboard(sys.stdin.fileno()) if sys.stdin.isatty() else None
     session, tools = open_session(file, port, options.seed, keyboard, click.echo)
     was_interrupted = False

@@ -144,18 +144,19 @@ def command(
     signals = Signals()  # from here on a signal is remembered, and ends the run when it has started
     from diffbotctl.config.checks.world import typed_goal_problems
     from diffbotctl.config.load import load
-    from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS
+    from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS, is_simulated_port
     from diffbotctl.errors import UsageError
     from diffbotctl.recording.black_box_store import black_box_folder
     from diffbotctl.runs.options import RunOptions
     from diffbotctl.runs.run import Run
 
     run_goals = tuple(read_goal(text) for text in goals)
-    configuration = load(pipeline, robot, sets, real=port not in VIRTUAL_PORTS)
+    is_simulated = port in VIRTUAL_PORTS
+    refuse = not is_simulated_port(port)
+    configuration = load(pipeline, robot, sets, real=not is_simulated, refuse_simulated=refuse)
     check_used(context, configuration)
     problems = list(configuration.warnings)
     for text, goal in zip(goals, run_goals, strict=True):
-        is_simulated = port in VIRTUAL_PORTS
         problems += typed_goal_problems(
             configuration, f"--goal '{text}'", goal.x, goal.y, is_simulated
         )

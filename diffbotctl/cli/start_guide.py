@@ -79,6 +79,8 @@ class SetupGuide:
             self._undo_robot()
         if "port" in notes and not os.path.exists(notes["port"]):
             self._undo_board()  # unplugged since, or its name has changed
+        else:
+            self._note_board()
 
     def _use_robot(self, robot: str) -> None:
         """Continue with this robot; what was done with another one does not count."""
@@ -93,14 +95,41 @@ class SetupGuide:
         """Only the chapter without a robot of one's own stays done."""
         self.progress.done[:] = [key for key in self.progress.done if key == ChapterKey.SIMULATED]
 
+    def _note_board(self) -> None:
+        """Note what kind of board is at the port.
+
+        What was done on an emulated board does not count for a real one, nor the other way round.
+        """
+        from diffbotctl.drivers.robot_ports import is_simulated_port
+
+        notes, known = self.progress.notes, (ChapterKey.SIMULATED, ChapterKey.ROBOT)
+        if "port" not in notes:
+            return
+        kind = "emulated" if is_simulated_port(self.port) else "real"
+        is_missing = kind == "emulated" and "robot" in notes and not self._results().exists()
+        if notes.get("board", kind) != kind or is_missing:
+            self.progress.done[:] = [key for key in self.progress.done if key in known]
+        notes["board"] = kind
+
+    def _results(self) -> Path:
+        """The file for what is measured on an emulated board."""
+        from diffbotctl.config.lookup import simulated_copy_of
+
+        return simulated_copy_of(Path(self.progress.notes["robot"]))
+
     def _undo_board(self) -> None:
         board_keys = (ChapterKey.BOARD, ChapterKey.FIRMWARE)
         self.progress.done[:] = [key for key in self.progress.done if key not in board_keys]
 
     @property
     def robot(self) -> str | None:
-        """The robot's file or name; None before there is one."""
-        return self.progress.notes.get("robot")
+        """The robot's file or name; None before there is one.
+
+        On an emulated board it is the file for the results of one.
+        """
+        own = self.progress.notes.get("robot")
+        is_emulated = own is not None and self.progress.notes.get("board") == "emulated"
+        return str(self._results()) if is_emulated else own
 
     @property
     def port(self) -> str:
@@ -181,20 +210,22 @@ class SetupGuide:
         from diffbotctl.config import lookup
         from diffbotctl.config.load import load_robot
 
-        path = lookup.find_robot(self.robot)
-        if self.robot is None and lookup.is_shipped(path):
+        own = self.progress.notes.get("robot")
+        path = lookup.find_robot(own)
+        if own is None and lookup.is_shipped(path):
             path = Path("robots") / f"{NEW_ROBOT}.yaml"
             if lookup.is_shipped(path):
                 raise lookup.shipped_folder_error(path, "E-FILE-WRITE")
             if not path.exists():
                 _print("  It describes the kit of the book; change what differs on your robot.")
                 new.write("robot", NEW_ROBOT)
-        self.progress.notes["robot"] = str(writable_copy(path)[0])
-        for warning in load_robot(self.robot).warnings:
+        own = self.progress.notes["robot"] = str(writable_copy(path)[0])
+        for warning in load_robot(own).warnings:
             click.echo(warning.render())
-        _print(f"  Wiring diagram and table: diffbotctl wiring {self.robot}")
+        _print(f"  Wiring diagram and table: diffbotctl wiring {own}")
 
     def _find_board(self) -> None:
+        from diffbotctl.calibrate.robot_file import simulated_copy
         from diffbotctl.cli.choose_port import choose_port
         from diffbotctl.drivers.board_ports import NoBoardError
 
@@ -205,6 +236,11 @@ class SetupGuide:
                 if self.prompter.answers is not None:
                     raise
                 raise StopGuide(NO_BOARD) from None
+        self._note_board()
+        if self.progress.notes["board"] == "emulated":
+            made, is_new = simulated_copy(Path(self.progress.notes["robot"]))
+            if is_new:
+                _print(f"  It is an emulated board: what is measured goes into {made}.")
 
     def _flash_firmware(self) -> None:
         from diffbotctl.board.jobs import is_diffbot

@@ -62,16 +62,18 @@ def load(
     sets: Sequence[str] = (),
     *,
     real: bool = False,
+    refuse_simulated: bool = False,
     robot_files: Mapping[str, str] | None = None,
 ) -> Configuration:
     """Read and check the pipeline called `pipeline` and its robot.
 
     Both are names or paths; `robot` has priority over `use` in the pipeline. `sets` are texts of
     the form `block.param=value`. `real`: for a run on a real robot; this adds checks that matter
-    only there. `robot_files`: of a pipeline of several robots, by their names. Raises
-    ConfigurationError with every problem of all files at once.
+    only there. `refuse_simulated`: results of a simulated robot are an error. `robot_files`: of a
+    pipeline of several robots, by their names. Raises ConfigurationError with every problem of all
+    files at once.
     """
-    loader = _Loader(sets, real)
+    loader = _Loader(sets, real, refuse_simulated)
     try:
         return loader.load_pipeline(pipeline, robot)
     except source_tree.NamedIncludesError as named:
@@ -85,13 +87,17 @@ def load(
 
 
 def load_robot(
-    robot: str | None = None, sets: Sequence[str] = (), *, real: bool = False
+    robot: str | None = None,
+    sets: Sequence[str] = (),
+    *,
+    real: bool = False,
+    refuse_simulated: bool = False,
 ) -> RobotFile:
     """Read and check one robot file by name or path; None: the default robot.
 
-    Raises ConfigurationError.
+    `real` and `refuse_simulated`: as for `load`. Raises ConfigurationError.
     """
-    return _Loader(sets, real).load_robot(robot)
+    return _Loader(sets, real, refuse_simulated).load_robot(robot)
 
 
 def check(
@@ -106,8 +112,8 @@ def check(
             saved_view.read_view(name)
             return ()
         if _is_robot(name):
-            return load_robot(name, sets, real=real).warnings
-        return load(name, robot, sets, real=real).warnings
+            return load_robot(name, sets, real=real, refuse_simulated=real).warnings
+        return load(name, robot, sets, real=real, refuse_simulated=real).warnings
     except UserError as error:
         return error.problems
 
@@ -162,9 +168,15 @@ def _kind_of(tree: Value) -> str:
 class _Loader:
     """Reads one pipeline or robot and collects every problem on the way."""
 
-    def __init__(self, sets: Sequence[str], real: bool, overrides: Sequence[Override] = ()) -> None:
+    def __init__(
+        self,
+        sets: Sequence[str],
+        real: bool,
+        refuse_simulated: bool,
+        overrides: Sequence[Override] = (),
+    ) -> None:
         """`overrides` come before those in `sets`."""
-        self.context = CheckContext(real=real)
+        self.context = CheckContext(real=real, refuse_simulated=refuse_simulated)
         self.problems = self.context.problems
         self.sets = tuple(sets)
         self.overrides = [*overrides, *source_tree.parse_overrides(sets, self.problems)]
@@ -206,10 +218,11 @@ class _Loader:
         wrong = _wrong_kind(tree, "pipeline")
         if wrong is not None or self.problems:
             raise ConfigurationError([*([] if wrong is None else [wrong]), *self.problems])
-        real = self.context.real
+        context = self.context
 
         def load_one(path: str, robot: str | None, overrides: list[Override]) -> Configuration:
-            return _Loader((), real, overrides).load_pipeline(path, robot)
+            loader = _Loader((), context.real, context.refuse_simulated, overrides)
+            return loader.load_pipeline(path, robot)
 
         file = lookup.find_pipeline(name)
         loaded = load_named_robots(file, tree, self.overrides, robot_files, load_one)

@@ -8,6 +8,7 @@ from pathlib import Path
 from diffbotctl.errors import Problem, UsageError, closest_match
 
 DEFAULT_ROBOT = "book_2wd"
+SIMULATED = ".simulated"  # ends the stem of a file for results of a simulated robot
 
 
 def folder(name: str) -> Path:
@@ -48,8 +49,29 @@ def find_robot(name: str | None) -> Path:
 
 
 def _own_names(kind: str) -> list[str]:
-    """The names of the user's YAML files in ./`kind`, without their ending."""
-    return sorted(path.stem for path in Path(kind).glob("*.yaml"))
+    """The names of the user's YAML files in ./`kind`, without their ending.
+
+    Files for results of a simulated robot are used only by their names.
+    """
+    return sorted(p.stem for p in Path(kind).glob("*.yaml") if not is_simulated_copy(p))
+
+
+def is_simulated_copy(path: Path) -> bool:
+    """Whether `path` is the file for results of a simulated robot."""
+    return path.stem.endswith(SIMULATED)
+
+
+def simulated_copy_of(path: Path) -> Path:
+    """The file beside `path` for results of a simulated robot; of a shipped one, in ./robots."""
+    if is_simulated_copy(path):
+        return path
+    folder = Path("robots") if is_shipped(path) else path.parent
+    return folder / f"{path.stem}{SIMULATED}.yaml"
+
+
+def original_of(path: Path) -> Path:
+    """The robot file whose results of a simulated robot are at `path`."""
+    return path.with_name(f"{path.stem.removesuffix(SIMULATED)}.yaml")
 
 
 def is_known(name: str, kind: str) -> bool:

@@ -643,6 +643,11 @@ class Calibrated(Section):
     recording: str | None = Param(
         str, none=True, default=None, help="Hash of the recording it was taken from."
     )
+    simulated = Param(
+        bool,
+        default=False,
+        help="Whether it was found on a simulated robot. A real port refuses the file then.",
+    )
 
 
 class Robot(Section):

@@ -208,8 +208,8 @@ class _IncludeReader:
         base: Value | None = None
         for name in items:
             included = self._included(name, path, [*including, lookup.real_path(path)])
-            base = included if base is None else included.merged_over(base)
-        return own if base is None else own.merged_over(base)
+            base = included if base is None else _merge(included, base)
+        return own if base is None else _merge(own, base)
 
     def _included(self, name: Value, path: Path, including: list[Path]) -> Value:
         if not isinstance(name.data, str) or not name.data.strip() or "\0" in name.data:
@@ -256,6 +256,15 @@ class _IncludeReader:
             return lookup.find(name, self.folder)
         except UserError as error:
             _refuse_include(include, error.problems[0].cause, error.problems[0].fix)
+
+
+def _merge(own: Value, base: Value) -> Value:
+    """`own` over `base`, key by key; an entry of `calibration` is one result and stays whole."""
+    merged = own.merged_over(base)
+    results = own.at("calibration")
+    for path, entry in results.entries.items() if results else ():
+        merged = merged.with_entry(("calibration", path), entry)
+    return merged
 
 
 def _refuse_include(name: Value, cause: str, fix: str) -> NoReturn:

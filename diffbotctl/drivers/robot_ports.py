@@ -5,6 +5,9 @@ Simulated runs import this module; the protocols of real boards are in robot_lin
 
 from __future__ import annotations
 
+import os
+import stat
+
 from diffbotctl.config.robot import Robot
 from diffbotctl.control.speed_loop import limit_duty, speed_gains
 from diffbotctl.messages import Duty, Wheels
@@ -12,6 +15,24 @@ from diffbotctl.messages import Duty, Wheels
 GYRO_REST = 1_000_000_000  # ns; wheels with few slots coast unseen in the first third of it
 # Ports without a real robot, each with how screens mark it
 VIRTUAL_PORTS = {"sim": "SIMULATED", "emulated": "SIMULATED robot, EMULATED board"}
+# Of the device file of an emulated board; it has no meaning for a device, so no other one has it.
+EMULATED_MODE = stat.S_ISVTX
+
+
+def mark_emulated(device: str) -> None:
+    """Mark the pseudo-terminal `device` as the port of an emulated board."""
+    os.chmod(device, os.stat(device).st_mode | EMULATED_MODE)
+
+
+def is_simulated_port(port: str) -> bool:
+    """Whether a simulated robot is behind `port`: also behind the device of `emulate`."""
+    if port in VIRTUAL_PORTS:
+        return True
+    try:
+        mode = os.stat(port).st_mode
+    except (OSError, ValueError):
+        return False
+    return stat.S_ISCHR(mode) and bool(mode & EMULATED_MODE)
 
 
 def is_duty_board(robot: Robot) -> bool:

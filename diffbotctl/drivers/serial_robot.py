@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
+from diffbotctl.config.checks.calibration import simulated_fields
 from diffbotctl.config.robot import Robot
 from diffbotctl.drivers.board_watchdog import BoardWatchdog
 from diffbotctl.drivers.robot_link import diffbot_host, rosserial_host
+from diffbotctl.drivers.robot_ports import is_simulated_port
 from diffbotctl.drivers.serial_port import OpenPort, open_port, reopen_port
 from diffbotctl.drivers.watchdog_process import WatchdogProcess
 from diffbotctl.engine.driver import Delivery
-from diffbotctl.errors import Problem, RunError
+from diffbotctl.errors import ConfigurationError, Problem, RunError
 from diffbotctl.links.link_protocol import LinkProtocol
 from diffbotctl.messages import Duty, Message, Wheels
 from diffbotctl.time import MILLISECOND, NEVER
@@ -39,8 +41,14 @@ def open_serial_robot(
     """Open `device` at `now` (ns) and drive `robot` through it. Raises RunError.
 
     `is_upward_checked`: the board compares the stated axis of the IMU with gravity.
-    A watchdog process replaces the dead-man's stop that the book's firmware lacks.
+    A watchdog process replaces the dead-man's stop that the book's firmware lacks. Raises
+    ConfigurationError for a robot with results of a simulated one.
     """
+    marked = simulated_fields(robot)
+    if marked and not is_simulated_port(device):
+        place, fix = f"calibration: {marked[0]}", "use the robot's own file"
+        cause = "it was measured on a simulated robot"
+        raise ConfigurationError(Problem("E-CALIBRATION-SIMULATED", place, cause, fix))
     if robot.link.protocol != "rosserial":
         host = diffbot_host(robot, device, is_upward_checked)
         driver = SerialRobot(host, lambda: reopen_port(device, host.baud))

@@ -11,6 +11,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Literal, NamedTuple
 
+from diffbotctl.drivers.robot_ports import mark_emulated
 from diffbotctl.emulator.program import (
     CHIPS,
     SIMAVR,
@@ -183,6 +184,8 @@ class Emulator:
             self.ports = (self._usb.name, self._uart.name)
         elif pty:
             self.ports = self._ports()
+        for port in self.ports or ():
+            mark_emulated(port)
 
     @property
     def pid(self) -> int:

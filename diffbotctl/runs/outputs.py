@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from diffbotctl import __version__
 from diffbotctl.config.configuration import Configuration
+from diffbotctl.drivers.robot_ports import is_simulated_port
 from diffbotctl.engine.loop import RunOutcome
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.graph import LOG, Sink
@@ -264,6 +265,7 @@ def run_facts(
         "robot": _recorded(configuration.robot_file),
         "sets": json.dumps(configuration.settings),
         "port": options.port,
+        **({"simulated": "yes"} if is_simulated_port(options.port) else {}),
         "seed": str(options.seed),
         "goals": json.dumps([list(goal) for goal in goals]),
         "duration": json.dumps(options.duration),

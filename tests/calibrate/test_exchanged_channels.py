@@ -7,6 +7,7 @@ import pytest
 import diffbotctl.testing
 from diffbotctl.calibrate.encoder_fit import count_slots
 from diffbotctl.config.load import load_robot
+from diffbotctl.config.lookup import simulated_copy_of
 from diffbotctl.testing.running import cli
 from diffbotctl.testing.virtual_board import ENCODER_ANSWERS
 
@@ -33,7 +34,7 @@ def test_exchanged_channels_are_found_and_written(tmp_path, kind, port):
     code, said, complaints = cli(tmp_path, *words, "--answers", str(answers), "--yes", cwd=tmp_path)
     assert code == 0, said + complaints
     assert "left encoder: channels A and B exchanged: it counted down going forward" in said
-    encoders = load_robot(str(robot)).robot.drive
+    encoders = load_robot(str(simulated_copy_of(robot))).robot.drive
     assert (encoders.left.encoder.reversed, encoders.right.encoder.reversed) == (True, False)
 
 
@@ -48,7 +49,7 @@ def test_a_wheel_turned_by_hand_shows_the_slots_where_four_counts_are_one(tmp_pa
     words = ["calibrate", "encoders", "--robot", str(robot), "--port", "sim", "--rolls", "2"]
     code, said, complaints = cli(tmp_path, *words, "--answers", str(answers), "--yes", cwd=tmp_path)
     assert code == 0, said + complaints
-    encoder = load_robot(str(robot)).robot.drive.left.encoder
+    encoder = load_robot(str(simulated_copy_of(robot))).robot.drive.left.encoder
     assert encoder.slots == pytest.approx(1100, abs=1)  # a hand ends some slots beside the mark
     assert encoder.counts == 4 * encoder.slots
 

@@ -11,6 +11,7 @@ from diffbotctl.blocks.range_sensor import distance_at
 from diffbotctl.calibrate.steps.battery import CHEMISTRIES, cell_range, divider_finding
 from diffbotctl.cli.calibrate import command
 from diffbotctl.config.load import load, load_robot
+from diffbotctl.config.lookup import simulated_copy_of
 from diffbotctl.errors import RunError
 from diffbotctl.plant.sharp_ir import CURVE
 
@@ -39,6 +40,11 @@ def robot(tmp_path, monkeypatch):
     return tmp_path / "mine.yaml"
 
 
+def calibrated(robot):
+    """The robot with the results of its simulated one."""
+    return load_robot(str(simulated_copy_of(robot))).robot
+
+
 def calibrate(step: str, answers=ANSWERS, *more: str):
     Path("answers.yaml").write_text(yaml.safe_dump(answers))
     words = [step, "--robot", "./mine.yaml", "--port", "sim", "--answers", "answers.yaml", "--yes"]
@@ -49,18 +55,20 @@ def test_the_sensor_s_block_reads_what_was_found(robot):
     before = robot.read_bytes()
     result = calibrate("range")
     assert result.exit_code == 0, result.output
-    curve = load_robot(str(robot)).robot.sensors["front"].curve
+    curve = calibrated(robot).sensors["front"].curve
     # The card stands where the rule says to 0.2 mm; 3 mm to 20 cm, 2 % beyond, and that
     for place, volts in CURVE:
         if 0.04 <= place <= 0.30:
             distance = distance_at(volts + 0.12, curve.a, curve.b, curve.c)
             assert distance == pytest.approx(place, abs=max(0.003, 0.02 * place) + 0.0004)
-    use = next(use for use in load("goal", str(robot)).blocks if use.name == "range")
+    use = next(
+        use for use in load("goal", str(simulated_copy_of(robot))).blocks if use.name == "range"
+    )
     block = use.cls(**use.values)
     block.reset()
     assert block.curve == (curve.a, curve.b, curve.c)
-    assert CliRunner().invoke(command, ["undo", "--robot", "./mine.yaml"]).exit_code == 0
-    assert robot.read_bytes() == before
+    assert CliRunner().invoke(command, ["undo", "--robot", "./mine.simulated.yaml"]).exit_code == 0
+    assert robot.read_bytes() == before and not calibrated(robot).calibration
 
 
 def test_a_card_in_the_fold_is_named(robot):
@@ -69,7 +77,7 @@ def test_a_card_in_the_fold_is_named(robot):
     result = calibrate("range", placed)
     assert isinstance(result.exception, RunError)
     assert "falls again" in str(result.exception.problems[0].cause)
-    assert "curve" not in robot.read_text()
+    assert not calibrated(robot).calibration
 
 
 def test_a_misread_distance_is_named_and_measured_again(robot):
@@ -81,7 +89,7 @@ def test_a_misread_distance_is_named_and_measured_again(robot):
     assert "Without the point at 10 cm the others fit, and by these the card stood at" in said
     assert "not at 12 cm. Measure this point again." in said
     assert "Put the card 10 cm from the sensor's front." in said
-    curve = load_robot(str(robot)).robot.sensors["front"].curve
+    curve = calibrated(robot).sensors["front"].curve
     volts = dict(CURVE)[0.10] + 0.12
     assert distance_at(volts, curve.a, curve.b, curve.c) == pytest.approx(0.10, abs=0.003)
 
@@ -91,7 +99,7 @@ def test_a_distance_that_is_misread_again_is_refused_by_its_name(robot):
     result = calibrate("range", {"range.distance": typed, "range.repeated_distance": "12 cm"})
     assert isinstance(result.exception, RunError)
     assert "without the point at 10 cm the others fit" in result.exception.problems[0].cause
-    assert "curve.a" not in robot.read_text()
+    assert not calibrated(robot).calibration
 
 
 def test_points_of_no_curve_are_told_with_their_errors(robot):
@@ -112,10 +120,10 @@ def test_the_divider_follows_from_the_meter_s_reading(robot):
     """3 is stated, 3.18 true: the board sees less at its pin than it should."""
     result = calibrate("battery")
     assert result.exit_code == 0, result.output
-    calibrated = load_robot(str(robot)).robot
-    assert calibrated.battery.divider == pytest.approx(3.18, rel=0.005)
-    assert calibrated.battery.low == pytest.approx(2 * 3.3)
-    assert calibrated.calibration["battery.divider"].volts == "7.6 V"
+    found = calibrated(robot)
+    assert found.battery.divider == pytest.approx(3.18, rel=0.005)
+    assert found.battery.low == pytest.approx(2 * 3.3)
+    assert found.calibration["battery.divider"].volts == "7.6 V"
 
 
 @pytest.mark.parametrize(
@@ -135,7 +143,7 @@ def test_cells_that_contradict_the_meter_are_refused(robot, answers, words):
     result = calibrate("battery", ANSWERS | answers)
     assert isinstance(result.exception, RunError)
     assert words in result.exception.problems[0].cause
-    assert "battery.low" not in robot.read_text()
+    assert not calibrated(robot).calibration
 
 
 def test_a_meter_that_contradicts_the_board_is_told_with_both_figures(robot):
@@ -151,13 +159,13 @@ def test_an_empty_battery_gets_no_low_limit_above_its_voltage(robot):
     assert result.exit_code == 0, result.output
     said = " ".join(result.output.split())
     assert "no number of lipo cells, of 3.3 to 4.25 V each, has 6.50 V" in said
-    assert load_robot(str(robot)).robot.battery.low == 0.0  # none
+    assert calibrated(robot).battery.low == 0.0  # none
 
 
 def test_other_steps_note_the_voltage_where_the_board_measures_it(robot):
     """7.6 V in truth are 7.17 V by the stated divider."""
     assert calibrate("range").exit_code == 0
-    volts = load_robot(str(robot)).robot.calibration["sensors.front.curve.a"].volts
+    volts = calibrated(robot).calibration["sensors.front.curve.a"].volts
     assert float(volts.split()[0]) == pytest.approx(7.17, abs=0.02)
 
 
@@ -167,7 +175,7 @@ def test_without_a_pin_there_is_nothing_to_calibrate(robot):
     assert result.exit_code == 0
     assert "Chemistry" not in result.output
     assert "does not measure its battery" in result.output
-    assert not load_robot(str(robot)).robot.calibration
+    assert not calibrated(robot).calibration
 
 
 @pytest.mark.parametrize(
@@ -199,7 +207,7 @@ def test_how_many_cells_a_voltage_allows(volts, kind, cells):
 def test_the_discs_are_found_and_written(robot):
     result = calibrate("discs")
     assert result.exit_code == 0, result.output
-    drive = load_robot(str(robot)).robot.drive
+    drive = calibrated(robot).drive
     for side in (drive.left, drive.right):
         assert len(side.encoder.slot_errors) == len(side.encoder.back_errors) == 20
     shutil.rmtree("recordings")

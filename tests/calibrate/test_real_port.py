@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from diffbotctl.config.load import load_robot
+from diffbotctl.config.lookup import simulated_copy_of
 from diffbotctl.testing import virtual_board as board
 from diffbotctl.testing.command_process import command_line
 from diffbotctl.testing.terminal import Terminal
@@ -53,9 +54,9 @@ def test_wires_are_proven_over_the_radio(robot):
             "--yes",
         )
         assert code == 0, output
-        assert "SIMULATED" not in output and "match the robot file" in output
+        assert ": SIMULATED" in output and "match the robot file" in output
         board.wait_until(lambda: max(virtual.board.duty) == 0.0)
-    assert load_robot(str(robot)).robot.drive.polarity == "calibrated"
+    assert load_robot(str(simulated_copy_of(robot))).robot.drive.polarity == "calibrated"
     # What whoever has no robot before their eyes is asked for.
     assert [line.split(" s  ")[1] for line in virtual.seen if "turn" in line] == [
         "the left wheel turns forward, the right wheel stands",
@@ -76,7 +77,7 @@ def test_a_question_at_a_terminal_has_no_time_limit(robot):
                 terminal.screen.reset()
                 terminal.type(f"{answer}\r")
             assert terminal.ended() == 0, terminal.text
-    assert load_robot(str(robot)).robot.drive.polarity == "calibrated"
+    assert load_robot(str(simulated_copy_of(robot))).robot.drive.polarity == "calibrated"
     # What piled up meanwhile would be told with times that are wrong by the board's 2.1 s.
     (recording,) = Path("recordings").glob("encoders-*.csv")
     with recording.open() as lines:

@@ -14,6 +14,7 @@ from click.testing import CliRunner
 
 from diffbotctl.cli.calibrate import command
 from diffbotctl.config.load import load_robot
+from diffbotctl.config.lookup import simulated_copy_of
 from diffbotctl.errors import RunError
 from diffbotctl.testing.calibration_robots import ANSWERS
 from diffbotctl.testing.command_process import command_line
@@ -40,7 +41,9 @@ def test_the_whole_chain_from_a_file_and_back(robot):
     done = calibrate("--robot", robot, "--port", "sim", "--answers", "answers.yaml", "--yes")
     assert done.exit_code == 0, done.output
     assert "SIMULATED" in done.output
-    found = load_robot(str(robot)).robot
+    assert robot.read_bytes() == before
+    copy = simulated_copy_of(robot)
+    found = load_robot(str(copy)).robot
     assert found.drive.polarity == "calibrated"
     assert set(found.calibration) >= {
         "drive.left.motor.lag",
@@ -52,12 +55,13 @@ def test_the_whole_chain_from_a_file_and_back(robot):
     }
     entry = found.calibration["drive.track"]
     assert entry.method == "umbmark" and entry.volts == "not measured" and entry.sd
+    assert all(each.simulated for each in found.calibration.values())
     recording = next(Path("recordings").glob("geometry-*.csv"))
     assert recording.read_text().startswith("time,right,left")
     assert next(Path("recordings").glob("*.svg")).read_text().startswith("<svg")
     for _ in range(6):  # all steps but battery, which no pin measures
-        assert calibrate("undo", "--robot", robot).exit_code == 0
-    assert robot.read_bytes() == before
+        assert calibrate("undo", "--robot", copy).exit_code == 0
+    assert not load_robot(str(copy)).robot.calibration
 
 
 def test_a_fault_that_only_a_hand_mends_ends_the_chain(robot):
@@ -292,7 +296,7 @@ def test_a_simulated_robot_is_calibrated_by_pressing_enter(robot):
     assert re.search(
         r"SIMULATED: the ruler reads 24\.\d+|SIMULATED: the ruler reads 25\.\d+", screen
     )
-    calibration = load_robot(str(robot)).robot.calibration
+    calibration = load_robot(str(simulated_copy_of(robot))).robot.calibration
     assert {"drive.polarity", "drive.left.wheel.diameter", "sensors.front.curve.a"} <= {
         *calibration
     }

@@ -41,7 +41,7 @@ class Person:
         return record[str(self.folder)]["done"]
 
     def robot(self):
-        return load_robot(str(self.folder / "robots/my_robot.yaml")).robot
+        return load_robot(str(self.folder / "robots/my_robot.simulated.yaml")).robot
 
 
 @pytest.fixture

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import re
 from math import inf
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from diffbotctl.block import robot_fields
 from diffbotctl.config import robot_tree
 from diffbotctl.config.checks.context import CheckContext
+from diffbotctl.config.lookup import is_simulated_copy, original_of
 from diffbotctl.config.robot import SIDES, Calibrated, Robot
-from diffbotctl.errors import join_words
+from diffbotctl.errors import Place, join_words
 from diffbotctl.geometry.distance_sensors import is_analog
 from diffbotctl.units import UnitError, quantity
 
@@ -83,8 +85,34 @@ def check_calibration(context: CheckContext) -> None:
             entry = context.robot_value("calibration", path, "value")
             fix = "calibrate again, or delete the entry"
             context.error("E-IMPLAUSIBLE", entry.place if entry else path, cause, fix)
+    if context.refuse_simulated:
+        _refuse_simulated(context, context.robot)
     if context.real:
         _warn_of_uncalibrated(context, context.robot)
+
+
+def _refuse_simulated(context: CheckContext, robot: Robot) -> None:
+    """Refuse results of a simulated robot: they would lift limits of the real one."""
+    marked = simulated_fields(robot)
+    if not marked:
+        return
+    place = context.robot_place("calibration", marked[0], "simulated")
+    others = f" and {len(marked) - 1} more" if marked[1:] else ""
+    cause = (
+        f"{marked[0]}{others}: measured on a simulated robot, which proves nothing about the robot "
+        "at this port"
+    )
+    file = place.source.name if isinstance(place, Place) else ""
+    fix = "delete the entries with `simulated: true`, and run `diffbotctl calibrate` on the robot"
+    if is_simulated_copy(Path(file)):
+        fix = f"use the robot's own file: --robot {original_of(Path(file))}"
+    context.error("E-CALIBRATION-SIMULATED", place, cause, fix)
+
+
+def simulated_fields(robot: Robot) -> list[str]:
+    """The calibrated fields that were measured on a simulated robot."""
+    entries = (robot.calibration or {}).items()
+    return [field for field, entry in entries if entry is not None and entry.simulated]
 
 
 def _check_sd(context: CheckContext, path: str, calibrated: Calibrated | None) -> None:

@@ -18,12 +18,14 @@ from diffbotctl.errors import Place, Problem
 class CheckContext:
     """The configuration to check. Values that could not be read are None.
 
-    `real`: a real robot is about to move. `nominal` is the robot before calibration.
+    `real`: a real robot is about to move. `refuse_simulated`: results of a simulated robot are an
+    error, because a real one is behind the port. `nominal` is the robot before calibration.
     `block_classes` and `parameters` have an entry for each block whose class was found,
     `inputs` for each wire on which another program publishes.
     """
 
     real: bool = False
+    refuse_simulated: bool = False
     problems: list[Problem] = field(default_factory=list)
     pipeline_tree: Value | None = None
     pipeline: Pipeline | None = None

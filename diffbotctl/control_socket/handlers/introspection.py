@@ -10,6 +10,7 @@ from diffbotctl.control_socket.protocol import Fields, RefusalError
 from diffbotctl.control_socket.requests import ALL
 from diffbotctl.control_socket.run_state import RequestContext
 from diffbotctl.control_socket.stop_explanation import explain_stop
+from diffbotctl.drivers.robot_ports import is_simulated_port
 from diffbotctl.graph import Node
 from diffbotctl.message_types import type_name
 from diffbotctl.messages import LOG_LEVELS, Message
@@ -88,6 +89,7 @@ def handle_status(context: RequestContext, request: requests.StatusRequest) -> F
         "pipeline": info.pipeline,
         "robot": info.robot,
         "port": info.port,
+        "simulated": is_simulated_port(info.port),
         "paced": info.is_paced,
         "speed": info.speed,
         "turn_rate": info.turn_rate,
