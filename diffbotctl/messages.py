@@ -176,6 +176,9 @@ class Odometry(NamedTuple):
             "how well track and wheel diameters are known.",
         ),
     ] = 0.0
+    geometry_heading_sd: Annotated[
+        float, Field("rad", "The same part of the heading's standard deviation.")
+    ] = 0.0
     coast_time: Annotated[
         float,
         Field(

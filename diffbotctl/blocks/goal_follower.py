@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Mapping
-from math import degrees, pi, sqrt
+from math import degrees, pi
 from typing import assert_never
 
 from diffbotctl.block import Block, In, Out
@@ -10,9 +10,8 @@ from diffbotctl.control.goal_legs import FollowerStep, GoalLegs, LegLimits, LegV
 from diffbotctl.control.goal_pursuit import (
     COAST_TIME_MAX,
     Coast,
+    PoseSd,
     Pursuit,
-    position_doubt,
-    position_sd,
 )
 from diffbotctl.control.motion_profile import MotionLimits, predict_motion, rest_to_rest_time
 from diffbotctl.control.velocity_limits import VelocityRate
@@ -409,37 +408,49 @@ class GoalFollower(Block):
         tolerance, heading_tolerance = self._tolerances(pursuit, odometry)
         if distance > tolerance or turn > heading_tolerance:
             return self._try_again(pursuit, odometry)
-        sd = self._position_sd(odometry)
+        sd = self._pose_sd(odometry)
         # A fault that is possible, but less probable than not, leaves the goal the likelier place.
         is_likely_there = odometry.lost_edges_probability > 0.0
-        if sd > max(LOST_MIN, pursuit.start_distance) and not is_likely_there:
-            why = odometry.warning or "dead reckoning drifts on the way"
+        if sd.position > max(LOST_MIN, pursuit.start_distance) and not is_likely_there:
             cause = (
-                f"it is not known where the robot is: to {sd:.1f} m (standard deviation), and the "
-                f"goal was {pursuit.start_distance:.1f} m away: {why}"
+                f"it is not known where the robot is: to {sd.position:.1f} m (standard deviation), "
+                f"and the goal was {pursuit.start_distance:.1f} m away: {self._why(odometry)}"
             )
             return FollowerStep(pursuit, end="given_up", cause=cause)
+        if pursuit.goal.heading is None:
+            sd = sd._replace(heading=0.0)
         aside = pursuit.start_distance * self.heading_tolerance
-        reasons = [position_doubt(odometry, sd, self.tolerance, aside)]
+        doubt = sd.doubt(self.tolerance, self.heading_tolerance, aside, bool(odometry.warning))
+        if doubt:
+            doubt = f"{doubt}: {self._why(odometry)}"
         if distance > self.tolerance or turn > self.heading_tolerance:
             away = f"{distance * 1000:.0f} mm and {degrees(turn):.1f} deg away"
-            reasons.insert(0, f"no nearer than {away} by odometry")
-        doubt = ", and ".join(filter(None, reasons))
+            away = f"no nearer than {away} by odometry"
+            doubt = f"{away}, and {doubt}" if doubt else away
         return FollowerStep(pursuit, end="reached_unsure" if doubt else "reached", cause=doubt)
 
-    def _position_sd(self, odometry: Odometry) -> float:
-        # The track of four wheels is known so badly that no goal behind a turn is sure.
-        is_skidding = self.wheelbase is not None and TRACK not in self.calibration
-        return position_sd(odometry, is_skidding or self.calibration.keys() >= GEOMETRY)
+    @property
+    def _is_skidding(self) -> bool:
+        """Whether the track is known so badly, that of four wheels, that no turn is sure."""
+        return self.wheelbase is not None and TRACK not in self.calibration
+
+    def _pose_sd(self, odometry: Odometry) -> PoseSd:
+        return PoseSd.of(odometry, self._is_skidding or self.calibration.keys() >= GEOMETRY)
+
+    def _why(self, odometry: Odometry) -> str:
+        """Why the pose is known badly."""
+        if odometry.warning:
+            return odometry.warning
+        if self._is_skidding:
+            return "four wheels slide in turns: `diffbotctl calibrate spin` measures their track"
+        return "dead reckoning drifts on the way"
 
     def _tolerances(self, pursuit: Pursuit, odometry: Odometry) -> tuple[float, float]:
         """Distance (m) and angle (rad) from the goal with which it ends."""
         if pursuit.elapsed <= SEARCH_RATIO * pursuit.time_limit:
             return self.tolerance, self.heading_tolerance
-        return (
-            max(self.tolerance, self._position_sd(odometry)),
-            max(self.heading_tolerance, sqrt(odometry.covariance[5])),
-        )
+        sd = self._pose_sd(odometry)
+        return max(self.tolerance, sd.position), max(self.heading_tolerance, sd.heading)
 
     def _try_again(self, pursuit: Pursuit, odometry: Odometry) -> FollowerStep:
         """Begin the next attempt, or give up."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import atan2, cos, hypot, inf, pi, sin, sqrt
+from math import atan2, cos, degrees, hypot, inf, pi, sin, sqrt
 from typing import Literal, NamedTuple
 
 from diffbotctl.control.motion_profile import shortest_turn
@@ -21,9 +21,9 @@ COAST_RATIO_MIN = 0.4  # least coast time, relative to the motors' lag
 COAST_TIME_MAX = 0.6  # s
 
 STALL_RATIO = 0.8  # of an angle; if more of it remains, friction has held the wheels
-# A pose that is known less well does not prove the goal. Multiple of the tolerance of the position,
+# A pose that is known less well does not prove the goal. Multiple of a tolerance,
 UNSURE_RATIO = 3.0
-# or of what the tolerance of the heading is to the side at the end of the way,
+# or of the position, of what the tolerance of the heading is to the side at the end of the way,
 UNSURE_ASIDE_RATIO = 1.5
 UNSURE_ASIDE_MAX = 0.1  # m, of that
 
@@ -270,36 +270,51 @@ class Pursuit(NamedTuple):
         return self._replace(coast=coast.learn(remaining - speed * coast.at(speed), lag))
 
 
-def position_doubt(odometry: Odometry, sd: float, tolerance: float, aside: float) -> str:
-    """Why a pose whose position is known to `sd` (m) does not prove that it is within `tolerance`
-    (m); empty when it does.
+class PoseSd(NamedTuple):
+    """How well a pose is known: standard deviations."""
 
-    A pose with a warning must be known within the tolerance. Dead reckoning is never as good as
-    that over a long way: any other pose must be known within UNSURE_RATIO times it, or about as
-    well as the tolerance of the heading asks: `aside` (m) is what a robot misses the goal by whose
-    heading is off by it on the whole way.
-    """
-    limit = tolerance
-    if not odometry.warning:
-        limit = max(UNSURE_RATIO * tolerance, min(UNSURE_ASIDE_RATIO * aside, UNSURE_ASIDE_MAX))
-    if sd <= limit:
-        return ""
-    why = odometry.warning or "dead reckoning drifts on the way"
-    known = f"{sd * 1000:.0f} mm" if sd < 1.0 else f"{sd:.1f} m"
-    return f"the position is known to {known} (standard deviation): {why}"
+    position: float
+    """m, in its worst direction"""
+    heading: float
+    """rad"""
+
+    @classmethod
+    def of(cls, odometry: Odometry, counts_geometry: bool) -> PoseSd:
+        """Without `counts_geometry` the error of the geometry is left out: that of a robot that is
+        not calibrated would exceed any tolerance."""
+        xx, xy, _, yy, _, hh = odometry.covariance
+        position = largest_variance(xx, xy, yy)
+        if not counts_geometry:
+            position -= odometry.geometry_sd * odometry.geometry_sd
+            hh -= odometry.geometry_heading_sd * odometry.geometry_heading_sd
+        return cls(sqrt(max(position, 0.0)), sqrt(max(hh, 0.0)))
+
+    def doubt(
+        self, tolerance: float, heading_tolerance: float, aside: float, has_warning: bool
+    ) -> str:
+        """What of the pose is known too badly to prove that it is within both tolerances (m, rad);
+        empty if nothing is.
+
+        A pose with a warning must be known within the tolerances. Dead reckoning is never as good
+        as that over a long way: any other pose must be known within UNSURE_RATIO times them, or the
+        position about as well as the tolerance of the heading asks: `aside` (m) is what a robot
+        misses the goal by whose heading is off by it on the whole way.
+        """
+        if not has_warning:
+            aside = min(UNSURE_ASIDE_RATIO * aside, UNSURE_ASIDE_MAX)
+            tolerance = max(UNSURE_RATIO * tolerance, aside)
+            heading_tolerance *= UNSURE_RATIO
+        known = []
+        if self.position > tolerance:
+            known.append(f"the position is known to {length_text(self.position)}")
+        if self.heading > heading_tolerance:
+            known.append(f"the heading is known to {degrees(self.heading):.1f} deg")
+        return f"{' and '.join(known)} (standard deviation)" if known else ""
 
 
-def position_sd(odometry: Odometry, counts_geometry: bool) -> float:
-    """Standard deviation (m) of the position in its worst direction.
-
-    Without `counts_geometry` the error of the geometry is left out: that of a robot that is not
-    calibrated would exceed any tolerance.
-    """
-    xx, xy, _, yy, _, _ = odometry.covariance
-    variance = largest_variance(xx, xy, yy)
-    if not counts_geometry:
-        variance = max(variance - odometry.geometry_sd * odometry.geometry_sd, 0.0)
-    return sqrt(variance)
+def length_text(length: float) -> str:
+    """A length (m) in millimetres, or from a metre on in metres."""
+    return f"{length * 1000:.0f} mm" if length < 1.0 else f"{length:.1f} m"
 
 
 def largest_variance(xx: float, xy: float, yy: float) -> float:

@@ -230,15 +230,15 @@ class PoseFilter:
             yy += lever_y * lever_y * heading + lever_x * lever_x * bend + along
             yh += lever_y * heading
             hh += heading
-        geometry_xx = geometry_xy = geometry_yy = 0.0
+        geometry_xx = geometry_xy = geometry_yy = geometry_hh = 0.0
         effects = self.unit_effects
         for x, y, heading in combined(effects, self.geometry):
             geometry_xx += x * x
             geometry_xy += x * y
             geometry_yy += y * y
+            geometry_hh += heading * heading
             xh += x * heading
             yh += y * heading
-            hh += heading * heading
         left_share, right_share = left.fault_share, right.fault_share
         if left_share or right_share:
             for x, y, heading in fault_effects(effects, left_share, right_share):
@@ -260,9 +260,10 @@ class PoseFilter:
             self.heading,
             0.5 * (left_speed + right_speed),
             (right_speed - left_speed) / self.track,
-            (xx + geometry_xx, xy + geometry_xy, xh, yy + geometry_yy, yh, hh),
+            (xx + geometry_xx, xy + geometry_xy, xh, yy + geometry_yy, yh, hh + geometry_hh),
             warning,
             sqrt(largest_variance(geometry_xx, geometry_xy, geometry_yy)),
+            sqrt(geometry_hh),
             _coast_time(left, right),
         )
 

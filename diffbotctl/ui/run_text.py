@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from math import degrees, hypot, sqrt
+from math import degrees, hypot
 from textwrap import wrap
 from typing import TypeVar
 
-from diffbotctl.control.goal_pursuit import position_sd
+from diffbotctl.control.goal_pursuit import PoseSd
 from diffbotctl.errors import WIDTH
 from diffbotctl.messages import (
     Duty,
@@ -206,8 +206,8 @@ def _known_to(pose: Odometry) -> str:
     """How well the pose is known: a small estimated error proves little without it."""
     if not any(pose.covariance):  # of a robot without wheels
         return ""
-    distance = position_sd(pose, True) * 1000
-    turn = degrees(sqrt(pose.covariance[5]))
+    sd = PoseSd.of(pose, counts_geometry=True)
+    distance, turn = sd.position * 1000, degrees(sd.heading)
     return f"; known to {distance:.0f} mm, {turn:.1f} deg (standard deviation)"
 
 

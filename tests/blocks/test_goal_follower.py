@@ -43,7 +43,7 @@ class Course:
         self.block.reset()
         self.moves = moves
         self.covariance, self.warning, self.geometry_sd = NONE, "", 0.0
-        self.pushed_heading_sd = 0.0
+        self.geometry_heading_sd = self.pushed_heading_sd = 0.0
         self.now = 0
         self.coast_time = 0.0  # s
         self.x = self.y = self.heading = self.linear = self.angular = 0.0
@@ -65,6 +65,7 @@ class Course:
             self.covariance,
             self.warning,
             self.geometry_sd,
+            self.geometry_heading_sd,
             coast_time=self.coast_time,
             pushed_heading_sd=self.pushed_heading_sd,
         )
@@ -425,6 +426,35 @@ def test_the_geometry_of_a_robot_that_is_not_calibrated_does_not_make_it_unsure(
     course = Course(calibrated=calibrated)
     course.covariance, course.geometry_sd = (0.0, 0.0, 0.0, sd * sd, 0.0, 0.0), 0.098
     assert course.drive(goal(0.3, 0.0, 0.0)) == end
+
+
+@pytest.mark.parametrize(
+    ("sd", "geometry", "warning", "end"),
+    [
+        (5.9, 0.0, "", "reached"),  # deg; three times the tolerance
+        (6.1, 0.0, "", "reached_unsure"),
+        (9.0, 8.0, "", "reached"),  # sqrt(9^2 - 8^2) = 4.1
+        (9.0, 6.0, "", "reached_unsure"),  # 6.7
+        (2.1, 0.0, "1 % of the edges are missing", "reached_unsure"),
+    ],
+)
+def test_the_heading_of_a_goal_is_judged_as_its_position_is(sd, geometry, warning, end):
+    course = Course(calibrated=("drive.track",))
+    course.covariance, course.warning = (*NONE[:5], radians(sd) ** 2), warning
+    course.geometry_heading_sd = radians(geometry)
+    assert course.drive(goal(0.0, 0.0, -170.0)) == end
+    assert ("the heading is known to" in course.causes[-1]) == (end == "reached_unsure")
+    assert course.drive(goal(0.3, 0.0, None, number=2)) == "reached", "it asks for no heading"
+
+
+@pytest.mark.parametrize(
+    ("calibrated", "end"), [((), "reached_unsure"), (("drive.track",), "reached")]
+)
+def test_the_turns_of_four_wheels_are_sure_when_their_track_is_calibrated(calibrated, end):
+    course = Course(calibrated=calibrated, wheelbase=0.1)
+    course.covariance, course.geometry_heading_sd = (*NONE[:5], radians(8.0) ** 2), radians(8.0)
+    assert course.drive(goal(0.0, 0.0, 45.0)) == end
+    assert ("calibrate spin" in course.causes[-1]) == (end == "reached_unsure")
 
 
 def test_one_wheel_that_does_not_turn_is_named():

@@ -2,6 +2,7 @@
 
 import os
 import re
+from math import radians
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -15,6 +16,7 @@ from diffbotctl.config.harness import harness
 from diffbotctl.config.load import check, load, load_robot
 from diffbotctl.config.motor_drivers import MOTOR_DRIVERS
 from diffbotctl.errors import UserError
+from diffbotctl.messages import Goal
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
 from diffbotctl.testing.virtual_board import diffbotctl, flat
@@ -106,6 +108,9 @@ def test_four_wheels_never_claim_a_goal_behind_a_turn(seed):
     new_robot("--kit", "four_wheels")
     turned = Run(load("goal", "four_wheels"), RunOptions(seed=seed, fast=True))
     assert turned.go().reached == 0
+    angle = radians((-1) ** seed * (35.0 + 20.0 * seed))  # rad, of a turn on the spot
+    options = RunOptions(goals=(Goal(0, 1, 0.0, 0.0, angle),), seed=seed, fast=True)
+    assert Run(load("goal", "four_wheels", ["world.walls=[]"]), options).go().reached == 0
     straight = Run(load("distance", "four_wheels"), RunOptions(seed=seed, fast=True))
     assert straight.go().reached == 1
 
