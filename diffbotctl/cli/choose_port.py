@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -41,6 +42,8 @@ def choose_board_port(board: BoardCode) -> str:
 
 def _choose(boards: list[SerialPort], radio: bool = False, simulates: bool = False) -> str:
     from diffbotctl.drivers.board_ports import NoBoardError, SeveralBoardsError, choose
+    from diffbotctl.ports.diagnosis import unlisted_ports
+    from diffbotctl.ports.sysfs import serial_ports
 
     try:
         return choose(boards).device
@@ -50,7 +53,7 @@ def _choose(boards: list[SerialPort], radio: bool = False, simulates: bool = Fal
     except NoBoardError:
         if radio:
             _refuse_unbound_modules()
-        raise NoBoardError(simulates) from None
+        raise NoBoardError(simulates, unlisted_ports(serial_ports(Path("/")))) from None
     for number, board in enumerate(boards, 1):
         title = (board.usb.title or "USB serial") if board.usb else "Bluetooth"
         click.echo(f"{number}  {board.device}  {title}  {board.stable}".rstrip())

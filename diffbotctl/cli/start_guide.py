@@ -232,8 +232,8 @@ class SetupGuide:
         if self.stated_port is None:
             try:
                 self.progress.notes["port"] = choose_port()
-            except NoBoardError:
-                if self.prompter.answers is not None:
+            except NoBoardError as error:
+                if self.prompter.answers is not None or error.others:
                     raise
                 raise StopGuide(NO_BOARD) from None
         self._note_board()

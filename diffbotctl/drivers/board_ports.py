@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 from diffbotctl.bluetooth.bluez import PORT_PREFIX
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.links.diffbot_frames import BoardCode
 from diffbotctl.links.uf2_format import INFO_FILE
+from diffbotctl.ports.diagnosis import other_ports_text
 from diffbotctl.ports.sysfs import SerialPort, serial_ports
-from diffbotctl.ports.usb_ids import MEGA_2560, PICO, PICO_PYTHON, UNO, PortRole
+from diffbotctl.ports.usb_ids import PortRole
 
 
 class FlashError(RunError):
@@ -27,15 +29,25 @@ class NoBoardError(FlashError):
     """No port looks like a board."""
 
     code = "E-NO-BOARD"
+    others: Sequence[SerialPort] = ()
 
-    def __init__(self, simulates: bool = False) -> None:
-        """`simulates`: the command works on the simulated robot too."""
-        super().__init__(
-            "ports",
-            "no board is plugged in",
+    def __init__(self, simulates: bool = False, others: Sequence[SerialPort] = ()) -> None:
+        """`simulates`: the command works on the simulated robot too.
+
+        `others`: ports that may lead to a board, as far as is known; they are named.
+        """
+        self.others = others
+        cause = "no board is plugged in"
+        fix = (
             "plug in the board's USB cable (not a charging cable without data wires), or name the "
-            f"port with --port{'; --port sim is the simulated robot' if simulates else ''}",
+            "port with --port"
         )
+        if others:
+            cause = f"no board of a known kind is plugged in; {other_ports_text(others)}"
+            fix = f"if it is the robot's board, name it: --port {others[0].name}"
+        if simulates:
+            fix += "; --port sim is the simulated robot"
+        super().__init__("ports", cause, fix)
 
 
 class OnlyRadioError(NoBoardError):
@@ -220,18 +232,17 @@ def _with_article(board: BoardCode) -> str:
     return f"{'an' if board.meaning[0] in 'AEIOU' else 'a'} {board.meaning}"
 
 
-BOARDS_OF_CHIPS = {
-    MEGA_2560: BoardCode.MEGA2560,
-    UNO: BoardCode.ATMEGA328P,
-    PICO: BoardCode.RP2040,
-    PICO_PYTHON: BoardCode.RP2040,
+CODES_OF_BOARDS = {
+    "mega2560": BoardCode.MEGA2560,
+    "uno": BoardCode.ATMEGA328P,
+    "pico": BoardCode.RP2040,
 }
 
 
 def board_of(port: SerialPort) -> BoardCode | None:
     """The board that a port's USB identity tells; None for the serial chip of a clone."""
     chip = port.usb.chip if port.usb else None
-    return BOARDS_OF_CHIPS.get(chip) if chip else None
+    return CODES_OF_BOARDS[chip.board] if chip and chip.board else None
 
 
 def picos(root: Path = Path("/")) -> list[SerialPort]:

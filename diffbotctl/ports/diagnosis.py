@@ -11,11 +11,11 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from diffbotctl.errors import Problem, closest_match
+from diffbotctl.errors import Problem, closest_match, join_words
 from diffbotctl.ports import access
 from diffbotctl.ports.access import HIDDEN_USER, PortUser, SystemUser, port_user, system_groups
 from diffbotctl.ports.sysfs import SerialPort, UsbDevice, real_path, serial_ports, usb_devices
-from diffbotctl.ports.usb_ids import PICO_PYTHON, PortRole, UsbChip
+from diffbotctl.ports.usb_ids import PortRole, UsbChip
 
 NEVER_CHMOD = "Never chmod 777: it lasts until the cable is unplugged, and gives access to everyone"
 REPLUG = "then unplug the cable and plug it in again"
@@ -41,6 +41,8 @@ RELEASE_FIXES = {
 PERMISSION_CODES = ("E-PORT-RIGHTS", "E-PORT-SESSION", "E-PORT-RULE")
 RFCOMM_PROGRAM = "rfcomm"  # keeps the port that it made open; others may use it
 BOARD_ROLES = (PortRole.BOARD, PortRole.CHIP)
+# Of ports that are never chosen, but may lead to a board that the user names.
+UNLISTED_ROLES = (PortRole.UNKNOWN, PortRole.OTHER_BOARD, PortRole.OTHER_PROGRAM)
 PTY_FOLDER = "/dev/pts/"
 CONNECT_FIX = "connect the board (a charging cable does not work)"
 DEVICES_NAMED = 2  # in place of a missing port, so that the error keeps to two lines
@@ -90,7 +92,9 @@ def survey_ports(root: Path, user: SystemUser) -> PortSurvey:
     portless = [
         _portless_problem(root, usb, usb.chip)
         for usb in usb_devices(root)
-        if usb.chip and usb.chip.role != PortRole.NO_BOARD and usb.place not in places
+        if usb.chip
+        and (usb.chip.module or usb.chip.role == PortRole.DFU)
+        and usb.place not in places
     ]
     problems = [*portless, *_board_count_problems(ports, bool(portless))]
     return PortSurvey(tuple(reports), tuple(problems))
@@ -103,8 +107,12 @@ def _title(port: SerialPort) -> str:
             return f"Bluetooth {port.address}".rstrip()
         return "an onboard serial port"
     chip = port.usb.chip
-    if chip is None:
-        return port.usb.title or f"unknown USB device {port.usb.identity}"
+    if chip is None or not chip.module:
+        known = chip.title if chip else "USB device"
+        name = f"{port.usb.title} ({known})" if chip and port.usb.title else port.usb.title or known
+        return f"{name} {port.usb.identity}"
+    if chip.role == PortRole.OTHER_PROGRAM:
+        return f"Raspberry Pi Pico with {chip.title}"
     if chip.role == PortRole.CHIP:
         return f"{chip.title}: an Arduino clone, or another device with this chip"
     return chip.title
@@ -167,15 +175,16 @@ def _chip_problems(port: SerialPort) -> Iterator[Problem]:
         cause = f"it is {chip.title}, not a board"
         fix = "leave it alone; name another port with --port"
         yield _port_problem(port.device, "W-PORT-OTHER", cause, fix)
-    elif chip is PICO_PYTHON:
-        cause = "this Pico runs MicroPython, not our firmware"
+    elif chip.role == PortRole.OTHER_PROGRAM:
+        cause = f"this Pico runs {chip.title}, not our firmware"
         fix = (
             "write the firmware: `diffbotctl flash firmware` brings it to BOOTSEL by itself; save "
             "your programs first"
         )
         yield _port_problem(port.device, "W-PORT-BOARD", cause, fix)
     elif chip.role == PortRole.OTHER_BOARD:
-        cause = f"our firmware does not run on an {chip.title}"
+        article = "an" if chip.title[0] in "AEIOU" else "a"
+        cause = f"our firmware does not run on {article} {chip.title}"
         fix = (
             "use a Mega 2560, an Uno, a Nano or a Pico; with the firmware of the book this board "
             "works as book_2wd_stock"
@@ -261,11 +270,26 @@ def _board_count_problems(ports: list[SerialPort], has_portless: bool) -> Iterat
         yield _problem("ports", "W-PORT-SEVERAL", cause, fix)
     has_radio = any(port.role == PortRole.BLUETOOTH for port in ports)
     if not boards and not has_radio and not has_portless:
+        others = unlisted_ports(ports)
+        cause = "no board is connected"
         fix = (
             "plug the USB cable in (a charging cable has no data wires and does not work), "
             "or use --port bluetooth:ADDRESS"
         )
-        yield _problem("ports", "W-PORT-NONE", "no board is connected", fix)
+        if others:
+            cause = f"no board of a known kind is connected; {other_ports_text(others)}"
+            fix = f"if it is the robot's board, name it: --port {others[0].name}"
+        yield _problem("ports", "W-PORT-NONE", cause, fix)
+
+
+def unlisted_ports(ports: Sequence[SerialPort]) -> list[SerialPort]:
+    """The ports that are not chosen automatically, and may lead to a board all the same."""
+    return [port for port in ports if port.role in UNLISTED_ROLES]
+
+
+def other_ports_text(ports: Sequence[SerialPort]) -> str:
+    """Each port with what it leads to, as far as that is known."""
+    return ", ".join(f"{port.device} is {_title(port)}" for port in ports)
 
 
 def diagnose_name(root: Path, survey: PortSurvey, name: str) -> PortReport | Problem | None:
@@ -310,7 +334,7 @@ def missing_problem(survey: PortSurvey, name: str, words: Sequence[str] = ()) ->
         fix = f"available: {', '.join(devices[:DEVICES_NAMED])}"
         fix += f" and {more} more" if more > 0 else ""
     else:
-        fix = CONNECT_FIX
+        fix = _no_usable_port_fix(survey)
     return _port_problem(name, "E-PORT-OPEN", "there is no such port", fix)
 
 
@@ -318,4 +342,11 @@ def _alternatives(survey: PortSurvey) -> str:
     names = [report.port.name for report in survey.reports if report.usable]
     if names:
         return f"available: {', '.join(names)}"
-    return CONNECT_FIX
+    return _no_usable_port_fix(survey)
+
+
+def _no_usable_port_fix(survey: PortSurvey) -> str:
+    devices = [report.port.device for report in survey.reports if report.port.usb]
+    if not devices:
+        return CONNECT_FIX
+    return f"`diffbotctl ports` names what {join_words(devices, 'and')} needs"
