@@ -8,7 +8,7 @@ from typing import assert_never
 
 from diffbotctl.block import Block, FromRobot, In, Out
 from diffbotctl.control.velocity_limits import is_turn
-from diffbotctl.geometry.distance_sensors import sensor_timing
+from diffbotctl.geometry.distance_sensors import TYPES, sensor_timing
 from diffbotctl.geometry.footprint import MountedDevice
 from diffbotctl.messages import Range, Resume, Stop, StopCode, Twist
 from diffbotctl.params import Param
@@ -87,7 +87,7 @@ class ObstacleStop(Block):
         str,
         none=True,
         default=None,
-        help="Name of the sensor; none: the first of the robot.",
+        help="Name of the sensor; none: the first distance sensor of the robot.",
     )
     braking = FromRobot("limits.braking")
     telemetry = FromRobot("board.telemetry")
@@ -104,7 +104,7 @@ class ObstacleStop(Block):
     stop = Out(Stop, help="Stop and release events.")
 
     def reset(self) -> None:
-        name = self.sensor or next(iter(self.sensors), "")
+        name = guard_sensor(self.sensors, self.sensor)
         self.sensor_setback, self.ahead_ratio = 0.0, 1.0
         if name in self.sensors:
             at = self.sensors[name].at
@@ -151,7 +151,7 @@ class ObstacleStop(Block):
             return self.reaction
         debounce, reaction = self.usual_reaction
         if debounce != self.debounce:
-            name = self.sensor or next(iter(self.sensors), "")
+            name = guard_sensor(self.sensors, self.sensor)
             guard = guard_reaction(self.sensors, name, self.telemetry, self.debounce)
             reaction = guard + self.command_delay + self.lag
             self.usual_reaction = self.debounce, reaction
@@ -230,7 +230,13 @@ def guard_reaction(
     return timing.measuring + debounce * timing.period
 
 
-def sensor_kinds(sensors: Mapping[str, MountedDevice]) -> dict[str, str]:
+def guard_sensor(sensors: Mapping[str, object], stated: str | None) -> str:
+    """The sensor of a guard: the stated one, or the first distance sensor; empty without one."""
+    kinds = sensor_kinds(sensors)
+    return stated or next((name for name, kind in kinds.items() if kind in TYPES), "")
+
+
+def sensor_kinds(sensors: Mapping[str, object]) -> dict[str, str]:
     """Types of the sensors by name."""
     return {name: str(getattr(sensor, "type", "")) for name, sensor in sensors.items()}
 

@@ -10,6 +10,7 @@ from diffbotctl.cli.options import json_option, robot_option, set_option
 from diffbotctl.cli.output import print_json, problem_record
 
 if TYPE_CHECKING:
+    from diffbotctl.config.configuration import Omission
     from diffbotctl.errors import Problem
 
 SIMILAR_CODES_MAX = 12  # that are listed for a part of a code
@@ -30,13 +31,14 @@ def check(
     """
     from diffbotctl.config.load import takes_robot
     from diffbotctl.errors import rendered
+    from diffbotctl.ui.text import fold_text
 
     if not any(takes_robot(file) for file in files):
         _refuse_pipeline_options(files[0], robot, sets)
     problems: list[Problem] = []
     told: set[str] = set()
     for file in files:
-        file_problems = _problems(file, robot, sets, real)
+        file_problems, omissions = _problems(file, robot, sets, real)
         new_problems = [problem for problem in file_problems if problem.render() not in told]
         told |= {problem.render() for problem in new_problems}
         problems += new_problems
@@ -48,6 +50,8 @@ def check(
                 click.echo(f"{text}\n")
             above = ", told above" if file_problems and not new_problems else ""
             click.echo(f"{file}: {_verdict(file_problems)}{above}")
+            for omission in omissions:
+                click.echo(fold_text(f"  {omission.text()}", hang=4))
     if problems and not as_json:
         click.echo(f"`diffbotctl explain {problems[0].code}` explains more.")
     return 2 if any(problem.severity == "error" for problem in problems) else 0
@@ -76,13 +80,16 @@ def _verdict(problems: list[Problem]) -> str:
     return f"{verdict}, {_count_text(warnings, 'warning')}" if warnings else verdict
 
 
-def _problems(file: str, robot: str | None, sets: tuple[str, ...], real: bool) -> list[Problem]:
-    from diffbotctl.config.load import check as check_files
+def _problems(
+    file: str, robot: str | None, sets: tuple[str, ...], real: bool
+) -> tuple[list[Problem], tuple[Omission, ...]]:
+    from diffbotctl.config.load import check_all
     from diffbotctl.config.registry import clashes
     from diffbotctl.errors import Problem
 
     conflicts = [Problem(clash.code, "installation", str(clash), clash.fix) for clash in clashes()]
-    return [*conflicts, *check_files(file, robot, sets, real=real)]
+    problems, omissions = check_all(file, robot, sets, real=real)
+    return [*conflicts, *problems], omissions
 
 
 def _count_text(count: int, noun: str) -> str:

@@ -311,6 +311,8 @@ def _print_header(configuration: Configuration, port: str, seed: int) -> None:
         uses = [f"{name} ({use.robot_file})" for name, use in configuration.robots.items()]
         robot = f" with {len(uses)} robots, {', '.join(uses)}"
     click.echo(fold_text(f"{configuration.file}{robot}: {kind}", hang=2))
+    for omission in configuration.all_omissions():
+        click.echo(fold_text(f"  {omission.text()}", hang=4))
 
 
 def screen(

@@ -13,7 +13,7 @@ from diffbotctl.errors import Place, Problem
 from diffbotctl.params import Choice, Param, Section
 from diffbotctl.units import POSE_MAX
 
-SensorMessage = Literal["Volts", "Scan"]
+SensorMessage = Literal["Volts", "Range", "Scan"]
 
 
 class RobotUse(Section):
@@ -59,8 +59,8 @@ class BlockEntry(Section):
         SensorMessage,
         none=True,
         default=None,
-        help="Leave the block out, and pass its input on, when no sensor of the robot has this "
-        "message.",
+        help="Leave the block out, and pass its input on, when no sensor of the robot and no "
+        "source has this message.",
     )
 
 
@@ -239,6 +239,19 @@ class SourceUse:
 
 
 @dataclass(frozen=True)
+class Omission:
+    """A block that was left out, because nothing gives the message that it needs."""
+
+    name: str
+    needs: str
+
+    def text(self) -> str:
+        """The omission as a line for the user."""
+        needed = {"Volts": "distance", "Range": "distance"}.get(self.needs, self.needs.lower())
+        return f"left out: {self.name} (no sensor of the robot and no source gives a {needed})"
+
+
+@dataclass(frozen=True)
 class RobotFile:
     """A checked robot. `nominal` is the robot before calibration.
 
@@ -274,4 +287,14 @@ class Configuration:
     inputs: tuple[InputUse, ...] = ()
     programs: tuple[ProgramUse, ...] = ()
     sources: tuple[SourceUse, ...] = ()
+    omissions: tuple[Omission, ...] = ()
     robots: dict[str, Configuration] = field(default_factory=dict)
+
+    def all_omissions(self) -> tuple[Omission, ...]:
+        """The blocks that are left out, of several robots with the name of theirs."""
+        named = [
+            Omission(f"{robot}.{each.name}", each.needs)
+            for robot, part in self.robots.items()
+            for each in part.omissions
+        ]
+        return (*self.omissions, *named)

@@ -12,7 +12,7 @@ from typing import NamedTuple, assert_never
 from diffbotctl.config.board_pins import BOARDS, BoardPins
 from diffbotctl.config.imu_chips import IMU_CHIPS, imu_address
 from diffbotctl.config.motor_drivers import MotorDriverFacts, driver_facts, driver_names
-from diffbotctl.config.robot import SIDES, Robot, SideSection
+from diffbotctl.config.robot import SIDES, Robot, SideSection, board_sensors
 from diffbotctl.errors import Problem, UsageError, join_words
 from diffbotctl.geometry.distance_sensors import ECHOES, is_analog
 
@@ -256,7 +256,7 @@ def _encoder(name: str, side: SideSection, board: BoardPins) -> Iterator[Harness
 
 
 def _sensors(robot: Robot, board: BoardPins) -> Iterator[HarnessWire]:
-    for name, sensor in robot.sensors.items():
+    for name, sensor in board_sensors(robot).items():
         key = f"{name} sensor"
         yield from _supplied(board, key, key)
         if sensor.type in ECHOES:
@@ -330,7 +330,7 @@ def _parts(robot: Robot, board: BoardPins, wires: list[HarnessWire]) -> dict[str
     titles = {CELLS: "battery", DRIVER: facts.title, BOARD: board.title, RADIO: "HC-05"}
     titles |= {STOP: "stop button", TAP: "battery +", IMU: f"{robot.imu.type}".upper()} | {
         f"{name} sensor": f"{name}: {'HC-SR04' if sensor.type in ECHOES else 'Sharp'}"
-        for name, sensor in robot.sensors.items()
+        for name, sensor in board_sensors(robot).items()
     }
     pins: dict[str, dict[str, None]] = {}
     for wire in wires:
@@ -375,9 +375,10 @@ def notes(robot: Robot) -> Iterator[str]:
     yield from _voltage_notes(robot, board)
     if robot.link.has_radio and robot.link.level == "divider" and board.volts == FIVE_V:
         yield "The HC-05 runs on 5 V, but its RXD takes 3.3 V: 1 kOhm in the wire, 2 kOhm to GND."
-    if any(is_analog(sensor.type) for sensor in robot.sensors.values()):
+    sensors = board_sensors(robot)
+    if any(is_analog(sensor.type) for sensor in sensors.values()):
         yield "Solder 10 uF across a Sharp sensor's VCC and GND: it draws its current in pulses."
-    if any(sensor.type in ECHOES for sensor in robot.sensors.values()):
+    if any(sensor.type in ECHOES for sensor in sensors.values()):
         level = "right for this board, too much for one of 3.3 V"
         if board.volts < FIVE_V:
             level = "1 kOhm in its wire and 2 kOhm from the pin to GND make it 3.3 V"

@@ -23,9 +23,16 @@ from diffbotctl.config import (
     yaml_reader,
 )
 from diffbotctl.config.checks import CHECKS
-from diffbotctl.config.checks.block_needs import drop_unusable_blocks
+from diffbotctl.config.checks.block_needs import omit_unusable_blocks
 from diffbotctl.config.checks.context import CheckContext
-from diffbotctl.config.configuration import BlockEntry, BlockUse, Configuration, Pipeline, RobotFile
+from diffbotctl.config.configuration import (
+    BlockEntry,
+    BlockUse,
+    Configuration,
+    Omission,
+    Pipeline,
+    RobotFile,
+)
 from diffbotctl.config.declared_inputs import mark_motion, read_inputs, read_programs, read_sources
 from diffbotctl.config.named_robots import load_named_robots
 from diffbotctl.config.robot import (
@@ -103,19 +110,28 @@ def load_robot(
 def check(
     name: str, robot: str | None = None, sets: Sequence[str] = (), *, real: bool = False
 ) -> tuple[Problem, ...]:
-    """Every problem of the robot or pipeline file `name`; its `kind` decides which of them it is.
+    """Every problem of the robot or pipeline file `name`, as `check_all` finds them."""
+    return check_all(name, robot, sets, real=real)[0]
 
-    A name without a path is looked up among pipelines, then among robots.
+
+def check_all(
+    name: str, robot: str | None = None, sets: Sequence[str] = (), *, real: bool = False
+) -> tuple[tuple[Problem, ...], tuple[Omission, ...]]:
+    """Every problem of the robot or pipeline file `name`, and the blocks that are left out.
+
+    Its `kind` decides which file it is. A name without a path is looked up among pipelines, then
+    among robots.
     """
     try:
         if _is_view(name):
             saved_view.read_view(name)
-            return ()
+            return (), ()
         if _is_robot(name):
-            return load_robot(name, sets, real=real, refuse_simulated=real).warnings
-        return load(name, robot, sets, real=real, refuse_simulated=real).warnings
+            return load_robot(name, sets, real=real, refuse_simulated=real).warnings, ()
+        loaded = load(name, robot, sets, real=real, refuse_simulated=real)
+        return loaded.warnings, loaded.all_omissions()
     except UserError as error:
-        return error.problems
+        return error.problems, ()
 
 
 def takes_robot(name: str) -> bool:
@@ -188,7 +204,7 @@ class _Loader:
         if tree is not None:
             self._read_pipeline(tree)
         robot_file = self._load_robot_of_pipeline(robot)
-        drop_unusable_blocks(self.context)
+        omit_unusable_blocks(self.context)
         mark_motion(self.context)
         self._check()
         context = self.context
@@ -211,6 +227,7 @@ class _Loader:
             inputs=tuple(context.inputs.values()),
             programs=tuple(context.programs.values()),
             sources=tuple(context.sources.values()),
+            omissions=tuple(context.omissions),
         )
 
     def load_named(self, name: str, tree: Value, robot_files: Mapping[str, str]) -> Configuration:

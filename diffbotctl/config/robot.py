@@ -10,7 +10,7 @@ from copy import copy
 from math import pi
 from typing import Any, Literal
 
-from diffbotctl.config.board_pins import BOARDS
+from diffbotctl.config.board_pins import BOARDS, SIMULATED
 from diffbotctl.config.motor_drivers import MOTOR_DRIVERS
 from diffbotctl.config.simulation import LAG_MIN_S, ImuAxis, Simulation
 from diffbotctl.geometry.distance_sensors import SHARPS
@@ -441,7 +441,7 @@ class CurveSection(Section):
 
 
 class SensorSection(Section):
-    """One sensor. Laser scanner and overhead camera exist only in the simulator."""
+    """One sensor. A board reads those at its pins; a source of the pipeline may read the others."""
 
     type: SensorType = Choice(
         SensorType,
@@ -449,7 +449,11 @@ class SensorSection(Section):
         "sees the actual pose from above.",
     )
     pin: Pin | None = Param(
-        Pin, none=True, default=None, help="Analog pin of its output; none: not read by a pin."
+        Pin,
+        none=True,
+        default=None,
+        help="Analog pin of its output; none: not read by the board, but by a source of the "
+        "pipeline or in the simulator.",
     )
     trigger: Pin | None = Param(
         Pin, none=True, default=None, help="Pin of the trigger of an HC-SR04."
@@ -768,6 +772,19 @@ def line_baud(robot: Robot) -> int:
         board is not None and board.shares_usb and robot.link.has_radio
     )
     return robot.link.baud if is_set else USB_BAUD
+
+
+def board_sensors(robot: Robot) -> dict[str, SensorSection]:
+    """The sensors that the board of `robot` reads: those at its pins; a simulated board reads all.
+
+    The others are read by a source of the pipeline.
+    """
+    reads_all = robot.board is not None and robot.board.type == SIMULATED
+    return {
+        name: sensor
+        for name, sensor in (robot.sensors or {}).items()
+        if sensor is not None and (reads_all or any((sensor.pin, sensor.trigger, sensor.echo)))
+    }
 
 
 def field_value(robot: Robot | None, path: str) -> Any:

@@ -13,6 +13,7 @@ from diffbotctl.config.robot import (
     Robot,
     SensorSection,
     SideSection,
+    board_sensors,
     line_baud,
     measured_lag,
 )
@@ -42,7 +43,8 @@ def rosserial_host(robot: Robot) -> RosserialHost:
         left.motor.rated * left.encoder.slots / (2 * pi),
         baud=link.baud,
         sensor=next(
-            (name for name, sensor in robot.sensors.items() if is_analog(sensor.type)), "front"
+            (name for name, sensor in board_sensors(robot).items() if is_analog(sensor.type)),
+            "front",
         ),
         command_delay=round(link.command_delay * SECOND),
         wire_time=TICK_BYTES * BITS_PER_BYTE * SECOND // link.baud,
@@ -62,10 +64,11 @@ def board_settings(robot: Robot, is_upward_checked: bool = True) -> BoardSetting
         fix = f"set board: {{type: {join_words(BOARDS)}}}, or simulate: --port sim"
         raise ConfigurationError(Problem("E-BOARD-KIND", "board.type", cause, fix))
     left, right, board, battery = robot.drive.left, robot.drive.right, robot.board, robot.battery
-    kinds = {name: sensor.type for name, sensor in robot.sensors.items()}
+    sensors = board_sensors(robot)
+    kinds = {name: sensor.type for name, sensor in sensors.items()}
     further = further_sensors(kinds)
     name = next((name for name in kinds if is_analog(kinds[name]) and name not in further), "range")
-    sensor = robot.sensors.get(name)
+    sensor = sensors.get(name)
     return BoardSettings(
         _wheel_settings(pins, left),
         _wheel_settings(pins, right),
@@ -82,7 +85,7 @@ def board_settings(robot: Robot, is_upward_checked: bool = True) -> BoardSetting
         brake=left.motor.idle == "brake",
         range_channel=None if sensor is None else _analog_channel(pins, sensor.pin),
         range_name=name,
-        further_ranges=tuple(_range_input(pins, name, robot.sensors[name]) for name in further),
+        further_ranges=tuple(_range_input(pins, name, sensors[name]) for name in further),
         gyro=_gyro_input(robot.imu, is_upward_checked),
         battery_channel=None if battery.pin is None else _analog_channel(pins, battery.pin),
         battery_divider=battery.divider or 1.0,

@@ -26,9 +26,6 @@ def test_a_simulated_robot_is_refused_on_a_real_port(name):
         ("drive: {left: {motor: {enable: none}}}", "E-BOARD-PIN", "can omit this pin"),
         ("drive: {right: {motor: {in2: none}}}", "E-BOARD-PIN", "can omit this pin"),
         ("drive: {left: {encoder: {pin: none}}}", "E-BOARD-PIN", "can omit this pin"),
-        ("sensors: {front: {pin: none}}", "E-BOARD-PIN", "can omit this pin"),
-        ("sensors: {top: {type: lds01, pin: none}}", "E-BOARD-SENSOR", "lds01"),
-        ("sensors: {eye: {type: overhead_camera, pin: none}}", "E-BOARD-SENSOR", "overhead"),
     ],
 )
 def test_a_robot_with_a_board_needs_its_pins(tmp_path, changes, code, words):

@@ -1,7 +1,7 @@
 """USB lidars: their frames, byte by byte and damaged; and a robot that stops for what they see."""
 
 import time
-from math import inf
+from math import cos, inf, radians
 
 import pytest
 from hypothesis import given
@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from diffbotctl.links.lidar_frames import RAYS, LdsParser, RplidarParser
 from diffbotctl.recording.reader import RecordingReader
-from diffbotctl.testing.running import PlainClient, cli, moves, running, stands
+from diffbotctl.testing.running import OPEN_FIELD, PlainClient, cli, moves, running, stands
 from diffbotctl.testing.usb_lidar import UsbLidar, lds_turn, rplidar_turn
+from tests.pico_robot import PICO
 
 COMMAND_PERIOD_S = 0.05
 PARSERS = {"lds01": LdsParser, "rplidar_a1": RplidarParser}
@@ -22,12 +23,11 @@ format: 1
 kind: robot
 include: book_2wd
 sensors: {scan: {type: lds01, pin: none, at: {x: 0 mm, y: 0 mm}}}
-board: {type: simulated}
 """
 PIPELINE = """
 format: 1
 kind: pipeline
-include: teleop
+include: $include
 sources:
   lidar: {driver: lidar, with: {device: $device, model: $model}}
 blocks:
@@ -106,9 +106,9 @@ def drive(tmp_path):
     (tmp_path / "robot.yaml").write_text(ROBOT)
     path = tmp_path / "scan.yaml"
 
-    def write(lidar):
+    def write(lidar, include="teleop"):
         text = PIPELINE.replace("$device", lidar.device).replace("$model", lidar.model)
-        path.write_text(text)
+        path.write_text(text.replace("$include", include))
         return [str(path), "--robot", str(tmp_path / "robot.yaml"), "--stay"]
 
     return write
@@ -164,6 +164,49 @@ def test_the_robot_stops_for_what_the_lidar_sees_and_when_it_is_lost(tmp_path, d
     assert code == 0 and "same" in out
     scans = [m for m in RecordingReader(recording).messages() if m.wire == "lidar.scan"]
     assert len(scans) > 2 and all(item.from_driver for item in scans)
+
+
+WALL = 0.6  # m ahead of the start; it stands in no simulated world, only the lidar sees it
+FRONT = 0.08  # m, of the robot before its axle, where its lidar is
+BOARDS = {"mega2560": [], "pico": [*PICO, "robot.drive.encoder.channels=2"]}
+
+
+def before_a_wall(x, heading):
+    """What a lidar at (x, 0) sees of a wall across the way: distances, clockwise from the front."""
+    bearings = [heading - radians(degree) for degree in range(RAYS)]
+    return [(WALL - x) / cos(each) if cos(each) > 0.05 else 0.0 for each in bearings]
+
+
+@pytest.mark.xdist_group("board")
+@pytest.mark.parametrize("board", BOARDS)
+def test_a_robot_with_a_board_stops_before_what_only_its_lidar_sees(tmp_path, drive, board):
+    lidar = UsbLidar("lds01", before_a_wall(0.0, 0.0))
+    sets = [*OPEN_FIELD, "--set", "robot.limits.speed=0.15", "--set", "follower.patience=0.5"]
+    sets += [word for text in BOARDS[board] for word in ("--set", text)]
+    words = drive(lidar, "standby")
+    with running(tmp_path, *words, "--port", "emulated", sets=sets) as process:
+        client = PlainClient(tmp_path)
+
+        def has_ended(status):
+            messages = client.request("snapshot")["messages"]
+            pose = messages.get("odometry.odometry")
+            if pose is not None:
+                lidar.distances = before_a_wall(pose["x"], pose["heading"])
+            time.sleep(COMMAND_PERIOD_S)
+            state = (status["goal_state"] or {}).get("state")
+            # An emulated Pico may stand still while its emulator is compiled; it then begins anew.
+            if state in (None, "stuck"):
+                client.request("resume")
+                client.request("goto", x=1.0, y=0.0)
+            return state == "blocked"
+
+        goal = client.until(has_ended)["goal_state"]
+        pose = client.request("snapshot")["messages"]["odometry.odometry"]
+        process.terminate()
+        process.wait(timeout=60)
+    lidar.unplug()
+    assert "scanner" in goal["cause"]
+    assert WALL - 0.15 < pose["x"] + FRONT < WALL
 
 
 def test_a_lidar_that_sends_nothing_is_named(tmp_path, drive):

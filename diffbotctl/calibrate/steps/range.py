@@ -20,7 +20,7 @@ from diffbotctl.calibrate.result import Finding
 from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.step import CurvePlot, Event, Message, Outcome, StepProgress, StepRun
 from diffbotctl.config.checks.calibration import SD_RATIO_MAX
-from diffbotctl.config.robot import Robot
+from diffbotctl.config.robot import Robot, board_sensors
 from diffbotctl.errors import Problem, RunError, join_words
 from diffbotctl.geometry.distance_sensors import is_analog, volts_at
 from diffbotctl.messages import Volts
@@ -120,11 +120,11 @@ class RangeStep:
         raise _sensor_error(sensor, cause)
 
     def _sensor(self, robot: Robot) -> str:
-        names = [name for name, sensor in robot.sensors.items() if is_analog(sensor.type)]
+        names = [name for name, sensor in board_sensors(robot).items() if is_analog(sensor.type)]
         if self.sensor in names or (not self.sensor and len(names) == 1):
             return self.sensor or names[0]
         if not names:
-            cause = "the robot file has no distance sensor with a voltage; others need no curve"
+            cause = "the board reads no distance sensor with a voltage; others need no curve"
             fix = "add it under `sensors:`"
         else:
             cause = f"there is no sensor '{self.sensor}'" if self.sensor else "which sensor?"

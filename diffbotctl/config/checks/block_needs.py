@@ -7,16 +7,21 @@ works for robots with different sensors. A warning reports when no guard remains
 
 from __future__ import annotations
 
-from diffbotctl.block import In, inputs, outputs, robot_fields
+from collections.abc import Container
+from typing import get_args
+
+from diffbotctl.block import Block, In, inputs, outputs, robot_fields
+from diffbotctl.config import node_ports
 from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.checks.graph import nodes_with_inputs
-from diffbotctl.config.configuration import BlockEntry, Pipeline
+from diffbotctl.config.configuration import BlockEntry, Omission, Pipeline, SensorMessage
 from diffbotctl.config.node_ports import SENSOR_MESSAGES
 from diffbotctl.config.robot import field_value
 from diffbotctl.errors import Place, closest_match, join_words
 
 FIELDS_SHOWN_MAX = 2  # fields listed in a message
 GUARDS = ("obstacle_stop", "scan_stop")
+DISTANCES = {"Volts", "Range"}
 
 
 def check_fields(context: CheckContext) -> None:
@@ -74,38 +79,82 @@ def _check_sensor(context: CheckContext, sensor: str, place: Place) -> None:
     fix = (
         f"did you mean {near}?" if near else f"its sensors: {join_words(sensors, 'and') or 'none'}"
     )
+    if any(use.kind in SENSOR_MESSAGES.values() for use in context.inputs.values()):
+        fix += (
+            "; for one that a source reads, add type and place to the robot file: "
+            f"`sensors: {{{sensor}: {{type: ..., pin: none, at: {{x: ...}}}}}}`"
+        )
     context.error("E-SENSOR-UNKNOWN", place, f"the robot has no sensor '{sensor}'", fix)
 
 
-def drop_unusable_blocks(context: CheckContext) -> None:
-    """Drop every block whose `needs` no sensor of the robot meets."""
-    robot, pipeline = context.robot, context.pipeline
-    if robot is None or pipeline is None:
+def omit_unusable_blocks(context: CheckContext) -> None:
+    """Leave out every block whose `needs` is met neither by a sensor of the robot nor by a source.
+
+    One whose wires all come from something that exists stays: what is wrong with such a wire is
+    reported where it is written.
+    """
+    pipeline = context.pipeline
+    if context.robot is None or pipeline is None:
         return
-    measured = {
-        SENSOR_MESSAGES[sensor.type].__name__
-        for sensor in (robot.sensors or {}).values()
-        if sensor is not None and sensor.type in SENSOR_MESSAGES
-    }
-    if "Range" in measured:
-        measured.add("Volts")  # a need of Volts is that of a distance
     _bypass_converters(context, pipeline)
     entries = {name: entry for name, entry in (pipeline.blocks or {}).items() if entry is not None}
-    unusable = [
+    unmet = [name for name, entry in entries.items() if _is_unmet(context, name, entry)]
+    omitted: list[str] = []
+    outputs = node_ports.robot(context.robot).outputs
+    while more := [
         name
-        for name, entry in entries.items()
-        if entry.needs is not None and entry.needs not in measured
-    ]
+        for name in unmet
+        if name not in omitted
+        and not _is_fed(context.block_classes[name], entries[name], outputs, omitted)
+    ]:
+        omitted += more
     guards = {name for name, entry in entries.items() if entry.block in GUARDS}
     place = context.robot_value("sensors") or context.robot_value("kind")
-    if guards and guards <= set(unusable) and place is not None:
-        cause = (
-            f"no sensor of this robot detects obstacles; left out: {join_words(unusable, 'and')}"
-        )
+    if guards and guards <= set(omitted) and place is not None:
+        left_out = join_words([name for name in entries if name in omitted], "and")
+        cause = f"no sensor of this robot detects obstacles; left out: {left_out}"
         fix = "supervise the robot, or add a sensor under `sensors:`"
         context.warn("W-UNGUARDED", place.place, cause, fix)
-    for name in unusable:
-        _drop_block(context, pipeline, name)
+    for name in entries:
+        if name in omitted:
+            context.omissions.append(Omission(name, str(entries[name].needs)))
+            _drop_block(context, pipeline, name)
+
+
+def _is_unmet(context: CheckContext, name: str, entry: BlockEntry) -> bool:
+    """Whether no sensor of the robot and no source gives what a block needs."""
+    block = context.block_classes.get(name)
+    if entry.needs is None or block is None or context.robot is None:
+        return False
+    sensors = [sensor for sensor in (context.robot.sensors or {}).values() if sensor is not None]
+    measured = {
+        SENSOR_MESSAGES[sensor.type].__name__ for sensor in sensors if sensor.type is not None
+    }
+    if DISTANCES & measured:  # a voltage becomes a distance in the block range_sensor
+        measured |= DISTANCES
+    taken = {entry.needs} | {
+        port.kind.__name__ for port in node_ports.of_block(block).inputs.values()
+    }
+    given = {use.kind.__name__ for use in context.inputs.values()}
+    return entry.needs not in measured and not taken & given & set(get_args(SensorMessage))
+
+
+def _is_fed(
+    block: type[Block], entry: BlockEntry, outputs: Container[str], omitted: Container[str]
+) -> bool:
+    """Whether every wire of a block comes from an output of the robot or a node that stays.
+
+    What it only passes on, such as a Twist, does not count.
+    """
+    ports = node_ports.of_block(block)
+    for port, wire in (entry.wires or {}).items():
+        taken = ports.inputs.get(port)
+        if taken is None or taken.kind in ports.outputs.values():
+            continue
+        node, _, output = str(wire).partition(".")
+        if node in omitted or (node == "robot" and output not in outputs):
+            return False
+    return True
 
 
 def _bypass_converters(context: CheckContext, pipeline: Pipeline) -> None:

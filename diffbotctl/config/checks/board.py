@@ -8,7 +8,7 @@ from typing import get_args
 from diffbotctl.config.board_pins import BOARDS, SIMULATED, BoardPins
 from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.motor_drivers import MODE_TEXT, MOTOR_DRIVERS, MotorDriverFacts, driver_facts
-from diffbotctl.config.robot import SIDES, BaudRate, Robot, line_baud
+from diffbotctl.config.robot import SIDES, BaudRate, Robot, board_sensors, line_baud
 from diffbotctl.errors import join_words
 from diffbotctl.geometry.distance_sensors import ECHOES, TURN, further_sensors
 from diffbotctl.links import link_protocol
@@ -59,7 +59,7 @@ def check_budget(context: CheckContext) -> None:
 
 def range_load(robot: Robot) -> float:
     """Bytes per second of the sensors that are measured in turn; one of them in each turn."""
-    kinds = {name: sensor.type for name, sensor in (robot.sensors or {}).items() if sensor}
+    kinds = {name: sensor.type for name, sensor in board_sensors(robot).items()}
     has_turns = robot.link.protocol == "diffbot" and further_sensors(kinds)
     return link_protocol.RANGE_FRAME_BYTES / TURN if has_turns else 0.0
 
@@ -204,8 +204,8 @@ def check_voltages(context: CheckContext) -> None:
             "supply it from USB (board.supply: usb) or a regulator of 5 V (board.supply: regulator)"
         )
         context.error("E-WIRING-VOLTAGE", context.error_place("board.supply"), cause, fix)
-    for name, sensor in (context.robot.sensors or {}).items():
-        if sensor is not None and sensor.type in ECHOES and sensor.level == "direct":
+    for name, sensor in board_sensors(context.robot).items():
+        if sensor.type in ECHOES and sensor.level == "direct":
             cause = f"the echo of '{name}' is 5 V, and the pins of {board.with_article} take {most}"
             fix = "add 1 kOhm in the wire and 2 kOhm from the pin to GND, and set level: divider"
             place = context.robot_place("sensors", name, "echo")

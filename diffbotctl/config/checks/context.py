@@ -8,7 +8,7 @@ from typing import Any
 
 from diffbotctl.block import Block
 from diffbotctl.config.board_pins import BOARDS, BoardPins
-from diffbotctl.config.configuration import InputUse, Pipeline, ProgramUse, SourceUse
+from diffbotctl.config.configuration import InputUse, Omission, Pipeline, ProgramUse, SourceUse
 from diffbotctl.config.robot import Robot, field_value
 from diffbotctl.config.yaml_tree import Value
 from diffbotctl.errors import Place, Problem
@@ -37,6 +37,7 @@ class CheckContext:
     inputs: dict[str, InputUse] = field(default_factory=dict)
     programs: dict[str, ProgramUse] = field(default_factory=dict)
     sources: dict[str, SourceUse] = field(default_factory=dict)
+    omissions: list[Omission] = field(default_factory=list)
 
     def pipeline_value(self, *steps: str | int) -> Value | None:
         """The value at a path of the pipeline file."""

@@ -8,6 +8,7 @@ from diffbotctl.block import outputs, robot_fields
 from diffbotctl.blocks.obstacle_stop import (
     ObstacleStop,
     guard_reaction,
+    guard_sensor,
     max_safe_speed,
     stopping_distance,
 )
@@ -292,6 +293,30 @@ def check_reach(context: CheckContext) -> None:
             _check_guard(context, name, block, speed[0])
 
 
+def _lacks_reaction(context: CheckContext, name: str) -> bool:
+    """Refuse a guard whose distances a source gives, and whose reaction is not stated.
+
+    How often and how late a board sends them is known; of a source it is not.
+    """
+    wire = context.pipeline_value("blocks", name, "in", "range")
+    converter = str(wire.data).partition(".")[0] if wire is not None else ""
+    through = context.pipeline_value("blocks", converter, "in", "volts")
+    given = [str(each.data) for each in (wire, through) if each is not None]
+    source = next((each for each in given if each in context.inputs), None)
+    if source is None or wire is None or context.parameters[name]["reaction"] is not None:
+        return False
+    cause = (
+        f"the distances of '{name}' come from {source}; how often and how late they come is not "
+        "known, so it cannot compute how far the robot drives until it brakes"
+    )
+    fix = (
+        "state it: with: {reaction: 0.4 s}, the longest time from an obstacle in view to "
+        "braking: two readings, the delay of a command, and the lag of the motors"
+    )
+    context.error("E-STOP-REACH", wire.place, cause, fix)
+    return True
+
+
 def _check_guard(context: CheckContext, name: str, block: type[ObstacleStop], speed: float) -> None:
     parameters, paths = context.parameters[name], robot_fields(block)
     margin, debounce = parameters["margin"], parameters["debounce"]
@@ -299,7 +324,9 @@ def _check_guard(context: CheckContext, name: str, block: type[ObstacleStop], sp
     if values is None or margin is None or debounce is None:
         return
     robot = dict(zip(paths, values, strict=True))
-    sensor = parameters["sensor"] or next(iter(robot["sensors"]), "")
+    if _lacks_reaction(context, name):
+        return
+    sensor = guard_sensor(robot["sensors"], parameters["sensor"])
     shortest = guard_reaction(robot["sensors"], sensor, robot["telemetry"], debounce)
     shortest += robot["command_delay"] + robot["lag"]
     reaction = shortest if parameters["reaction"] is None else parameters["reaction"]

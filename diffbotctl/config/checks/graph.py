@@ -204,21 +204,29 @@ class _Wiring:
             cause = f"'{source.data}' is not an output; a wire starts at block.output"
             self.context.error("E-WIRE-OUTPUT", source.place, cause, fix)
         elif node not in self.nodes:
-            self._report_unknown_node(source, node, output)
+            self._report_unknown_node(name, source, kind)
         elif node == "robot" and self.context.robot is None:
             return  # its file could not be read, so its sensors are not known
         elif output not in outputs:
             cause = f"'{node}' has no output '{output}'"
             near = closest_match(output, outputs) or (fitting[0] if len(fitting) == 1 else None)
+            others = self._outputs_of(kind, name) if node == "robot" and not near else []
             fix = f"did you mean {node}.{near}?" if near else _only_these("output", outputs)
+            fix = f"wire '{name}' from {join_words(others)}" if others else fix
             self.context.error("E-WIRE-OUTPUT", source.place, cause, fix)
         elif outputs[output] is not kind:
             self._report_mismatch(name, port, source, outputs[output], kind)
 
-    def _report_unknown_node(self, source: Value, node: str, output: str) -> None:
+    def _report_unknown_node(self, name: str, source: Value, kind: type) -> None:
+        node, _, output = str(source.data).partition(".")
         if any(self.context.pipeline_value(part, node) for part in ("blocks", "sources")):
             return  # the kind of the block or source is unknown, which is reported there
-        if node == "robot":
+        left_out = [each for each in self.context.omissions if each.name == node]
+        if left_out:
+            cause = left_out[0].text()
+            outputs = self._outputs_of(kind, name)
+            fix = f"wire '{name}' from {join_words(outputs)}" if outputs else "remove this wire"
+        elif node == "robot":
             cause, fix = "this pipeline has no robot", "add `robot: {in: {wheels: ...}}` to it"
         else:
             near = closest_match(node, self.nodes)

@@ -8,10 +8,8 @@ from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.motor_drivers import MOTOR_DRIVERS, MOTOR_INPUTS
 from diffbotctl.config.robot import SIDES
 from diffbotctl.errors import Place, join_words
-from diffbotctl.geometry.distance_sensors import ECHOES
 
 PINS_SHOWN_MAX = 6  # pins listed in a fix
-PINLESS_SENSORS = ("lds01", "overhead_camera")
 
 PinRole = Literal["digital", "pwm", "interrupt", "analog", "change"]
 
@@ -69,15 +67,6 @@ def _check_required(context: CheckContext) -> None:
     ]
     for side in SIDES:
         paths += [("drive", side, "motor", name) for name in _motor_inputs(context, side)]
-    for name, sensor in (context.robot.sensors or {}).items() if context.robot else ():
-        if sensor is not None and sensor.type in PINLESS_SENSORS:
-            cause = f"{sensor.type} is supported only in the simulator: no board reads it"
-            place = context.robot_place("sensors", name, "type")
-            fix = "remove it, or set board: {type: simulated}"
-            context.error("E-BOARD-SENSOR", place, cause, fix)
-        elif sensor is not None:
-            keys = ("trigger", "echo") if sensor.type in ECHOES else ("pin",)
-            paths += [("sensors", name, key) for key in keys]
     for steps in paths:
         value = context.robot_value(*steps)
         if value is not None and value.data in (None, "none"):

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import ceil, degrees, pi, remainder
 
-from diffbotctl.blocks.obstacle_stop import ObstacleStop
+from diffbotctl.blocks.obstacle_stop import ObstacleStop, guard_sensor
 from diffbotctl.blocks.range_sensor import RangeSensor
 from diffbotctl.config.board_pins import SIMULATED
 from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.checks.graph import nodes_with_inputs
-from diffbotctl.config.robot import SensorSection
+from diffbotctl.config.node_ports import SENSOR_MESSAGES
+from diffbotctl.config.robot import SensorSection, board_sensors
 from diffbotctl.config.yaml_tree import Value
-from diffbotctl.errors import Place
+from diffbotctl.errors import Place, join_words
 from diffbotctl.geometry.distance_sensors import (
     CUSTOM,
     ECHOES,
-    FACTS,
     SENSORS_MAX,
     further_sensors,
+    is_analog,
     sensor_timing,
 )
 
@@ -33,23 +35,21 @@ def check_sensors(context: CheckContext) -> None:
     """Check each distance sensor's keys, and what the board makes of several."""
     if context.robot is None:
         return
-    sensors = {
-        name: sensor
-        for name, sensor in (context.robot.sensors or {}).items()
-        if sensor is not None and getattr(sensor, "type", "") in (*FACTS, CUSTOM)
-    }
-    for name, sensor in sensors.items():
-        _check_keys(context, name, sensor)
+    for name, sensor in (context.robot.sensors or {}).items():
+        if sensor is not None and sensor.type is not None:
+            _check_keys(context, name, sensor)
     _check_views(context)
     if context.values("board.type") in (None, (SIMULATED,)):
         return
+    sensors = board_sensors(context.robot)
+    _check_pinless(context, sensors)
     if context.values("link.protocol") == ("rosserial",):
-        _check_stock(context, list(sensors), sensors)
+        _check_stock(context, sensors)
         return
     for name in list(sensors)[SENSORS_MAX:]:
         cause = f"a board reads {SENSORS_MAX} distance sensors, and '{name}' is one more"
         context.error("E-BOARD-SENSOR", _place(context, name), cause, "remove one of them")
-    _check_guards(context)
+    _check_guards(context, sensors)
 
 
 def _place(context: CheckContext, name: str, key: str = "") -> Place | str:
@@ -62,13 +62,12 @@ def _place(context: CheckContext, name: str, key: str = "") -> Place | str:
 
 def _check_keys(context: CheckContext, name: str, sensor: SensorSection) -> None:
     """Refuse keys of another type of sensor."""
-    is_echo = sensor.type in ECHOES
-    for key in ("pin",) if is_echo else ("trigger", "echo"):
-        if getattr(sensor, key, None) is not None:
+    keys = _pin_keys(sensor)
+    for key in ("pin", "trigger", "echo"):
+        if key not in keys and getattr(sensor, key, None) is not None:
             cause = f"'{name}' has the type {sensor.type}, which has no {key}"
-            fix = f"write {key}: none, and the pins " + (
-                "trigger: and echo:" if is_echo else "pin:"
-            )
+            pins = f"the pins {': and '.join(keys)}:" if keys else "read it with a source"
+            fix = f"write {key}: none, and {pins}"
             context.error("E-SENSOR-KEY", _place(context, name, key), cause, fix)
     own = ("near", "reach")
     for key in own:
@@ -90,6 +89,41 @@ def _check_keys(context: CheckContext, name: str, sensor: SensorSection) -> None
         context.error("E-SENSOR-KEY", _place(context, name, "near"), cause, fix)
 
 
+def _pin_keys(sensor: SensorSection) -> tuple[str, ...]:
+    """The keys of the pins at which a board reads a sensor of this type; none: no board does."""
+    if sensor.type in ECHOES:
+        return ("trigger", "echo")
+    return ("pin",) if is_analog(sensor.type) else ()
+
+
+def _check_pinless(context: CheckContext, read: Mapping[str, SensorSection]) -> None:
+    """Refuse a sensor with one pin of two, and wires from sensors that the board does not read."""
+    for name, sensor in ((context.robot.sensors or {}) if context.robot else {}).items():
+        if sensor is None or sensor.type is None:
+            continue
+        if name in read:
+            for key in _pin_keys(sensor):
+                if getattr(sensor, key) is None:
+                    cause = f"the board reads '{name}' at two pins, and its {key} has none"
+                    fix = "set both pins; or neither, if a source of the pipeline reads it"
+                    context.error("E-BOARD-PIN", _place(context, name, key), cause, fix)
+            continue
+        for node, source in _wires_from(context, name).items():
+            kind = SENSOR_MESSAGES[sensor.type]
+            given = [wire for wire, use in context.inputs.items() if use.kind is kind]
+            cause = f"the board does not read '{name}', which has no pin"
+            fix = f"wire '{node}' to {join_words(given)}"
+            if not given:
+                fix = f"add a source that reads it, such as `sources: {{{name}: {{driver: ...}}}}`"
+                fix += ", and wire it" + (", or set its pin" if _pin_keys(sensor) else "")
+            if context.real:
+                cause += f": '{node}' would have no data"
+                context.error("E-BOARD-SENSOR", source.place, cause, fix)
+            else:
+                cause += f": '{node}' has its data in the simulator only"
+                context.warn("W-BOARD-SENSOR", source.place, cause, fix)
+
+
 def _refuse_missing(context: CheckContext, name: str, key: str) -> None:
     cause = (
         f"'{name}' has the type {CUSTOM}, of which near, reach and curve must be stated; {key} is "
@@ -99,11 +133,9 @@ def _refuse_missing(context: CheckContext, name: str, key: str) -> None:
     context.error("E-SENSOR-KEY", _place(context, name), cause, fix)
 
 
-def _check_stock(
-    context: CheckContext, names: list[str], sensors: dict[str, SensorSection]
-) -> None:
+def _check_stock(context: CheckContext, sensors: Mapping[str, SensorSection]) -> None:
     """The book's firmware sends one voltage."""
-    kinds = {name: sensors[name].type for name in names}
+    kinds = {name: sensor.type for name, sensor in sensors.items()}
     for name in further_sensors(kinds):
         wires = _wires_from(context, name)
         reads = "the book's firmware reads one Sharp sensor"
@@ -131,14 +163,18 @@ def _wires_from(context: CheckContext, sensor: str) -> dict[str, Value]:
 
 def _check_views(context: CheckContext) -> None:
     """Refuse a guard whose sensor looks aside, or stands so far in front that it sees too late."""
-    names = list((context.robot.sensors or {}) if context.robot else {})
+    sensors = {
+        name: sensor
+        for name, sensor in ((context.robot.sensors or {}) if context.robot else {}).items()
+        if sensor is not None
+    }
     for node, block in context.block_classes.items():
         parameters = context.parameters.get(node)
         if parameters is None or not issubclass(block, ObstacleStop):
             continue
-        name = parameters["sensor"] or next(iter(names), "")
+        name = guard_sensor(sensors, parameters["sensor"])
         measuring = _measuring_sensor(context, node)
-        if measuring != name and {measuring, name} <= set(names):
+        if measuring != name and {measuring, name} <= sensors.keys():
             cause = (
                 f"'{node}' takes its distances for those of '{name}', but they are measured by "
                 f"'{measuring}', which stands elsewhere on the robot"
@@ -192,18 +228,17 @@ def _measuring_sensor(context: CheckContext, guard: str) -> str | None:
     return context.parameters.get(block, {}).get("sensor")
 
 
-def _check_guards(context: CheckContext) -> None:
+def _check_guards(context: CheckContext, sensors: Mapping[str, SensorSection]) -> None:
     """Compare the age of a reading when the next one arrives with what a guard accepts."""
     telemetry = context.values("board.telemetry")
-    sensors = (context.robot.sensors or {}) if context.robot else {}
-    if telemetry is None or any(sensor is None for sensor in sensors.values()):
+    if telemetry is None or any(sensor.type is None for sensor in sensors.values()):
         return
     kinds = {name: sensor.type for name, sensor in sensors.items()}
     for node, block in context.block_classes.items():
         parameters = context.parameters.get(node)
         if parameters is None or not issubclass(block, ObstacleStop):
             continue
-        sensor, limit = parameters["sensor"] or next(iter(sensors), ""), parameters["stale_after"]
+        sensor, limit = guard_sensor(sensors, parameters["sensor"]), parameters["stale_after"]
         if sensor not in further_sensors(kinds) or limit is None:
             continue
         timing = sensor_timing(kinds, sensor, telemetry[0])
