@@ -195,7 +195,7 @@ def _prompter(
         return AnswersFile(options.answers, tools)
     if keyboard is None:
         raise click.UsageError("There is no terminal: give --answers FILE.")
-    return TerminalPrompter(keyboard, options.yes, tools)
+    return TerminalPrompter(keyboard, tools)
 
 
 @click.command("encoders")

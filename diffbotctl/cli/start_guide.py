@@ -13,9 +13,10 @@ from diffbotctl.printable import write_raw
 from diffbotctl.start.steps import (
     ANSWER_CODE,
     CHAPTERS,
-    FLOOR,
+    GOAL,
     LIFTED,
     MEASURE,
+    METRE,
     Chapter,
     ChapterKey,
     headline,
@@ -193,13 +194,10 @@ class SetupGuide:
             case ChapterKey.MEASURE:
                 self._calibrate_missing()
             case ChapterKey.METRE:
-                self.prompter.confirm(FLOOR)
+                self.prompter.confirm(METRE)
                 self._run_pipeline("distance", self.drive_port)
             case ChapterKey.GOAL:
-                self.prompter.confirm(FLOOR)
-                _print(
-                    "  Put the robot back to its start if you want it to stop at the same place."
-                )
+                self.prompter.confirm(GOAL)
                 self._run_pipeline("goal", self.drive_port)
             case _:
                 assert_never(key)
@@ -275,7 +273,8 @@ class SetupGuide:
             if answer == "later" or (answer == "motors" and step != "motors"):
                 _print(f"  Do this later: diffbotctl calibrate {step}")
                 continue
-            self.prompter.confirm(LIFTED if step == "motors" else FLOOR)
+            if step == "motors":
+                self.prompter.confirm(LIFTED)
             self._calibrate(step)
 
     def _file(self) -> RobotFile:
@@ -318,13 +317,11 @@ class GuidePrompter:
 
     def __init__(self, answers: AnswersFile | None) -> None:
         self.answers = answers
-        self._confirmed: set[str] = set()
 
     def confirm(self, question: Question) -> None:
-        """Ask once in a visit. Raises StopGuide if the answer is not yes."""
-        if question.name not in self._confirmed and self.ask(question) != "yes":
+        """Raises StopGuide if the answer is not yes."""
+        if self.ask(question) != "yes":
             raise StopGuide("Do that first; `diffbotctl start` continues here.")
-        self._confirmed.add(question.name)
 
     def ask(self, question: Question) -> str:
         """The answer. Raises UsageError if nobody can answer."""

@@ -37,6 +37,7 @@ from diffbotctl.prompts.question import (
     MarkFloor,
     MotionNotice,
     Question,
+    motion_consent,
 )
 from diffbotctl.units import UnitError, quantity
 
@@ -55,9 +56,11 @@ class MeasuringTools(Hands, Protocol):
 
 
 class AnswersFile:
-    """A prompter that answers from a file and agrees to every motion.
+    """A prompter that answers from a file.
 
-    `code` and `error` belong to the problems that it raises.
+    A real robot moves only where the file has the consent to that motion, by its whole name, such
+    as `motors.motion: yes`; a drive before which a person must place the robot is refused. `code`
+    and `error` belong to the problems that it raises.
     """
 
     def __init__(
@@ -87,7 +90,9 @@ class AnswersFile:
                 if self.tools is None and item.times:
                     causes.append(f"{what.name}: needs a person: {what.text}")
                 continue
-            name = self._matching_name(what.name)
+            if what.is_consent and self.tools is not None:
+                continue
+            name = self._matching_name(what)
             # The entry of a whole group is for those of its questions that will be asked.
             if name is not None and (item.times or name == what.name):
                 by_entry.setdefault(name, []).append(item)
@@ -127,14 +132,21 @@ class AnswersFile:
             yield f"{name}: it will be asked {times} times, but has {len(entry)} answers"
 
     def confirm_motion(self, notice: MotionNotice) -> None:
-        """The author of the file agreed in advance. A simulated robot is raised or put down."""
+        """A simulated robot is raised or put down. Raises an error without consent to a real one's
+        motion."""
         if self.tools is not None:
             self.tools.raise_wheels(notice.is_raised)
+            return
+        consent = motion_consent(notice.step)
+        if self.answer(consent) != "yes":
+            raise self._problem(consent.name, f"the motion was refused: {notice.text}")
 
     def mark_floor(self, mark: MarkFloor) -> None:
-        """The simulated tools measure from here."""
+        """The simulated tools measure from here. Raises an error if a person has to act."""
         if self.tools is not None:
             self.tools.mark()
+        elif mark.is_placed:
+            raise self._problem("floor", f"needs a person: {mark.text}")
 
     def act(self, action: ManualAction) -> None:
         """Do it with the simulated tools. Raises an error if they cannot."""
@@ -144,7 +156,7 @@ class AnswersFile:
 
     def answer(self, question: Question) -> Answer:
         """The file's answer, or the question's default. Raises an error if there is none."""
-        name = self._matching_name(question.name)
+        name = self._matching_name(question)
         if name is None:
             if question.default is not None:
                 return question.default
@@ -157,9 +169,10 @@ class AnswersFile:
         except AnswerError as error:
             raise self._problem(name, str(error)) from None
 
-    def _matching_name(self, question: str) -> str | None:
-        parts = question.split(".")
-        names = (".".join(parts[:count]) for count in range(len(parts), 0, -1))
+    def _matching_name(self, question: Question) -> str | None:
+        parts = question.name.split(".")
+        shortest = len(parts) if question.is_consent else 1
+        names = (".".join(parts[:count]) for count in range(len(parts), shortest - 1, -1))
         return next((name for name in names if name in self.answers), None)
 
     def _next(self, name: str, entry: Any, is_repeated: bool) -> Any:

@@ -21,9 +21,11 @@ class AnswerError(ValueError):
 class MotionNotice(NamedTuple):
     """What moves next, and how far. Nothing moves before the person agrees.
 
+    `step` is the name of the step, whose question `motion_consent` an answers file must answer.
     The session enforces `turns` and `reach` afterwards: exceeding them stops the robot.
     """
 
+    step: str
     text: str
     turns: float | None = None
     """maximum for each wheel; the wheels are off the ground"""
@@ -41,10 +43,15 @@ class MotionNotice(NamedTuple):
 class MarkFloor(NamedTuple):
     """A request to mark the floor at both wheels and the front: readings are taken from the mark.
 
-    For questions that are answered by eye, the mark is on the wheels.
+    For questions that are answered by eye, the mark is on the wheels. The robot moves as soon as
+    the person is ready.
     """
 
     text: str
+    motion: str
+    """what moves then, and how far, such as `it drives 1 m straight ahead`"""
+    is_placed: bool = True
+    """whether a person puts the robot somewhere, or marks the floor"""
 
 
 class Hands(Protocol):
@@ -109,6 +116,8 @@ class Question:
     """whether only a whole number is valid"""
     is_repeated: bool = False
     """whether the last answer was contradicted; an answers file gives the same again"""
+    is_consent: bool = False
+    """whether a real robot moves after it; only an entry with its whole name answers it"""
 
     def parse(self, answer: object) -> Answer:
         """The answer as a number in SI or a choice. Raises AnswerError with the reason."""
@@ -177,12 +186,24 @@ class Question:
         return with_unit(value, self.unit)
 
 
+def motion_consent(step: str) -> Question:
+    """The question whether the robot may move as the step called `step` announces."""
+    text = "May the robot move as this step announces?"
+    return Question(f"{step}.motion", text, choices=("yes", "no"), is_consent=True)
+
+
 class ExpectedQuestion(NamedTuple):
     """A question, or something for a hand to do, that a step will ask for."""
 
     what: Question | ManualAction
     times: int = 1
     """at least; 0: perhaps"""
+
+
+def floor_drives(step: str, times: int) -> list[ExpectedQuestion]:
+    """What a person does for the drives of the step called `step`, beside answering."""
+    start = ManualAction(f"{step}.start", "Put the robot at its start before each drive.")
+    return [ExpectedQuestion(motion_consent(step)), ExpectedQuestion(start, times)]
 
 
 class Prompter(Protocol):

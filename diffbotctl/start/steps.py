@@ -106,12 +106,21 @@ MEASURE = Question(
     "Calibrate now: all (half an hour, with a tape), only the motors (2 minutes), or later?",
     choices=("all", "motors", "later"),
 )
-FLOOR = Question(
-    "floor",
-    "Is the robot on the floor within your reach, with 1.5 m free ahead and 1 m to the left?",
+METRE = Question(
+    "metre",
+    "The robot drives 1 m straight ahead. Is it on the floor within your reach, with 1.5 m free "
+    "ahead of it and 0.5 m on either side?",
     choices=("yes", "no"),
+    is_consent=True,
 )
-QUESTIONS = (LIFTED, MEASURE, FLOOR)
+GOAL = Question(
+    "goal",
+    "The robot drives to a point 1 m ahead and 0.5 m to the left, and turns left there. Is it back "
+    "at its start, with 1.5 m free ahead of it, 1 m to the left and 0.5 m to the right?",
+    choices=("yes", "no"),
+    is_consent=True,
+)
+QUESTIONS = (LIFTED, MEASURE, METRE, GOAL)
 
 
 def read_answers(path: Path) -> AnswersFile:

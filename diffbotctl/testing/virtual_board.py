@@ -20,8 +20,9 @@ LONGEST = 600  # s; everything that is waited for takes a few, up to thirty, on 
 ENCODER_ANSWERS = """\
 encoders.wheel: [left forward, right forward]
 encoders.proof: both forward
+encoders.motion: yes
 """
-START_ANSWERS = f"lifted: yes\n{ENCODER_ANSWERS}measure: later\nfloor: yes\n"
+START_ANSWERS = f"lifted: yes\n{ENCODER_ANSWERS}measure: later\nmetre: yes\ngoal: yes\n"
 RESUME_AFTER_S = 20  # s, after which a person looks whether the robot waits
 # Stops that a computer causes which does not run for a while, or the emulated board on it.
 STALLS = ("host_frozen", "block_overrun", "link_lost", "reconnect")

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from diffbotctl.prompts.question import Answer, ManualAction, MarkFloor, MotionNotice, Question
 
 ANY_KEY = "Any key stops the robot. Press Enter to start"
+WHEN_READY = "Press Enter when you are ready:"
 ANSWER_ATTEMPTS_MAX = 5
 PROMPT_END = ": "
 CONSENTS = ("", "y")  # Enter or y; no other text may start a motor
@@ -34,7 +35,7 @@ REFUSALS = ("n", "no", "q", "quit", "stop")
 
 
 class TerminalPrompter:
-    """A prompter at a terminal. `agreed`: motions need no further consent (--yes).
+    """A prompter at a terminal.
 
     `tools`: of a simulated robot; they do what a hand would do, and their readings are offered as
     answers.
@@ -43,23 +44,20 @@ class TerminalPrompter:
     def __init__(
         self,
         keyboard: Keyboard | None = None,
-        agreed: bool = False,
         tools: MeasuringTools | None = None,
     ) -> None:
         self.keyboard = keyboard
-        self.agreed = agreed
         self.tools = tools
 
     def confirm_motion(self, notice: MotionNotice) -> None:
         """Wait for Enter or y. Raises RunError if the person refuses."""
-        if not self.agreed:
-            self._consent(f"{ANY_KEY}, or type no")
+        self._consent(f"{ANY_KEY}, or type no")
         if self.tools is not None:
             self.tools.raise_wheels(notice.is_raised)
 
     def mark_floor(self, mark: MarkFloor) -> None:
         """Wait for Enter or y: the robot moves next. Raises RunError if the person refuses."""
-        self._consent("Press Enter when you are ready")
+        self._consent(f"{WHEN_READY} {mark.motion}; any key stops it")
         if self.tools is not None:
             self.tools.mark()
 
@@ -73,6 +71,7 @@ class TerminalPrompter:
 
     def _consent(self, text: str) -> None:
         """Wait for Enter or y; other text is asked again. Raises RunError on a refusal."""
+        text = fold_text(text, width=WIDTH - len(PROMPT_END))
         for _ in range(ANSWER_ATTEMPTS_MAX):
             typed = self._type(text).strip().lower()
             if typed in CONSENTS:

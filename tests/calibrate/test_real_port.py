@@ -34,7 +34,7 @@ def robot(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "mine.yaml"
     shutil.copyfile(SHIPPED, path)
-    (tmp_path / "answers.yaml").write_text(board.ENCODER_ANSWERS)
+    (tmp_path / "answers.yaml").write_text(f"{board.ENCODER_ANSWERS}motors.motion: yes\n")
     return path
 
 

@@ -199,7 +199,7 @@ class Breaking:
 
     def run(self, one):
         one.connect()
-        yield MotionNotice("moves", 100.0)
+        yield MotionNotice("breaking", "moves", 100.0)
         one.run_for(Wheels(0, 5.0, 5.0), 1.0)
         yield Message("and now?")
         return Outcome("breaking", [])

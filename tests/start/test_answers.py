@@ -27,7 +27,8 @@ def test_words_stay_words_and_lists_answer_in_turn(answers):
 @pytest.mark.parametrize(
     ("text", "name", "words"),
     [
-        ("lifted: yes\n", "floor", "floor: is not answered in this file"),
+        ("lifted: yes\n", "metre", "metre: is not answered in this file"),
+        ("metre: yes\n", "goal", "goal: is not answered in this file"),
         ("lifted: maybe\n", "lifted", "not valid; answer yes or no"),
         ("measure: [later]\n", "measure", "asked 2 times, but has 1 answers"),
         ("liftet: yes\n", "lifted", "did you mean lifted?"),

@@ -64,17 +64,17 @@ def test_without_a_board_it_comes_to_a_simulated_goal_asks_nothing_and_says_what
     assert "done   1 of 8" in said and "next   2 of 8" in said
 
 
-def test_a_blank_board_comes_to_a_goal_and_nothing_is_asked_twice(person):
+def test_a_blank_board_comes_to_a_goal_and_each_drive_is_asked_for(person):
     with board(image=None) as virtual:
         ports = ("--port", virtual.usb, "--radio", virtual.radio)
         code, said = person.types("start", *ports, answers=START_ANSWERS)
         assert code == 0, said
         assert said.count("1 of 1 reached") == 3, said  # simulated, metre, goal
-        assert (
-            said.count("Are the wheels off the ground?")
-            == said.count("Is the robot on the floor")
-            == 1
-        )
+        # Before the firmware and before the pulses; then before each of both drives.
+        assert said.count("Are the wheels off the ground? yes") == 2
+        flat = " ".join(said.split())
+        assert flat.count("1.5 m free ahead of it and 0.5 m on either side? yes") == 1
+        assert flat.count("1 m to the left and 0.5 m to the right? yes") == 1
         assert "written and verified" in said
         truth = virtual.board.plant.truth()
         assert truth.left_speed == truth.right_speed == 0.0
@@ -106,7 +106,7 @@ def test_a_board_that_is_ready_is_not_flashed_and_a_visit_can_be_left(person):
 def test_a_wheel_that_turns_backward_is_turned_round_in_the_file(person):
     with board(image=IMAGE) as virtual:
         answers = START_ANSWERS.replace("[left forward,", "[left backward,").replace(
-            "floor: yes", "floor: no"
+            "metre: yes", "metre: no"
         )
         code, said = person.types("start", "--port", virtual.usb, answers=answers)
     assert code == 0, said

@@ -23,7 +23,7 @@ from diffbotctl.estimation.slot_errors import SlotErrors
 from diffbotctl.estimation.wheel_odometer import WheelOdometer
 from diffbotctl.estimation.wheel_side import LinkTiming
 from diffbotctl.messages import Battery, Encoders, Wheels
-from diffbotctl.prompts.question import ExpectedQuestion, MotionNotice
+from diffbotctl.prompts.question import ExpectedQuestion, MotionNotice, motion_consent
 from diffbotctl.runs.build_graph import build_block
 
 SPEED_WANDER_RATIO = 0.35  # of the noise that odometry assumes for the speeds on a floor
@@ -142,8 +142,8 @@ class DiscStep:
     lifted: bool = True
 
     def questions(self, robot: Robot) -> Sequence[ExpectedQuestion]:
-        """None: nothing is asked."""
-        return ()
+        """Consent alone."""
+        return [ExpectedQuestion(motion_consent(self.name))]
 
     def run(self, session: RobotSession) -> StepRun:
         """Turn both wheels forward, then backward; learn the discs from the edge times."""
@@ -154,6 +154,7 @@ class DiscStep:
         speed = turning_speed(robot)
         turns = TURNS_MARGIN * (self.seconds + 1.0) * speed / (2 * pi)
         yield MotionNotice(
+            self.name,
             f"The wheels must be off the ground. Both turn forward and then backward, for "
             f"{self.seconds:g} s each, at {speed / (2 * pi):.1f} turns per second.",
             turns=turns,

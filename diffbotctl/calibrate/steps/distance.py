@@ -23,7 +23,13 @@ from diffbotctl.calibrate.step import Message, Outcome, StepProgress, StepRun
 from diffbotctl.config.configuration import RobotFile
 from diffbotctl.config.robot import Robot
 from diffbotctl.errors import Problem, RunError
-from diffbotctl.prompts.question import ExpectedQuestion, MarkFloor, MotionNotice, Question
+from diffbotctl.prompts.question import (
+    ExpectedQuestion,
+    MarkFloor,
+    MotionNotice,
+    Question,
+    floor_drives,
+)
 
 REPEATS = 5
 TAPE_SD_RATIO = 0.001  # of the distance
@@ -47,13 +53,17 @@ class DistanceStep:
 
     def questions(self, robot: Robot) -> Sequence[ExpectedQuestion]:
         """The reading of the tape after each drive."""
-        return [ExpectedQuestion(self._question(0), self.repeats)]
+        return [
+            *floor_drives(self.name, self.repeats),
+            ExpectedQuestion(self._question(0), self.repeats),
+        ]
 
     def run(self, session: RobotSession) -> StepRun:
         """Drive and have the distance measured, repeatedly; the scale is tape over odometry."""
         session.connect()
         reach = reach_of(self.metres)
         yield MotionNotice(
+            self.name,
             f"The robot drives {self.metres:g} m straight ahead, {self.repeats} times, and at most "
             f"{reach:.2f} m: clear the floor in front of it.",
             reach=reach,
@@ -61,7 +71,10 @@ class DistanceStep:
         scales: list[float] = []
         for number in range(self.repeats):
             yield StepProgress("straight drives", number, self.repeats)
-            yield MarkFloor("Put the robot at the start. Mark the floor beside both tyres.")
+            yield MarkFloor(
+                "Put the robot at the start. Mark the floor beside both tyres.",
+                f"it drives {self.metres:g} m straight ahead",
+            )
             end = drive_to(session, [(self.metres, 0.0, None)], reach)
             odometry = hypot(end.x, end.y)
             check = partial(

@@ -37,6 +37,7 @@ from diffbotctl.prompts.question import (
     MarkFloor,
     MotionNotice,
     Question,
+    motion_consent,
 )
 
 PULSE_TIME_S = 0.4  # the board detects a stall after 0.5 s without edges above 0.3 of duty
@@ -61,6 +62,7 @@ class EncoderStep:
     def questions(self, robot: Robot) -> Sequence[ExpectedQuestion]:
         """What each pulse turned, and the turns by hand."""
         questions = [
+            ExpectedQuestion(motion_consent(self.name)),
             ExpectedQuestion(_motion_question("encoders.wheel", PULSE_TEXT), len(SIDES)),
             ExpectedQuestion(_motion_question("encoders.proof", PROOF_TEXT)),
         ]
@@ -164,7 +166,7 @@ def _motion_notice(session: RobotSession, motors: str) -> MotionNotice:
         f"{motors}: at most {turns:.1f} turns of each wheel."
     )
     # The pulses are short enough to need no limit; the counts are still unknown.
-    return MotionNotice(text, turns, watched=False)
+    return MotionNotice("encoders", text, turns, watched=False)
 
 
 def _pulse(
@@ -179,7 +181,8 @@ def _pulse(
     answers: list[WheelMotion] = []
     while True:
         duty = duties[0]
-        yield MarkFloor(f"Look at both wheels. The {output} motor is driven now.")
+        text = f"Look at both wheels. The {output} motor is driven now."
+        yield MarkFloor(text, f"it turns for {PULSE_TIME_S:g} s", is_placed=False)
         left, right = (duty, 0.0) if output == "left" else (0.0, duty)
         signed = _drive_pulse(session, Duty(0, left, right))
         counts = {side: abs(count) for side, count in signed.items()}
@@ -221,7 +224,8 @@ def _prove_directions(session: RobotSession) -> Generator[Event, Any, list[Findi
     yield _motion_notice(session, "both at once and forward")
     answers: list[WheelMotion] = []
     while True:
-        yield MarkFloor("Look at both wheels. Both motors are driven forward now.")
+        text = "Look at both wheels. Both motors are driven forward now."
+        yield MarkFloor(text, f"they turn for {PULSE_TIME_S:g} s", is_placed=False)
         signed = _drive_pulse(session, Duty(0, WEAK_DUTY, WEAK_DUTY))
         counts = {side: abs(count) for side, count in signed.items()}
         seen = yield from _ask_motion(

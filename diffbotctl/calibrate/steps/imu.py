@@ -32,7 +32,7 @@ from diffbotctl.calibrate.steps.spin import REACH_M, TURN_RATE_RAD_S, spin_comma
 from diffbotctl.config.robot import ImuSection, Robot
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.messages import Encoders
-from diffbotctl.prompts.question import ExpectedQuestion, MarkFloor, MotionNotice
+from diffbotctl.prompts.question import ExpectedQuestion, MarkFloor, MotionNotice, floor_drives
 
 SPIN_FACING = replace(FACING, name="imu.facing")
 TURNS_PER_SPIN = 10
@@ -61,7 +61,10 @@ class ImuStep:
         """The lifts, and the heading after each spin."""
         if robot.imu.type is None:
             return [ExpectedQuestion(SPIN_FACING, 0)]
-        questions = [ExpectedQuestion(SPIN_FACING, 2 * self.repeats)]
+        questions = [
+            *floor_drives(self.name, 2 * self.repeats),
+            ExpectedQuestion(SPIN_FACING, 2 * self.repeats),
+        ]
         return [*questions, ExpectedQuestion(lift_action("front"))] if self.lift else questions
 
     def run(self, session: RobotSession) -> StepRun:
@@ -115,7 +118,11 @@ class ImuStep:
         self, session: RobotSession, imu: ImuSection, direction: int
     ) -> Generator[Event, Any, float]:
         """True turn divided by measured turn, by one spin; 1 is counter-clockwise."""
-        yield MarkFloor("Mark the floor beside both tyres.")
+        side = "left" if direction > 0 else "right"
+        yield MarkFloor(
+            "Mark the floor beside both tyres.",
+            f"it turns {self.turns} times to the {side}, on the spot",
+        )
         angle = direction * 2 * pi * self.turns
         measured = _turn_on_the_spot(session, angle)
         refuse_wrong_axis(measured, angle, imu.axes)
@@ -128,7 +135,7 @@ def _notice(turns: str) -> MotionNotice:
         f"The robot turns on the spot: {turns}. It stands still for {REST_TIME_S:g} s before and "
         f"after each, and stays within {REACH_M:g} m of its position. Do not touch it meanwhile."
     )
-    return MotionNotice(text, reach=REACH_M)
+    return MotionNotice("imu", text, reach=REACH_M)
 
 
 def _find_vertical(session: RobotSession) -> Generator[Event, Any, str]:

@@ -42,7 +42,7 @@ from diffbotctl.config.robot import SIDES, Robot
 from diffbotctl.control.speed_loop import default_gains
 from diffbotctl.drivers.robot_ports import is_duty_board
 from diffbotctl.errors import Problem, RunError
-from diffbotctl.prompts.question import ExpectedQuestion, MotionNotice
+from diffbotctl.prompts.question import ExpectedQuestion, MotionNotice, motion_consent
 
 SPEED_LIMIT_RATIO = 0.95  # of the rated speed; the rest is for the loops and a weaker battery
 STATIC_DUTY_MAX = 0.75
@@ -80,8 +80,8 @@ class MotorStep:
     lifted: bool = True
 
     def questions(self, robot: Robot) -> Sequence[ExpectedQuestion]:
-        """None: nothing is asked."""
-        return ()
+        """Consent alone."""
+        return [ExpectedQuestion(motion_consent(self.name))]
 
     def run(self, session: RobotSession) -> StepRun:
         """Measure breakaway duties, speeds and step responses, then try the fitted loops."""
@@ -117,6 +117,7 @@ def _motion_notice(robot: Robot) -> MotionNotice:
     turns = RATED_SPEED_RATIO_MAX * rated * max(levels, duty_staircase(robot).seconds) / (2 * pi)
     duration = "two and a half minutes" if is_duty_board(robot) else "a minute and a half"
     return MotionNotice(
+        "motors",
         "The wheels must be off the ground. Both motors run together, forward and backward, "
         f"slowly at first, then up to 0.9 of full duty, for about {duration}: at most "
         f"{turns:.0f} turns in each direction.",

@@ -22,7 +22,7 @@ from diffbotctl.config.robot import Robot
 from diffbotctl.drivers.robot_ports import wheel_command
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.messages import Encoders
-from diffbotctl.prompts.question import ExpectedQuestion, MarkFloor, MotionNotice
+from diffbotctl.prompts.question import ExpectedQuestion, MarkFloor, MotionNotice, floor_drives
 from diffbotctl.runs.build_graph import build_block
 
 TURNS_PER_SPIN = 10
@@ -47,12 +47,16 @@ class SpinStep:
 
     def questions(self, robot: Robot) -> Sequence[ExpectedQuestion]:
         """The heading after each spin."""
-        return [ExpectedQuestion(FACING, 2 * self.repeats)]
+        return [
+            *floor_drives(self.name, 2 * self.repeats),
+            ExpectedQuestion(FACING, 2 * self.repeats),
+        ]
 
     def run(self, session: RobotSession) -> StepRun:
         """Turn and have the final heading measured, in alternating directions."""
         session.connect()
         yield MotionNotice(
+            self.name,
             f"The robot turns on the spot: {self.turns} turns to the left and {self.turns} to the "
             f"right, {self.repeats} times. It stays within {REACH_M:g} m of its position.",
             reach=REACH_M,
@@ -82,7 +86,11 @@ class SpinStep:
 
     def _spin(self, session: RobotSession, direction: int) -> Generator[Event, Any, float]:
         """The heading (rad, unwrapped) of odometry after one spin; 1 is counter-clockwise."""
-        yield MarkFloor("Mark the floor beside both tyres.")
+        side = "left" if direction > 0 else "right"
+        yield MarkFloor(
+            "Mark the floor beside both tyres.",
+            f"it turns {self.turns} times to the {side}, on the spot",
+        )
         robot = session.file.robot
         command = spin_command(robot, direction)
         frames = session.listen(LISTEN_TIME_S).encoders

@@ -44,7 +44,7 @@ from diffbotctl.calibrate.umbmark import SquareErrors, UmbmarkResult
 from diffbotctl.config.robot import Robot
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.messages import Odometry
-from diffbotctl.prompts.question import ExpectedQuestion, MarkFloor, MotionNotice
+from diffbotctl.prompts.question import ExpectedQuestion, MarkFloor, MotionNotice, floor_drives
 from diffbotctl.render.svg import end_error_svg
 
 RUNS_PER_DIRECTION = 5
@@ -76,6 +76,7 @@ class SquaresStep:
         side, ends = self._side(robot), 2 * self.runs * self.rounds
         places = 0 if self.read == "headings" else ends
         return [
+            *floor_drives(self.name, ends),
             ExpectedQuestion(position_question("forward", side), places),
             ExpectedQuestion(position_question("left", side), places),
             ExpectedQuestion(FACING, 0 if self.read == "places" else ends),
@@ -123,6 +124,7 @@ class SquaresStep:
         """The end errors of one round; corrected if the person confirms a mistake of reading."""
         reach, beside = side * REACH_RATIO, max(map(max, END_PLACES)) * side * MM
         yield MotionNotice(
+            self.name,
             f"The robot drives a square of {side:g} m, {self.runs} times clockwise and {self.runs} "
             f"times counter-clockwise, and stays within {reach:.2f} m of its start. It starts "
             "along the first side; a clockwise square is on its right. Each square ends at "
@@ -138,7 +140,8 @@ class SquaresStep:
                 yield StepProgress(f"squares {direction}", number, self.runs)
                 yield MarkFloor(
                     f"Square {number + 1} of {self.runs}, {direction}: put the robot at the start, "
-                    "with its front along the first side. Mark the floor beside both tyres."
+                    "with its front along the first side. Mark the floor beside both tyres.",
+                    f"it drives a square of {side:g} m, {direction}",
                 )
                 odometry = drive_to(session, waypoints, reach)
                 driven.append((yield from self._end(side, odometry, driven, zeros)))

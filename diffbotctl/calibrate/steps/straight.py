@@ -24,7 +24,13 @@ from diffbotctl.calibrate.step import Event, Outcome, StepProgress, StepRun
 from diffbotctl.calibrate.steps.squares import scale_report, stated_geometry
 from diffbotctl.calibrate.umbmark import Angles, correct_geometry
 from diffbotctl.config.robot import Robot
-from diffbotctl.prompts.question import ExpectedQuestion, MarkFloor, MotionNotice, Question
+from diffbotctl.prompts.question import (
+    ExpectedQuestion,
+    MarkFloor,
+    MotionNotice,
+    Question,
+    floor_drives,
+)
 
 REPEATS = 4  # from each end
 OFFSET_SD_MIN_M = 0.001  # of a ruler beside a string
@@ -45,13 +51,17 @@ class StraightStep:
 
     def questions(self, robot: Robot) -> Sequence[ExpectedQuestion]:
         """The distance from the string after each run."""
-        return [ExpectedQuestion(self._question(), 2 * self.repeats)]
+        return [
+            *floor_drives(self.name, 2 * self.repeats),
+            ExpectedQuestion(self._question(), 2 * self.repeats),
+        ]
 
     def run(self, session: RobotSession) -> StepRun:
         """Drive along the string and have the offset measured, from alternating ends."""
         session.connect()
         reach = reach_of(self.metres)
         yield MotionNotice(
+            self.name,
             f"Stretch a string of {self.metres:g} m on the floor. The robot drives along it, "
             f"{self.repeats} times from each end, and at most {reach:.2f} m.",
             reach=reach,
@@ -63,7 +73,8 @@ class StraightStep:
                 yield StepProgress("along the string", len(readings), 2 * self.repeats)
                 yield MarkFloor(
                     f"Run {number + 1} of {self.repeats} from the {end} end: put the robot on the "
-                    "string, with its middle above it and its front along it."
+                    "string, with its middle above it and its front along it.",
+                    f"it drives {self.metres:g} m along the string",
                 )
                 readings.append((yield from self._offset(session, reach, readings, zeros)))
         there, back = (robust_mean(readings, OFFSET_SD_MIN_M) for readings in offsets.values())
