@@ -50,7 +50,7 @@ from typing import Any, NamedTuple
 
 from diffbotctl.block import Block, Every, In, inputs, outputs
 from diffbotctl.log import Logbook, NamedLogbook
-from diffbotctl.messages import Imu, LogLine, TurtlePlacement
+from diffbotctl.messages import LogLine
 from diffbotctl.time import NEVER, SECOND
 
 LOG = "log"  # the wire of all log lines, the last one of a graph
@@ -149,7 +149,6 @@ class Graph:
             timers=timers,
             timer_owners=writer.timer_owners,
             nodes=writer.nodes,
-            former_names=writer.former_names,
         )
 
     def _publisher(
@@ -198,7 +197,7 @@ class Compiled(NamedTuple):
     next timer or deadline. `publish(now)` publishes the log lines that remain after an instant that
     raised. `timers()` are the next times of the timers, `timer_owners` their nodes and periods in
     ns. `line_owner` maps a line of `source` to the node whose block it calls, `nodes` a node to its
-    name in `source`, `former_names` a variable of `source` to its name in version 0.1.
+    name in `source`.
     """
 
     instant: Instant
@@ -210,7 +209,6 @@ class Compiled(NamedTuple):
     timers: Callable[[], list[int]]
     timer_owners: list[tuple[str, int]]
     nodes: dict[str, str]
-    former_names: dict[str, str]
 
     def reaction(self, node: str) -> Callable[..., Any]:
         """What is called for this node."""
@@ -231,15 +229,9 @@ class Compiled(NamedTuple):
         return {name: cell.cell_contents for name, cell in self._cells().items()}
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Restore a `state` of an equal graph, which an earlier version may have saved.
-
-        An input whose messages did not expire in that version begins without one. Raises KeyError
-        when another name is missing.
-        """
+        """Restore a `state` of an equal graph. Raises KeyError when a name is missing."""
         for name, cell in self._cells().items():
-            former = name if name in state else self.former_names[name]
-            if former in state or not name.startswith(("fresh_", "deadline_")):
-                cell.cell_contents = state[former]
+            cell.cell_contents = state[name]
 
     def _cells(self) -> dict[str, Any]:
         closure: Any = self.instant
@@ -325,15 +317,11 @@ class _Writer:
             f"{node.name}.{port}" for node in graph.nodes for port in inputs(type(node.block))
         )
         self.initial: dict[str, str] = {}  # of each variable that outlives an instant
-        self.former_names: dict[str, str] = {}
-        # Version 0.1 numbered its wires, and had none of these classes.
-        later = (Imu, TurtlePlacement)
-        self.former_wires = [wire for wire in graph.wires if graph.kinds[wire] not in later]
         self.deadlines: list[str] = []
         self.timers: list[str] = []
         self.timer_owners: list[tuple[str, int]] = []
         self.line_owner: dict[int, str] = {}
-        self.reactions = [self._reaction(place, node) for place, node in enumerate(graph.nodes)]
+        self.reactions = [self._reaction(node) for node in graph.nodes]
         self.final = [self._call_when_new(wire, "sink") for wire in sinks]
         self.final += [self._call_when_new(wire, "listener") for wire in listeners]
         if recording:
@@ -376,10 +364,9 @@ class _Writer:
     def _new(self, wire: str) -> str:
         return f"new_{self.wires[wire]}"
 
-    def _variable(self, name: str, initial: str, former_name: str) -> str:
+    def _variable(self, name: str, initial: str) -> str:
         """Declare a variable that outlives an instant; returns its name."""
         self.initial[name] = initial
-        self.former_names[name] = former_name
         return name
 
     def _hold(self, wire: str) -> list[str]:
@@ -392,10 +379,10 @@ class _Writer:
         new = self._new(wire)
         return [f"if {new} is not None:", f"    {callee}_{self.wires[wire]}(now, {new})"]
 
-    def _reaction(self, place: int, node: Node) -> list[str]:
+    def _reaction(self, node: Node) -> list[str]:
         """The lines that check whether the block reacts, and call it."""
         ports = [
-            self._input(node, port, declaration, f"{place}_{port}")
+            self._input(node, port, declaration)
             for port, declaration in inputs(type(node.block)).items()
         ]
         conditions = [condition for port in ports for condition in port.conditions]
@@ -409,12 +396,12 @@ class _Writer:
             *(f"    {line}" for line in self._call(node, call)),
         ]
 
-    def _input(self, node: Node, port: str, declaration: In | Every, former_key: str) -> _Input:
+    def _input(self, node: Node, port: str, declaration: In | Every) -> _Input:
         name = self.ports[f"{node.name}.{port}"]
         if isinstance(declaration, Every):
             period = nanoseconds(node.block, declaration.period)
             self.timer_owners.append((node.name, period))
-            return self._timer(name, period, former_key)
+            return self._timer(name, period)
         if port not in node.wires:
             return _Input([], [], "None")
         wire = node.wires[port]
@@ -423,13 +410,12 @@ class _Writer:
         if declaration.fresh_for is not None:
             lifetimes.append(nanoseconds(node.block, declaration.fresh_for))
         if not lifetimes:
-            former_name = f"v{self.former_wires.index(wire)}" if wire in self.former_wires else ""
-            held = self._variable(f"held_{self.wires[wire]}", "None", former_name)
+            held = self._variable(f"held_{self.wires[wire]}", "None")
             return _Input([], conditions, held)
-        return self._fresh_input(name, self._new(wire), min(lifetimes), conditions, former_key)
+        return self._fresh_input(name, self._new(wire), min(lifetimes), conditions)
 
-    def _timer(self, name: str, period: int, former_key: str) -> _Input:
-        next_time = self._variable(f"next_{name}", str(period), f"q{former_key}")
+    def _timer(self, name: str, period: int) -> _Input:
+        next_time = self._variable(f"next_{name}", str(period))
         self.deadlines.append(next_time)
         self.timers.append(next_time)
         fired = f"fired_{name}"
@@ -441,11 +427,9 @@ class _Writer:
         ]
         return _Input(lines, [f"{fired} is not None"], fired)
 
-    def _fresh_input(
-        self, name: str, new: str, lifetime: int, conditions: list[str], former_key: str
-    ) -> _Input:
-        fresh = self._variable(f"fresh_{name}", "None", f"f{former_key}")
-        deadline = self._variable(f"deadline_{name}", "NEVER", f"x{former_key}")
+    def _fresh_input(self, name: str, new: str, lifetime: int, conditions: list[str]) -> _Input:
+        fresh = self._variable(f"fresh_{name}", "None")
+        deadline = self._variable(f"deadline_{name}", "NEVER")
         self.deadlines.append(deadline)
         expired = f"expired_{name}"
         lines = [

@@ -12,7 +12,7 @@ from diffbotctl.testing.confined import ConfinedCommands
 from diffbotctl.testing.trials import hostile_recordings, hostile_tables, hostile_yaml
 
 MEMORY_MAX_BYTES = 100 << 20
-GOOD = Path(__file__).parent / "data" / "recordings_v0_1"
+GOOD = Path(__file__).parent / "data" / "recordings"
 
 
 @pytest.fixture(scope="module")
@@ -61,18 +61,19 @@ def test_changed_files_are_accepted_or_refused_and_run(seed, commands, tmp_path)
 
 
 def test_a_recording_that_unpacks_to_gigabytes_is_refused_with_its_place(commands, tmp_path):
+    whole = (GOOD / "edges.mcap").stat().st_size
     for name, content in hostile_recordings.bombs(GOOD / "edges.mcap").items():
         path = tmp_path / f"{name}.mcap".replace("/", "")
         path.write_bytes(content)
         outcome = checked(commands.run("bag", "info", path))
-        if len(content) > 90_000:  # the whole recording precedes the bad chunk
+        if len(content) > whole:  # the whole recording precedes the bad chunk
             assert outcome.code == 1, name
-            assert "E-RECORDING" in outcome.output and "byte 96044" in outcome.output, name
+            assert "E-RECORDING" in outcome.output and f"byte {whole - 37}" in outcome.output, name
         repaired = path.with_suffix(".repaired.mcap")
         assert checked(commands.run("bag", "recover", path, "--output", repaired)).code == 0, name
 
 
-@pytest.mark.parametrize("name", ["edges.mcap", "flight.mcap", "ease.mcap"])
+@pytest.mark.parametrize("name", ["edges.mcap", "ease.mcap"])
 def test_damaged_recordings_are_read_or_refused(name, commands, tmp_path):
     rng = Random(name)
     path = tmp_path / "damaged.mcap"

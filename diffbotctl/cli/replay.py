@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl import __version__
 from diffbotctl.cli.contradictions import check_span, exclusive, needs
 from diffbotctl.cli.options import FILE, Quantity, force_option, json_option, set_option
 from diffbotctl.cli.output import check_overwrite, print_json, problem_record
@@ -211,8 +212,11 @@ def _print_begin(run: RecordedRun) -> None:
     if run.begins == "state" and run.state is not None:
         click.echo(f"starts {run.state[0] / SECOND:.2f} s after the run's start, in a saved state")
     elif run.begins != "run":
-        click.echo("starts in an unknown state: the beginning of the run was not kept. Poses count")
-        click.echo("from there, and earlier goals and stops are unknown")
+        reason = "the beginning of the run was not kept"
+        if run.state_version is not None:
+            reason = f"version {run.state_version} saved it, this is version {__version__}"
+        click.echo(f"starts in an unknown state: {reason}.")
+        click.echo("Poses count from there, and earlier goals and stops are unknown")
 
 
 def _view(run: RecordedRun, dash: bool) -> Show:

@@ -27,7 +27,7 @@ class StopEvent(NamedTuple):
 
 
 class EngineState(NamedTuple):
-    """The state of all blocks after the instant `time` (ns); all inputs up to it were sent."""
+    """The pickled state of all blocks after the instant `time` (ns), whose inputs were all sent."""
 
     time: int
     data: bytes

@@ -23,6 +23,8 @@ from typing import IO, Any, NamedTuple
 from diffbotctl import user_folders
 from diffbotctl.processes.child_process import close_inherited_files, fork, report, split_frames
 from diffbotctl.recording.black_box import EngineState, StopEvent
+from diffbotctl.recording.snapshot import StateError
+from diffbotctl.recording.snapshot_json import to_json
 from diffbotctl.recording.writer import RecordingHeader, RecordingWriter
 from diffbotctl.time import SECOND
 
@@ -93,14 +95,25 @@ def _save(run: RunMetadata, number: int, ring: InputRing, summary: dict[str, str
 
 
 def _write(file: IO[bytes], run: RunMetadata, ring: InputRing, summary: dict[str, str]) -> None:
-    begins = "run" if ring.known and ring.begin is None else "state" if ring.begin else "unknown"
+    state = None if ring.begin is None else _json_state(ring.begin)
+    begins = "state" if state is not None else "unknown"
+    if ring.known and ring.begin is None:
+        begins = "run"
     header = RecordingHeader(run.wires, len(run.wires), {**run.about, "flight": begins})
     recording = RecordingWriter(file, header)
-    if ring.begin is not None:
-        recording.attach_state(*ring.begin)
+    if ring.begin is not None and state is not None:
+        recording.attach_state(ring.begin.time, state)
     for instant in ring.instants():
         recording.write(instant)
     recording.finish({**summary, "instants": str(recording.instants)})
+
+
+def _json_state(state: EngineState) -> bytes | None:
+    """The state as it is in a file; None if it has no such form."""
+    try:
+        return to_json(pickle.loads(state.data))
+    except StateError:
+        return None  # the file then begins without a state, and states that
 
 
 class InputRing:

@@ -10,6 +10,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import NamedTuple
 
+from diffbotctl import __version__
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.config.load import load
 from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS
@@ -34,7 +35,8 @@ class RecordedRun(NamedTuple):
     """Contents of a recording about its run.
 
     `last` is the time in ns of its last instant; `state` is the state, as (time in ns, bytes), from
-    which a black box file starts when the beginning of the run is lost; `operator_messages` are
+    which a black box file starts when the beginning of the run is lost: None when another version
+    of the program saved it, which has other blocks; `operator_messages` are
     (wire, message); `wires` are all wires of the run, also those without a message.
     """
 
@@ -51,7 +53,14 @@ class RecordedRun(NamedTuple):
     @property
     def begins(self) -> str:
         """`run`: at its start; `state`: later, in a known state; `unknown`: later, in none."""
-        return self.about.get("flight", "run")
+        begins = self.about.get("flight", "run")
+        return "unknown" if begins == "state" and self.state is None else begins
+
+    @property
+    def state_version(self) -> str | None:
+        """The other version of the program that saved the state in the file."""
+        has_state = self.about.get("flight") == "state" and self.state is None
+        return self.about.get("version", "unknown") if has_state else None
 
     @property
     def is_black_box(self) -> bool:
@@ -116,7 +125,7 @@ def read_run(path: Path) -> RecordedRun:
         reader.about,
         reader.end,
         last,
-        reader.state,
+        reader.state if reader.about.get("version") == __version__ else None,
         tuple(operator_messages),
         tuple(reader.wires),
         has_published_messages,

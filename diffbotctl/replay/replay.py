@@ -149,7 +149,7 @@ class _ReplayRun:
 
     def go(self) -> ReplayResult:
         """Replay to the end."""
-        outcome = self.engine.run(min(self.run.last + 1, self.options.until, NEVER))
+        outcome = self._run_engine()
         if self.options.check:
             self.checker.finish()
         self._close(outcome)
@@ -169,6 +169,16 @@ class _ReplayRun:
             self.checker.text_differences,
             failure,
         )
+
+    def _run_engine(self) -> RunOutcome:
+        try:
+            return self.engine.run(min(self.run.last + 1, self.options.until, NEVER))
+        except UserError:
+            raise
+        except Exception as error:
+            if self.run.state is None:
+                raise
+            raise _wrong_state(self.run.path, f"it leads to a {type(error).__name__}") from error
 
     def _start_screen(self) -> ScreenFeed | None:
         if self.options.show is None:
@@ -263,10 +273,9 @@ def _restore_state(
     overrides = _block_parameters(engine.graph, sets)
     time, data = state
     try:
-        restore_snapshot(data, engine)
+        restore_snapshot(data, time, engine)
     except StateError as error:
-        cause = f"the state at its beginning cannot be read: {error}"
-        raise RunError(Problem("E-RECORDING", str(path), cause)) from error
+        raise _wrong_state(path, str(error)) from error
     for block, name, value in overrides:
         if not declared(type(block))[name].live:
             cause = f"{name} of {type(block).__name__} cannot change after the start of a run, and "
@@ -275,6 +284,12 @@ def _restore_state(
         setattr(block, name, value)
         block.changed(name)
     engine.last_instant = time
+
+
+def _wrong_state(path: Path, reason: str) -> RunError:
+    cause = f"the state at its beginning cannot be used: {reason}"
+    fix = "`diffbotctl bag export` shows the messages in it"
+    return RunError(Problem("E-RECORDING", str(path), cause, fix))
 
 
 def _block_parameters(graph: Graph, sets: tuple[str, ...]) -> list[tuple[Any, str, Any]]:

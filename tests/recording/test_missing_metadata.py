@@ -4,7 +4,7 @@ from pathlib import Path
 
 from diffbotctl.replay.recorded_run import read_run, recorded_configuration
 
-TURTLE = Path(__file__).parents[1] / "data" / "recordings_v0_1" / "turtle.mcap"
+TURTLE = Path(__file__).parents[1] / "data" / "recordings" / "turtle.mcap"
 
 
 def test_a_recording_that_names_no_robot_is_read_with_the_one_of_its_pipeline():

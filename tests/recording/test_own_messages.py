@@ -2,6 +2,7 @@
 
 import json
 import os
+import pickle
 import signal
 import subprocess
 from math import inf, isnan, nan
@@ -204,6 +205,7 @@ def test_a_black_box_that_begins_in_the_middle_holds_them(installed, monkeypatch
     """The state of wires with own messages is saved and restored."""
     from diffbotctl.config.load import load
     from diffbotctl.recording.snapshot import take_snapshot
+    from diffbotctl.recording.snapshot_json import to_json
     from diffbotctl.recording.snapshot_restore import restore_snapshot
     from diffbotctl.runs.options import RunOptions
     from diffbotctl.runs.run import Run
@@ -213,7 +215,8 @@ def test_a_black_box_that_begins_in_the_middle_holds_them(installed, monkeypatch
     one = Run(load(str(pipeline)), RunOptions(fast=True, duration=1.0))
     one.go()
     other = Run(load(str(pipeline)), RunOptions(fast=True))
-    restore_snapshot(take_snapshot(one.engine), other.engine)
+    state = to_json(pickle.loads(take_snapshot(one.engine)))
+    restore_snapshot(state, one.engine.last_instant, other.engine)
     held = [value for value in other.engine.compiled.state().values() if value is not None]
     assert any(type_name(type(value)) == "odd_noses/Range" for value in held)
 
