@@ -73,6 +73,7 @@ StopCode = Literal[
     "host_frozen",
     "block_overrun",
     "wheel_runaway",
+    "wheel_direction",
     "wheel_fault",
     "battery_low",
     "stop_button",

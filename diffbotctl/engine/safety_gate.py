@@ -2,7 +2,8 @@
 
 A command passes if it is finite, if it and the telemetry are fresh, if both wheels are within their
 rated speed and the robot within its limits of speed and turn rate, if no wheel turns clearly faster
-than commanded, and if no stop is active. Acceleration is not checked: a stop is never ramped.
+than commanded or against its command, and if no stop is active. Acceleration is not checked: a
+stop is never ramped.
 """
 
 from __future__ import annotations
@@ -10,8 +11,10 @@ from __future__ import annotations
 from math import isfinite
 
 from diffbotctl.block import Block, In, Out
-from diffbotctl.control.speed_loop import MotorSettings
+from diffbotctl.config.robot import SideSection
+from diffbotctl.engine.direction_cause import direction_cause
 from diffbotctl.engine.overspeed import OverspeedDetector
+from diffbotctl.engine.wheel_direction import WheelDirections, can_show_direction
 from diffbotctl.messages import Encoders, Link, Resume, Stop, Wheels
 from diffbotctl.params import FromRobot, Param
 from diffbotctl.time import SECOND
@@ -41,19 +44,11 @@ class Gate(Block):
         maximum=0.5,
         help="Time without a command, during a motion, after which the robot is stopped.",
     )
-    left_rated: float = FromRobot("drive.left.motor.rated")
-    right_rated: float = FromRobot("drive.right.motor.rated")
-    left_diameter: float = FromRobot("drive.left.wheel.diameter")
-    right_diameter: float = FromRobot("drive.right.wheel.diameter")
+    left_side: SideSection = FromRobot("drive.left")
+    right_side: SideSection = FromRobot("drive.right")
     track: float = FromRobot("drive.track")
     speed: float = FromRobot("limits.speed")
     turn_rate: float = FromRobot("limits.turn_rate")
-    left_motor: MotorSettings = FromRobot("drive.left.motor")
-    right_motor: MotorSettings = FromRobot("drive.right.motor")
-    left_counts: int = FromRobot("drive.left.encoder.counts")
-    right_counts: int = FromRobot("drive.right.encoder.counts")
-    left_lag: float = FromRobot("drive.left.motor.lag")
-    right_lag: float = FromRobot("drive.right.motor.lag")
     command_delay: float = FromRobot("link.command_delay")
     command_jitter: float = FromRobot("link.command_jitter")
     telemetry: float = FromRobot("board.telemetry")
@@ -79,13 +74,13 @@ class Gate(Block):
         delay = self.command_delay + 3 * self.command_jitter + 1 / self.telemetry
         host_loop = self.protocol == "rosserial"
         self.wheels_watched = {
-            "left": OverspeedDetector(
-                self.left_motor, self.left_counts, self.left_lag, delay, host_loop
-            ),
-            "right": OverspeedDetector(
-                self.right_motor, self.right_counts, self.right_lag, delay, host_loop
-            ),
+            name: OverspeedDetector(
+                side.motor, side.encoder.counts, side.motor.lag, delay, host_loop
+            )
+            for name, side in (("left", self.left_side), ("right", self.right_side))
         }
+        sides = self.left_side, self.right_side
+        self.directions = WheelDirections(*sides, self.track) if can_show_direction(sides) else None
         self.pushed: set[str] = set()  # wheels that turn by hand
 
     def react(
@@ -117,6 +112,8 @@ class Gate(Block):
         """End the active stop, unless nothing is heard from the board."""
         if encoders is not None:
             self.active_stop = None
+            if self.directions is not None:
+                self.directions.restart()
         elif self.active_stop is not None:
             self.log.warning(
                 "`resume` ends no stop now: no telemetry comes from the board; call it again when "
@@ -166,7 +163,11 @@ class Gate(Block):
         if link is not None and self.is_new("link", link) and link.state == "lost":
             return Stop(now, "link_lost", f"the link to the board is gone: {link.cause}", True)
         if encoders is not None and fresh:
-            fault = self.check_telemetry(now, encoders) or self.check_wheels(now, encoders)
+            fault = (
+                self.check_telemetry(now, encoders)
+                or self.check_directions(now, encoders)
+                or self.check_wheels(now, encoders)
+            )
             if fault is not None:
                 return fault
         if encoders is None and self.telemetry_time:
@@ -190,6 +191,15 @@ class Gate(Block):
             cause = f"the board was silent for {silent / SECOND:.1f} s and is back"
             return Stop(now, "reconnect", cause, True)
         return None
+
+    def check_directions(self, now: int, encoders: Encoders) -> Stop | None:
+        """The stop for wheels that do not turn as they are driven, or None."""
+        fault = None if self.directions is None else self.directions.update(encoders)
+        if fault is None:
+            return None
+        return Stop(
+            now, "wheel_direction", direction_cause(fault, self.left_side, self.right_side), True
+        )
 
     def check_wheels(self, now: int, encoders: Encoders) -> Stop | None:
         """The stop for a wheel that turns faster than commanded; a pushed one is only reported."""
@@ -224,16 +234,17 @@ class Gate(Block):
 
     def check_limits(self, now: int, command: Wheels) -> Stop | None:
         """The stop for a command beyond the limits of the robot file, or None."""
-        left, right = command.left, command.right
+        (left, right), (left_side, right_side) = command[1:], (self.left_side, self.right_side)
+        left_rated, right_rated = left_side.motor.rated, right_side.motor.rated
         if not (isfinite(left) and isfinite(right)):
             return self.limit_stop(now, f"a wheel command is not a number ({left}, {right})")
         tolerance = 1 + ROUNDING_TOLERANCE
-        if abs(left) > self.left_rated * tolerance:
-            return self.limit_stop(now, _above_rated("left", left, self.left_rated))
-        if abs(right) > self.right_rated * tolerance:
-            return self.limit_stop(now, _above_rated("right", right, self.right_rated))
-        left_rim_speed = left * self.left_diameter / 2
-        right_rim_speed = right * self.right_diameter / 2
+        if abs(left) > left_rated * tolerance:
+            return self.limit_stop(now, _above_rated("left", left, left_rated))
+        if abs(right) > right_rated * tolerance:
+            return self.limit_stop(now, _above_rated("right", right, right_rated))
+        left_rim_speed = left * left_side.wheel.diameter / 2
+        right_rim_speed = right * right_side.wheel.diameter / 2
         linear = (left_rim_speed + right_rim_speed) / 2
         angular = (right_rim_speed - left_rim_speed) / self.track
         if abs(linear) > self.speed * tolerance:

@@ -11,24 +11,16 @@ from diffbotctl.messages import Encoders, Link, Resume, Stop, Wheels
 from diffbotctl.time import MILLISECOND as MS
 
 RATED = 100 * 2 * pi / 60  # rad/s: 100 rpm
-MOTOR = load_robot("book_2wd").robot.drive.left.motor
+SIDE = load_robot("book_2wd").robot.drive.left
 
 
 def gate():
     return Gate(
-        left_rated=RATED,
-        right_rated=RATED,
-        left_diameter=0.065,
-        right_diameter=0.065,
+        left_side=SIDE,
+        right_side=SIDE,
         track=0.125,
         speed=0.3,
         turn_rate=4.0,
-        left_motor=MOTOR,
-        right_motor=MOTOR,
-        left_counts=20,
-        right_counts=20,
-        left_lag=0.1,
-        right_lag=0.1,
         command_delay=0.015,
         command_jitter=0.0,
         telemetry=40.0,
