@@ -27,6 +27,8 @@ DRIVES ?= 200
 CALIBRATED ?= 100
 # A commit with whose simulation speed `make bench` compares the present one.
 AGAINST ?=
+# With any value, `make bench` takes very few samples of each row.
+BRIEF ?=
 # Folders of the OptiOdom data set, which is not part of this repository.
 OPTIODOM ?=
 SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
@@ -93,7 +95,7 @@ prove: packages pico $(VENV)/tested
 	  --optiodom $(OPTIODOM)
 
 bench: $(VENV)/tested
-	$(BIN)/python -m prove.bench
+	$(BIN)/python -m prove.bench $(if $(BRIEF),--brief)
 	$(if $(AGAINST),$(BIN)/python -m prove.bench --against $(AGAINST))
 
 # Compiles the modules in which a simulated run spends its time: the same results, nearly three times as fast.

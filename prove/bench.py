@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from statistics import median
-from typing import Any
+from typing import Any, NamedTuple
 
 from diffbotctl.block import Block
 from diffbotctl.config.load import load
@@ -29,8 +29,9 @@ from diffbotctl.testing.trials.row import Row, printed
 from prove import wire
 
 ROOT = Path(__file__).parents[1]
-TICKS = 8000  # for each of the two variants
 PERIOD_S = 0.001
+GOAL = Goal(0, 1, 1.0e6, 0.5, None)  # out of reach: the robot drives in every tick
+EDGES_PER_S = 29.0  # of a wheel at the speed of the follower
 OPEN_FLOOR = ["world.walls=[]"]
 
 
@@ -54,15 +55,15 @@ def direct(blocks: list[Block]) -> Callable[[int, Any, Any], Any]:
     odometry, follower, mux, limiter, kinematics = (block.react for block in blocks)
 
     def step(now: int, encoders: Any, goal: Any) -> Any:
-        pose = odometry(now, encoders)
+        pose, _ = odometry(now, encoders)  # without a gyro no message of the IMU
         twist, _ = follower(now, pose, goal, None, None)  # neither encoders nor stops are connected
         return kinematics(now, limiter(now, mux(now, None, twist)))
 
     return step
 
 
-def overhead() -> Iterator[Row]:
-    """Engine and direct calls, alternating at 1 kHz, with a recording."""
+def overhead(ticks: int) -> Iterator[Row]:
+    """Engine and direct calls, alternating at 1 kHz, with a recording; `ticks` of each."""
     graph, blocks = five_steps()
     calls = direct(blocks)
     with tempfile.TemporaryDirectory() as folder:
@@ -72,7 +73,7 @@ def overhead() -> Iterator[Row]:
         commands: list[Any] = []
         sinks = {"gate.wheels": lambda now, command: commands.append(command)}
         compiled = graph.compile(sinks, recorder.record)
-        engine_times, direct_times = alternate(graph, compiled, calls, recorder)
+        engine_times, direct_times = alternate(graph, compiled, calls, recorder, ticks)
         recorder.close({})
     extra = (median(engine_times) - median(direct_times)) * 1e6
     ratio = quantile(engine_times, 0.999) / quantile(direct_times, 0.999)
@@ -85,31 +86,33 @@ def overhead() -> Iterator[Row]:
     yield Row("engine over direct calls, p99.9", f"x{ratio:.2f}", "<= x3", ratio <= 3)
 
 
+def inputs(tick: int) -> tuple[int, Encoders, Goal]:
+    """Time, encoders and goal of a tick: a robot that drives as fast as it is commanded to."""
+    now = (tick + 1) * 1_000_000
+    count = int(now * 1e-9 * EDGES_PER_S)
+    return now, Encoders(now, count, count, now - 500, now - 700, 9.0, 9.0), GOAL
+
+
 def alternate(
-    graph: Any, compiled: Any, calls: Callable[..., Any], recorder: Recorder
+    graph: Any, compiled: Any, calls: Callable[..., Any], recorder: Recorder, ticks: int
 ) -> tuple[list[float], list[float]]:
     """Seconds from the Encoders message to the wheel command, per tick: engine, direct calls."""
-    encoders_index = graph.sources.index("robot.encoders")
-    goal_index = graph.sources.index("operator.goal")
-    goal = Goal(0, 1, 1.0e6, 0.5, None)
     times: tuple[list[float], list[float]] = ([], [])
     clock = time.perf_counter
-    for tick in range(TICKS):
-        now = (tick + 1) * 1_000_000
-        count = tick // 10
-        values: list[Any] = [None] * len(graph.sources)
-        values[encoders_index] = Encoders(now, count, count, now - 500, now - 700, 9.0, 9.0)
-        values[goal_index] = goal if tick == 0 else None
+    for tick in range(ticks):
+        now, encoders, goal = inputs(tick)
+        values = {"robot.encoders": encoders, "operator.goal": goal if tick == 0 else None}
+        sources = [values.get(name) for name in graph.sources]
         for variant in (0, 1) if tick % 2 else (1, 0):
             while clock() % PERIOD_S > PERIOD_S / 20:
                 pass
             began = clock()
             if variant == 0:
-                compiled.instant(now, *values)
+                compiled.instant(now, *sources)
                 times[0].append(clock() - began)
                 recorder.drain()
             else:
-                calls(now, values[encoders_index], goal)
+                calls(now, encoders, goal)
                 times[1].append(clock() - began)
     return times
 
@@ -132,16 +135,16 @@ def installed() -> dict[str, str]:
 BYTECODE = tempfile.TemporaryDirectory()
 
 
-def start_up() -> Iterator[Row]:
+def start_up(starts: int) -> Iterator[Row]:
     """`--help`, and `run` in simulation up to the first command that turns a wheel."""
     first_command(fresh=True)  # writes the bytecode
     times = []
-    for _ in range(15):
+    for _ in range(starts):
         began = time.perf_counter()
         subprocess.run(command("--help"), stdout=subprocess.DEVNULL, check=True, env=installed())
         times.append(time.perf_counter() - began)
     yield milliseconds("diffbotctl --help", times, 100)
-    cached, fresh = ([first_command(new) for _ in range(15)] for new in (False, True))
+    cached, fresh = ([first_command(new) for _ in range(starts)] for new in (False, True))
     yield milliseconds("run to first command, files checked before", cached, 120)
     yield milliseconds("run to first command, files never checked", fresh, 250)
 
@@ -210,7 +213,7 @@ def memory() -> Iterator[Row]:
     )
 
 
-def simulated_speed() -> Iterator[Row]:
+def simulated_speed(runs: int) -> Iterator[Row]:
     """Simulated seconds per second of the whole goal pipeline, unrecorded and recorded."""
     setup = load("goal", None, OPEN_FLOOR)
     goals = tuple(Goal(0, 0, x, 0.0, None) for x in (2.0, 0.0) * 4)
@@ -219,7 +222,7 @@ def simulated_speed() -> Iterator[Row]:
         ("every message recorded", 200, True),
     ):
         ratios = []
-        for seed in range(5):
+        for seed in range(runs):
             with tempfile.TemporaryDirectory() as folder:
                 path = Path(folder) / "speed.mcap" if recorded else None
                 run = Run(setup, RunOptions(goals=goals, seed=seed, fast=True, record=path))
@@ -283,17 +286,39 @@ def speed_of(tree: Path, pipeline: str, seed: int, recording: Path | None) -> fl
     return float(figures["simulated"] / figures["seconds"])
 
 
+class Sizes(NamedTuple):
+    """How much is measured."""
+
+    ticks: int  # of the engine and of direct calls
+    starts: int  # of each kind
+    runs: int  # in simulation, of each kind
+    wire_s: float  # of ticks in each run, wire to wire
+
+
+FULL = Sizes(ticks=8000, starts=15, runs=5, wire_s=12.0)
+BRIEF = Sizes(ticks=200, starts=1, runs=1, wire_s=0.5)
+
+
+def rows(sizes: Sizes) -> Iterator[Row]:
+    """The rows of all sections."""
+    yield from overhead(sizes.ticks)
+    yield from start_up(sizes.starts)
+    yield from memory()
+    yield from simulated_speed(sizes.runs)
+    yield from wire.rows(sizes.wire_s)
+
+
 def main() -> int:
     """Print the rows; with `--against COMMIT` those of the simulation's speed beside COMMIT."""
     parser = argparse.ArgumentParser(prog="python -m prove.bench")
     parser.add_argument("--against", metavar="COMMIT", help="compare the simulation's speed")
+    parser.add_argument("--brief", action="store_true", help="every row, of very few samples")
     parser.add_argument("--pairs", type=int, default=7, help="runs of each version (default 7)")
     arguments = parser.parse_args()
     if arguments.against:
         missed = printed(speed_against(arguments.against, arguments.pairs))
     else:
-        sections = (overhead, start_up, memory, simulated_speed, wire.rows)
-        missed = printed(row for section in sections for row in section())
+        missed = printed(rows(BRIEF if arguments.brief else FULL))
     print(f"{missed} rows missed")
     return 1 if missed else 0
 

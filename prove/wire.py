@@ -97,7 +97,7 @@ class Timing(NamedTuple):
         )
 
 
-def measure(rate: float, screen: bool) -> Timing:
+def measure(rate: float, screen: bool, seconds: float) -> Timing:
     """The times of a run of diffbotctl, with or without the screen."""
     master, slave = os.openpty()
     tty.setraw(slave)
@@ -113,7 +113,7 @@ def measure(rate: float, screen: bool) -> Timing:
         ticks = Ticks(master, rate)
         try:
             negotiate(master)
-            ticks.send(SECONDS)
+            ticks.send(seconds)
             ticks.send_last()
         finally:
             process.terminate()
@@ -123,10 +123,10 @@ def measure(rate: float, screen: bool) -> Timing:
         return timing(ticks.times(recording)[:-1])
 
 
-def bare(rate: float) -> Timing:
+def bare(rate: float, seconds: float) -> Timing:
     """The times of a program that only reads and writes."""
     with bare_program(rate) as ticks:
-        return Timing(sorted(ticks.send(SECONDS)), ticks.count)
+        return Timing(sorted(ticks.send(seconds)), ticks.count)
 
 
 @contextmanager
@@ -236,9 +236,9 @@ class Ticks:
         return answer_times(self.sent, self.answers.received, commands)
 
 
-def rows() -> Iterator[Row]:
+def rows(seconds: float = SECONDS) -> Iterator[Row]:
     """The latency rows, headless and with the screen, at 50 and 200 Hz, beside a bare program's."""
-    floors = {rate: bare(rate) for rate in (50.0, 200.0)}
+    floors = {rate: bare(rate, seconds) for rate in (50.0, 200.0)}
     for rate, floor in floors.items():
         yield Row(
             f"wire to wire at {rate:.0f} Hz, a program that only reads and writes",
@@ -248,7 +248,7 @@ def rows() -> Iterator[Row]:
         )
     for screen, (median_max, p99_max) in ((False, (0.4, 1.0)), (True, (0.5, 2.0))):
         for rate, floor in floors.items():
-            measured = measure(rate, screen)
+            measured = measure(rate, screen, seconds)
             name = f"wire to wire at {rate:.0f} Hz, {'with the screen' if screen else 'headless'}"
             middle, tail = measured.median * 1e3, measured.p99 * 1e3
             yield Row(

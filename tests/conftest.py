@@ -53,6 +53,7 @@ def pytest_collection_modifyitems(items):
         fixtures = item._fixtureinfo.name2fixturedefs.values()
         functions = [item.function, *(each.func for found in fixtures for each in found)]
         if item.get_closest_marker("board") or any(map(opens_board, functions)):
+            item.add_marker("board")
             item.add_marker(pytest.mark.xdist_group("board"))
 
 
