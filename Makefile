@@ -7,6 +7,7 @@ ROBOTS ?= 300
 TRIALS ?= 50
 STARTS ?= 100
 BOARD ?= 1
+NIGHTLY ?= 1
 # Number of calibrated robots with planted faults, and of further ones on emulated boards.
 FAULTY ?= 30
 EMULATED ?= 5
@@ -86,13 +87,15 @@ $(ROS2)/installed: tests/ros2/build_tf2_msgs.py
 	$(ROS2)/bin/python tests/ros2/build_tf2_msgs.py
 	touch $@
 
-# The tests with the mark `nightly`, then every figure beside its target.
+# The tests with the mark `nightly` (`NIGHTLY=` leaves them out), then every figure beside its target.
 prove: packages pico $(VENV)/tested
-	$(BIN)/python -m pytest -n 3 --dist loadgroup -rsfE -m nightly
+	status=0; \
+	$(if $(NIGHTLY),$(BIN)/python -m pytest -n 3 --dist loadgroup -rsfE -m nightly || status=1;) \
 	$(BIN)/python -m prove --seed $(SEED) --robots $(ROBOTS) --trials $(TRIALS) --starts $(STARTS) \
 	  --board $(BOARD) --wander $(WANDER) --faulty $(FAULTY) --emulated $(EMULATED) --goals $(GOALS) --matrix $(MATRIX) \
 	  --hostile $(HOSTILE) --hours $(HOURS) --failures $(FAILURES) --bridge $(BRIDGE) --cuts $(CUTS) --drives $(DRIVES) --calibrated $(CALIBRATED) \
-	  --optiodom $(OPTIODOM)
+	  --optiodom $(OPTIODOM) || status=1; \
+	exit $$status
 
 bench: $(VENV)/tested
 	$(BIN)/python -m prove.bench $(if $(BRIEF),--brief)

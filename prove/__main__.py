@@ -140,7 +140,7 @@ def main() -> int:
     times = SectionTimes(cache() / "prove_times.json")
     missed = printed(with_progress(sections_of(options), times))
     state.cleanup()
-    print(f"{missed} rows missed")
+    print(f"prove: {missed} rows missed")
     return 1 if missed else 0
 
 

@@ -319,7 +319,7 @@ def main() -> int:
         missed = printed(speed_against(arguments.against, arguments.pairs))
     else:
         missed = printed(rows(BRIEF if arguments.brief else FULL))
-    print(f"{missed} rows missed")
+    print(f"bench: {missed} rows missed")
     return 1 if missed else 0
 
 
