@@ -73,8 +73,10 @@ def overhead(ticks: int) -> Iterator[Row]:
         commands: list[Any] = []
         sinks = {"gate.wheels": lambda now, command: commands.append(command)}
         compiled = graph.compile(sinks, recorder.record)
-        engine_times, direct_times = alternate(graph, compiled, calls, recorder, ticks)
+        engine_times, direct_times, computed = alternate(graph, compiled, calls, recorder, ticks)
         recorder.close({})
+    same = commands == computed and commands[-1].left > 0.0
+    yield Row("engine and direct calls give the same commands", str(same), "True", same)
     extra = (median(engine_times) - median(direct_times)) * 1e6
     ratio = quantile(engine_times, 0.999) / quantile(direct_times, 0.999)
     yield Row(
@@ -95,9 +97,12 @@ def inputs(tick: int) -> tuple[int, Encoders, Goal]:
 
 def alternate(
     graph: Any, compiled: Any, calls: Callable[..., Any], recorder: Recorder, ticks: int
-) -> tuple[list[float], list[float]]:
-    """Seconds from the Encoders message to the wheel command, per tick: engine, direct calls."""
-    times: tuple[list[float], list[float]] = ([], [])
+) -> tuple[list[float], list[float], list[Any]]:
+    """Seconds from the Encoders message to the wheel command, per tick: engine, direct calls.
+
+    And the commands of the direct calls.
+    """
+    times: tuple[list[float], list[float], list[Any]] = ([], [], [])
     clock = time.perf_counter
     for tick in range(ticks):
         now, encoders, goal = inputs(tick)
@@ -112,8 +117,9 @@ def alternate(
                 times[0].append(clock() - began)
                 recorder.drain()
             else:
-                calls(now, encoders, goal)
+                command = calls(now, encoders, goal)
                 times[1].append(clock() - began)
+                times[2].append(command)
     return times
 
 
@@ -299,26 +305,31 @@ FULL = Sizes(ticks=8000, starts=15, runs=5, wire_s=12.0)
 BRIEF = Sizes(ticks=200, starts=1, runs=1, wire_s=0.5)
 
 
-def rows(sizes: Sizes) -> Iterator[Row]:
-    """The rows of all sections."""
-    yield from overhead(sizes.ticks)
-    yield from start_up(sizes.starts)
-    yield from memory()
-    yield from simulated_speed(sizes.runs)
-    yield from wire.rows(sizes.wire_s)
+def sections(sizes: Sizes) -> dict[str, Iterator[Row]]:
+    """The rows of each section; nothing is measured yet."""
+    return {
+        "overhead": overhead(sizes.ticks),
+        "start": start_up(sizes.starts),
+        "memory": memory(),
+        "simulation": simulated_speed(sizes.runs),
+        "wire": wire.rows(sizes.wire_s),
+    }
 
 
 def main() -> int:
     """Print the rows; with `--against COMMIT` those of the simulation's speed beside COMMIT."""
     parser = argparse.ArgumentParser(prog="python -m prove.bench")
     parser.add_argument("--against", metavar="COMMIT", help="compare the simulation's speed")
+    parser.add_argument("--section", action="append", choices=sections(BRIEF), help="only this one")
     parser.add_argument("--brief", action="store_true", help="every row, of very few samples")
     parser.add_argument("--pairs", type=int, default=7, help="runs of each version (default 7)")
     arguments = parser.parse_args()
     if arguments.against:
         missed = printed(speed_against(arguments.against, arguments.pairs))
     else:
-        missed = printed(rows(BRIEF if arguments.brief else FULL))
+        chosen = sections(BRIEF if arguments.brief else FULL)
+        names = arguments.section or chosen
+        missed = printed(row for name in names for row in chosen[name])
     print(f"bench: {missed} rows missed")
     return 1 if missed else 0
 

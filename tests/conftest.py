@@ -48,13 +48,15 @@ def pytest_configure(config):
 
 
 def pytest_collection_modifyitems(items):
-    """One board at a time: an emulated one needs most of a core to keep up with real time."""
+    """One board at a time, since one needs most of a core; and each module's fixtures once."""
     for item in items:
-        fixtures = item._fixtureinfo.name2fixturedefs.values()
-        functions = [item.function, *(each.func for found in fixtures for each in found)]
+        fixtures = [each for found in item._fixtureinfo.name2fixturedefs.values() for each in found]
+        functions = [item.function, *(each.func for each in fixtures)]
         if item.get_closest_marker("board") or any(map(opens_board, functions)):
             item.add_marker("board")
             item.add_marker(pytest.mark.xdist_group("board"))
+        elif any(each.scope == "module" for each in fixtures):
+            item.add_marker(pytest.mark.xdist_group(item.module.__name__))
 
 
 def opens_board(function):

@@ -149,6 +149,7 @@ def test_stop_without_a_name_stops_all_engines_there(tmp_path, far):
         assert here(tmp_path, "resume", "--engine", "left")[0] == 0
 
 
+@pytest.mark.nightly
 def test_stop_at_several_computers_tells_each_answer(tmp_path, far):
     there = tmp_path / "there"
     with running(there, "goal", "--stay", "--goal", "9 0"):

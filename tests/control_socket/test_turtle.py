@@ -143,6 +143,7 @@ def publishing(client, topic, **message):
     return repeating(lambda: client.send(line), 0.05)
 
 
+@pytest.mark.nightly
 def test_spawned_turtles_are_driven_at_once_and_replayed(tmp_path):
     recording = tmp_path / "turtles.mcap"
     with running(tmp_path, "turtles", "--record", str(recording), sets=()) as process:

@@ -22,6 +22,7 @@ from diffbotctl.testing.trials import (
     wheel_loop,
 )
 from diffbotctl.time import MILLISECOND as MS
+from tests.sampling import by_day, each_once
 
 
 def mode(bench):
@@ -30,51 +31,33 @@ def mode(bench):
     return frames.ModeCode(bench.state().mode).name.lower()
 
 
-@pytest.mark.parametrize(
-    "rows",
-    [
-        lambda: board.latency(3, 20),
-        lambda: board.telemetry(10),
-        lambda: board.edges(seconds=0.2),
-        lambda: board.bounce(3, 1),
-        lambda: board_settings.refused_settings(3, 25),
-        lambda: board_settings.eeprom_cuts(3, 1),
-        lambda: board.restarts(3, 3),
-        lambda: board.deadman(3, 18),
-        lambda: board_faults.storms(3, 12),
-        lambda: board_faults.hellos(3, 10),
-        lambda: wheel_loop.starts(3, 30),
-        lambda: wheel_loop.starts(4, 4, emulated=True),
-        lambda: wheel_loop.stalls(3, 20),
-        lambda: wheel_loop.stalls(4, 4, emulated=True),
-        lambda: frame_damage.through_binary(3, 60),
-        lambda: board_runs.agreement(3, 2),
-        lambda: board_runs.same_twice(3),
-        lambda: board_restarts.rows(3, 3),
-    ],
-    ids=[
-        "latency",
-        "telemetry",
-        "edges",
-        "bounce",
-        "settings",
-        "eeprom",
-        "restarts",
-        "deadman",
-        "encoder storms",
-        "hello after a reset",
-        "healthy starts",
-        "healthy starts of the binary",
-        "stalls",
-        "stalls of the binary",
-        "damage",
-        "speed loop",
-        "same twice",
-        "restarts under a goal",
-    ],
-)
-def test_figures(rows):
-    for row in rows():
+DAY = {
+    "latency": lambda: board.latency(3, 20),
+    "edges": lambda: board.edges(seconds=0.2),
+    "bounce": lambda: board.bounce(3, 1),
+    "settings": lambda: board_settings.refused_settings(3, 25),
+    "deadman": lambda: board.deadman(3, 18),
+    "healthy starts": lambda: wheel_loop.starts(3, 30),
+    "stalls": lambda: wheel_loop.stalls(3, 20),
+    "damage": lambda: frame_damage.through_binary(3, 60),
+    "speed loop": lambda: board_runs.agreement(3, 2),
+}
+NIGHT = {
+    "telemetry": lambda: board.telemetry(10),
+    "eeprom": lambda: board_settings.eeprom_cuts(3, 1),
+    "restarts": lambda: board.restarts(3, 3),
+    "encoder storms": lambda: board_faults.storms(3, 12),
+    "hello after a reset": lambda: board_faults.hellos(3, 10),
+    "healthy starts of the binary": lambda: wheel_loop.starts(4, 4, emulated=True),
+    "stalls of the binary": lambda: wheel_loop.stalls(4, 4, emulated=True),
+    "same twice": lambda: board_runs.same_twice(3),
+    "restarts under a goal": lambda: board_restarts.rows(3, 3),
+}
+
+
+@pytest.mark.parametrize("name", by_day(len(DAY), DAY | NIGHT))
+def test_figures(name):
+    for row in (DAY | NIGHT)[name]():
         assert row.met, row.line()
 
 
@@ -105,8 +88,7 @@ def test_settings_survive_a_reset():
         assert hello.reset == frames.ResetCode.LINE
 
 
-@pytest.mark.parametrize("settings", [BOOK, UNO], ids=["mega2560", "uno"])
-@pytest.mark.parametrize("run_ms", [40, 210, 275])
+@each_once(settings=(BOOK, UNO), run_ms=(40, 210, 275))
 def test_telemetry_has_no_gap_after_a_reset(settings, run_ms):
     """The clock's timer starts anew, whatever its state is when the bootloader ends.
 

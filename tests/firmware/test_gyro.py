@@ -20,6 +20,7 @@ from diffbotctl.links.diffbot_settings import GyroInput, RangeInput
 from diffbotctl.testing import firmware_parts
 from diffbotctl.testing.board_bench import BOOK, PICO, RADIO, UNO, BoardBench, speed
 from diffbotctl.time import MILLISECOND as MS
+from tests.sampling import each_once
 
 MPU6050, LSM6 = GyroInput(0x68), GyroInput(0x6A, is_lsm6=True)
 SETTINGS = {
@@ -30,8 +31,8 @@ SETTINGS = {
         ("pico", replace(PICO, left=replace(PICO.left, enable=11))),  # 5 is the bus's clock
     )
 }
-ALL = pytest.mark.parametrize("board", SETTINGS)
-CHIPS = pytest.mark.parametrize("gyro", [MPU6050, LSM6], ids=["mpu6050", "lsm6"])
+BOARDS, CHIPS = tuple(SETTINGS), (MPU6050, LSM6)
+ALL = pytest.mark.parametrize("board", BOARDS)
 NOISE_SD = 0.05  # deg/s in readings at 100 Hz, of 0.005 deg/s/sqrt(Hz)
 PERIOD = 10 * MS
 
@@ -66,10 +67,7 @@ class GyroBench(BoardBench):
         self.turn_at(0.0, 500)
 
 
-@ALL
-@CHIPS
-@pytest.mark.parametrize("axis", [0, 1, 2])
-@pytest.mark.parametrize("is_reversed", [False, True])
+@each_once(board=BOARDS, gyro=CHIPS, axis=(0, 1, 2), is_reversed=(False, True))
 def test_gravity_along_the_axis_is_that_of_the_settings(board, gyro, axis, is_reversed):
     """Up or down as stated, also askew by 50 deg: trusted. The other way, or across: refused."""
     gyro = gyro._replace(axis=axis, is_reversed=is_reversed, is_upward_checked=True)
@@ -121,9 +119,7 @@ def last_flags(bench):
     )
 
 
-@ALL
-@CHIPS
-@pytest.mark.parametrize("axis", [0, 1, 2])
+@each_once(board=BOARDS, gyro=CHIPS, axis=(0, 1, 2))
 def test_the_turn_is_a_running_sum(board, gyro, axis):
     """270 deg at 180 deg/s, from the frames before and after alone: those between may be lost."""
     settings = replace(SETTINGS[board], gyro=gyro._replace(axis=axis))
@@ -147,8 +143,7 @@ def test_an_lsm6_at_its_second_address_turns_backwards_too(board):
         assert degrees(before, bench.inertial(), LSM6) == pytest.approx(-200.0, abs=0.2)
 
 
-@ALL
-@pytest.mark.parametrize("gyro", [MPU6050._replace(address=0x6A), LSM6._replace(address=0x68)])
+@each_once(board=BOARDS, gyro=(MPU6050._replace(address=0x6A), LSM6._replace(address=0x68)))
 def test_another_chip_at_the_address_counts_as_none(board, gyro):
     """Its registers do not keep the full scale."""
     with GyroBench(replace(SETTINGS[board], gyro=gyro)) as bench:
@@ -157,17 +152,16 @@ def test_another_chip_at_the_address_counts_as_none(board, gyro):
         assert all(each.frame.turn_fault for each in bench.turn_at(0.0, 1000))
 
 
-@ALL
-@CHIPS
-@pytest.mark.parametrize(
-    ("fault", "flag"),
-    [
-        (Fault.SILENT, frames.FLAG_GYRO_SILENT),
-        (Fault.BUS_HELD, frames.FLAG_GYRO_BUS),
-        (Fault.STUCK, frames.FLAG_GYRO_STUCK),
-    ],
-)
-def test_a_failure_under_way_is_reported_within_half_a_second(board, gyro, fault, flag):
+FAULTS = {
+    Fault.SILENT: frames.FLAG_GYRO_SILENT,
+    Fault.BUS_HELD: frames.FLAG_GYRO_BUS,
+    Fault.STUCK: frames.FLAG_GYRO_STUCK,
+}
+
+
+@each_once(board=BOARDS, gyro=CHIPS, fault=tuple(FAULTS))
+def test_a_failure_under_way_is_reported_within_half_a_second(board, gyro, fault):
+    flag = FAULTS[fault]
     """And over: the gyro is trusted again after 300 ms without a fault."""
     with GyroBench(replace(SETTINGS[board], gyro=gyro)) as bench:
         bench.start()
@@ -179,8 +173,7 @@ def test_a_failure_under_way_is_reported_within_half_a_second(board, gyro, fault
         assert not bench.turn_at(20.0, 600)[-1].frame.turn_fault
 
 
-@ALL
-@pytest.mark.parametrize("fault", [Fault.SILENT, Fault.BUS_HELD])
+@each_once(board=BOARDS, fault=(Fault.SILENT, Fault.BUS_HELD))
 def test_a_gyro_that_is_dead_at_the_start_is_never_trusted(board, fault):
     with GyroBench(SETTINGS[board]) as bench:
         bench.turn_at(0.0, 30, fault)
@@ -190,9 +183,9 @@ def test_a_gyro_that_is_dead_at_the_start_is_never_trusted(board, fault):
     assert all(each.frame.turn_fault for each in heard)
 
 
-@ALL
-@pytest.mark.parametrize(("gyro", "beyond"), [(MPU6050, 520.0), (LSM6, 580.0)])
-def test_a_turn_beyond_the_full_scale_is_reported(board, gyro, beyond):
+@each_once(board=BOARDS, gyro=((MPU6050, 520.0), (LSM6, 580.0)))
+def test_a_turn_beyond_the_full_scale_is_reported(board, gyro):
+    gyro, beyond = gyro
     """An LSM6 measures up to 573 deg/s before its numbers end."""
     with GyroBench(replace(SETTINGS[board], gyro=gyro)) as bench:
         bench.start()
@@ -201,8 +194,7 @@ def test_a_turn_beyond_the_full_scale_is_reported(board, gyro, beyond):
         assert last_flags(bench) & frames.FLAG_GYRO_RANGE
 
 
-@ALL
-@CHIPS
+@each_once(board=BOARDS, gyro=CHIPS)
 def test_a_gyro_that_lost_its_settings_gets_them_again(board, gyro):
     """After a dip of its supply an MPU6500 measures at twice the rate, an LSM6 not at all."""
     with GyroBench(replace(SETTINGS[board], gyro=gyro)) as bench:

@@ -22,49 +22,39 @@ from diffbotctl.testing.trials import (
     board_settings,
     frame_damage,
 )
+from tests.sampling import by_day
 
 SLOT = 128  # bytes of one in the store
 
 
-@pytest.mark.parametrize(
-    "rows",
-    [
-        lambda: board.latency(3, 20),
-        lambda: board.telemetry(5),
-        lambda: board.edges(20_000, 0.2),
-        lambda: board.bounce(3, 1),
-        lambda: board_settings.refused_settings(3, 25),
-        lambda: board.restarts(3, 3),
-        lambda: board.deadman(3, 12),
-        lambda: list(board_faults.storms(3, 3))[:2],  # few end by a stop frame, the third row
-        lambda: board_faults.hellos(3, 5),
-        lambda: frame_damage.through_binary(3, 60),
-        lambda: board_runs.agreement(3, 1),
-        lambda: board_runs.same_twice(3),
-        lambda: board_restarts.rows(3, 1),
-    ],
-    ids=[
-        "latency",
-        "telemetry",
-        "edges",
-        "bounce",
-        "settings",
-        "restarts",
-        "deadman",
-        "encoder storms",
-        "hello after a reset",
-        "damage",
-        "speed loop",
-        "same twice",
-        "restarts under a goal",
-    ],
-)
-def test_figures(rows):
+DAY = {
+    "latency": lambda: board.latency(3, 20),
+    "edges": lambda: board.edges(20_000, 0.2),
+    "settings": lambda: board_settings.refused_settings(3, 25),
+    "deadman": lambda: board.deadman(3, 12),
+}
+NIGHT = {
+    "telemetry": lambda: board.telemetry(5),
+    "bounce": lambda: board.bounce(3, 1),
+    "restarts": lambda: board.restarts(3, 3),
+    # few storms end by a stop frame, the third row
+    "encoder storms": lambda: list(board_faults.storms(3, 3))[:2],
+    "hello after a reset": lambda: board_faults.hellos(3, 5),
+    "damage": lambda: frame_damage.through_binary(3, 60),
+    "speed loop": lambda: board_runs.agreement(3, 1),
+    "same twice": lambda: board_runs.same_twice(3),
+    "restarts under a goal": lambda: board_restarts.rows(3, 1),
+}
+
+
+@pytest.mark.parametrize("name", by_day(len(DAY), DAY | NIGHT))
+def test_figures(name):
     with trials_on(PICO_BOARD):
-        for row in rows():
+        for row in (DAY | NIGHT)[name]():
             assert row.met, row.line()
 
 
+@pytest.mark.nightly
 def test_a_goal_is_reached():
     with trials_on(PICO_BOARD):
         for row in board_runs.goals(3, 1):
@@ -176,7 +166,7 @@ def test_a_dip_of_the_supply_is_told_from_power_on():
         assert bench.ask().reset == frames.ResetCode.BROWNOUT
 
 
-@pytest.mark.parametrize("written", range(0, 60, 7))
+@pytest.mark.parametrize("written", by_day(2, (0, 28, 7, 14, 21, 35, 42, 49, 56)))
 def test_power_that_fails_while_settings_are_written_leaves_a_valid_slot(written):
     """After the sector of the older slot was erased, and after some of its bytes, from the end."""
     new = replace(PICO, glitch=3 * MS)

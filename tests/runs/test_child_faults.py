@@ -5,19 +5,23 @@ import signal
 import pytest
 
 from diffbotctl.testing.trials.child_faults import child_fault, emulator_fault, unplugged
+from tests.sampling import by_day
 
 
 @pytest.mark.parametrize(
     ("kind", "number"),
-    [
-        ("hub", signal.SIGKILL),
-        ("hub", signal.SIGSTOP),
-        ("recorder", signal.SIGKILL),
-        ("recorder", signal.SIGSTOP),
-        ("log", signal.SIGSTOP),
-        ("screen", signal.SIGSTOP),
-        ("watchdog", signal.SIGSTOP),
-    ],
+    by_day(
+        3,
+        [
+            ("hub", signal.SIGKILL),
+            ("recorder", signal.SIGSTOP),
+            ("watchdog", signal.SIGSTOP),
+            ("hub", signal.SIGSTOP),
+            ("recorder", signal.SIGKILL),
+            ("log", signal.SIGSTOP),
+            ("screen", signal.SIGSTOP),
+        ],
+    ),
 )
 def test_the_run_goes_on_or_ends_and_leaves_nothing(kind, number):
     outcome = child_fault(kind, number, 5)

@@ -23,6 +23,7 @@ from diffbotctl.testing.command_process import (
 from diffbotctl.testing.terminal import Terminal
 from diffbotctl.testing.trials.host_freeze import HANGING_PIPELINE, HANGS
 from diffbotctl.time import SECOND
+from tests.sampling import by_day
 
 FAR = ["run", "goal", "--goal", "30 0", "--set", "world.walls=[]"]
 
@@ -53,7 +54,7 @@ def test_a_signal_while_driving_ends_in_a_confirmed_stop(number):
     assert process.returncode == 130
 
 
-@pytest.mark.parametrize("key", ["\x03", "\x1c"])
+@pytest.mark.parametrize("key", by_day(1, ["\x03", "\x1c"]))
 def test_ctrl_c_on_a_terminal_leaves_the_emulated_board_running_for_the_stop(key):
     with Terminal(command_line(*FAR, "--port", "emulated")) as terminal:
         terminal.until(lambda text: "driving" in text)

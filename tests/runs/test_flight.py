@@ -97,6 +97,7 @@ def long(tmp_path_factory):
     return told, flights, full
 
 
+@pytest.mark.nightly
 def test_of_a_long_run_the_last_minutes_are_kept_and_replayed_bit_for_bit(long, tmp_path):
     told, flights, full = long
     assert "The last 3 minutes are in" in told[-1]
@@ -110,6 +111,7 @@ def test_of_a_long_run_the_last_minutes_are_kept_and_replayed_bit_for_bit(long, 
     assert len(said_by_blocks(again)) > 10_000
 
 
+@pytest.mark.nightly
 def test_only_live_parameters_can_be_changed_in_a_replay_from_a_state(long):
     run = recorded_run.read_run(long[1][-1])
     plain = replay_run(run, ReplayOptions())
@@ -121,6 +123,7 @@ def test_only_live_parameters_can_be_changed_in_a_replay_from_a_state(long):
         replay_run(run, ReplayOptions(sets=fixed))
 
 
+@pytest.mark.nightly
 def test_the_command_says_where_a_replay_begins(long, tmp_path):
     path = long[1][-1]
     result = CliRunner().invoke(program, ["replay", str(path), "--set", "guard.margin=0.2 m"])
@@ -131,6 +134,7 @@ def test_the_command_says_where_a_replay_begins(long, tmp_path):
     assert "from a known state" in info and "blocked" in info
 
 
+@pytest.mark.nightly
 def test_a_check_of_a_flight_is_refused(long):
     with pytest.raises(RunError, match="no messages of blocks"):
         replay_run(recorded_run.read_run(long[1][-1]), ReplayOptions(check=True))

@@ -15,6 +15,7 @@ from diffbotctl.messages import Goal, GoalState
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
 from diffbotctl.time import NEVER, SECOND
+from tests.sampling import each_once
 
 ROBOT = """\
 format: 1
@@ -74,11 +75,11 @@ def drive(tmp_path, request):
     ("port", "include", "axes", "type"),
     [
         ("sim", "book_2wd", "z", "mpu6050"),
-        ("emulated", "book_2wd", "z", "mpu6050"),
         ("emulated", "book_2wd", "-x", "mpu9250"),
-        ("emulated", "book_2wd", "-y", "lsm6dso"),
-        ("emulated", UNO, "z", "mpu6050"),
         ("emulated", UNO, "z", "lsm6ds3"),
+        pytest.param("emulated", "book_2wd", "z", "mpu6050", marks=pytest.mark.nightly),
+        pytest.param("emulated", "book_2wd", "-y", "lsm6dso", marks=pytest.mark.nightly),
+        pytest.param("emulated", UNO, "z", "mpu6050", marks=pytest.mark.nightly),
     ],
 )
 def test_the_heading_is_the_gyro_s(drive, port, include, axes, type):
@@ -111,8 +112,7 @@ def test_the_state_of_the_imu_has_its_rate_and_its_bias(drive):
     assert last.calibrated and last.cause == ""
 
 
-@pytest.mark.parametrize("fault", FAULTS)
-@pytest.mark.parametrize("port", ["sim", "emulated"])
+@each_once(port=["sim", "emulated"], fault=FAULTS)
 def test_a_gyro_that_is_dead_at_the_start_is_refused_before_any_motion(drive, port, fault):
     _, result = drive(port, fault=fault)
     assert result.ending.code == 1
@@ -125,8 +125,11 @@ def test_a_gyro_that_is_dead_at_the_start_is_refused_before_any_motion(drive, po
     ("port", "include", "fault"),
     [
         *(("sim", "book_2wd", fault) for fault in FAULTS),
-        *(("emulated", "book_2wd", fault) for fault in FAULTS),
         ("emulated", UNO, "silent"),
+        *(
+            pytest.param("emulated", "book_2wd", fault, marks=pytest.mark.nightly)
+            for fault in FAULTS
+        ),
     ],
 )
 def test_a_gyro_that_fails_under_way_leaves_no_goal_sure(drive, port, include, fault):
@@ -143,12 +146,13 @@ def test_a_gyro_that_fails_under_way_leaves_no_goal_sure(drive, port, include, f
     assert result.ending.stopped
 
 
-@pytest.mark.parametrize("port", ["sim", "emulated"])
-@pytest.mark.parametrize("type", ["mpu6050", "lsm6dso"])
-@pytest.mark.parametrize(
-    ("axes", "true"), [("z", "-z"), ("-z", "z"), ("z", "x"), ("z", "-y"), ("x", "-x")]
+@each_once(
+    port=["sim", "emulated"],
+    type=["mpu6050", "lsm6dso"],
+    mounted=[("z", "-z"), ("-z", "z"), ("z", "x"), ("z", "-y"), ("x", "-x")],
 )
-def test_an_imu_that_is_mounted_wrongly_is_refused_before_any_motion(drive, port, type, axes, true):
+def test_an_imu_that_is_mounted_wrongly_is_refused_before_any_motion(drive, port, type, mounted):
+    axes, true = mounted
     _, result = drive(port, type=type, axes=axes, true=true)
     assert result.ending.code == 1
     assert result.failure is not None

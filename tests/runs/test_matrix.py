@@ -11,9 +11,10 @@ from diffbotctl.testing.matrix_case import Case, run_case, set_up, yaml_text
 from diffbotctl.testing.random_robots import PERTURBATIONS, draw_design
 from diffbotctl.testing.true_pose_controller import TruePoseController
 from diffbotctl.time import SECOND
+from tests.sampling import by_day, each_once
 
 
-@pytest.mark.parametrize("number", range(60))
+@pytest.mark.parametrize("number", by_day(12, range(60)))
 def test_a_drawn_robot_is_within_the_bounds(number):
     design = draw_design(7, number)
     assert 0.07 <= design.track <= 0.4 and 0.03 <= design.diameter <= 0.2
@@ -23,8 +24,7 @@ def test_a_drawn_robot_is_within_the_bounds(number):
     assert 29.9 <= rpm <= 400.1 and rpm / 60 * design.slots <= 20_010
 
 
-@pytest.mark.parametrize("plant", [1, 2])
-@pytest.mark.parametrize("name", PERTURBATIONS)
+@each_once(name=list(PERTURBATIONS), plant=[1, 2])
 def test_each_perturbation_gives_a_robot_that_is_accepted(name, plant, tmp_path):
     setting = set_up(Case(3, len(name), name, plant, 0), tmp_path)
     simulation = setting.configuration.nominal.simulation
@@ -88,8 +88,7 @@ def test_a_goal_is_not_claimed_when_an_encoder_loses_every_second_slot(number):
     assert f"{result.wheel} wheel: counts half the edges" in result.cause
 
 
-@pytest.mark.parametrize("plant", [1, 2])
-@pytest.mark.parametrize("number", [0, 1, 2])
+@each_once(number=[0, 1, 2], plant=[1, 2])
 def test_what_moments_without_edges_cost_is_told(number, plant):
     result = run_case(Case(11, fine_robot(number), "silent_for_moments", plant, 0))
     assert result.end != "reached" or result.true_error < 0.05

@@ -15,6 +15,7 @@ from diffbotctl.render.wiring_svg import wiring_svg
 from diffbotctl.testing.board_bench import BoardBench, speed
 from diffbotctl.testing.virtual_board import diffbotctl, flat
 from diffbotctl.time import MILLISECOND, SECOND
+from tests.sampling import by_day, each_once
 
 # Pins with PWM on both boards: 5, 6, 9 and 10.
 PINS = {
@@ -50,17 +51,20 @@ def standby_of(driver):
 
 @pytest.mark.parametrize(
     ("driver", "board"),
-    [("tb6612", "uno"), ("drv8838", "mega2560"), ("drv8833", "uno"), ("bts7960", "mega2560")],
+    by_day(
+        2, [("drv8838", "mega2560"), ("drv8833", "uno"), ("tb6612", "uno"), ("bts7960", "mega2560")]
+    ),
 )
 def test_a_goal_on_the_emulated_board(tmp_path, driver, board):
     file = robot(tmp_path, driver, board, standby_of(driver))
-    code, said = diffbotctl("run", "goal", "--robot", file, "--port", "emulated", "--quiet")
+    code, said = diffbotctl(
+        "run", "goal", "--robot", file, "--port", "emulated", "--fast", "--quiet"
+    )
     assert code == 0, said
     assert "goals 1 of 1 reached" in flat(said), said
 
 
-@pytest.mark.parametrize("board", [name for name in BOARDS if name != "nano"])
-@pytest.mark.parametrize("driver", KINDS)
+@each_once(board=[name for name in BOARDS if name != "nano"], driver=KINDS)
 def test_directions_rest_and_restart(tmp_path, driver, board):
     """Forward, backward and stopped, by the truth table of the data sheet."""
     facts = MOTOR_DRIVERS[driver]

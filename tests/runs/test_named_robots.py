@@ -80,6 +80,7 @@ def test_a_robot_drives_as_it_does_alone(tmp_path, pair):
     assert other != [message for _, wire, message in recorded(alone) if "encoders" in wire]
 
 
+@pytest.mark.nightly
 def test_ten_turtles_drive_at_once(tmp_path):
     places = [(1.0 + number, 9.0 - number) for number in range(10)]
     (tmp_path / "ten.yaml").write_text(

@@ -15,6 +15,7 @@ from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
 from diffbotctl.testing.virtual_board import diffbotctl, flat
 from diffbotctl.time import MILLISECOND, SECOND
+from tests.sampling import each_once
 
 PERIOD = 50 * MILLISECOND
 KIT = """\
@@ -58,8 +59,7 @@ class TimedDrive(Run):
             self.operator.outbox_due = now + 1
 
 
-@pytest.mark.parametrize("seed", range(10))
-@pytest.mark.parametrize("velocity", [(0.2, 0.0), (-0.15, 0.0), (0.15, 1.0), (0.0, 2.0)])
+@each_once(seed=range(10), velocity=[(0.2, 0.0), (-0.15, 0.0), (0.15, 1.0), (0.0, 2.0)])
 def test_a_drive_by_hand_is_told_with_a_wide_covariance(kit, velocity, seed):
     options = RunOptions(seed=seed, fast=True, duration=5.0, stay=True)
     run = TimedDrive(load("teleop", str(kit), ["world.walls=[]", "world.obstacles=[]"]), options)

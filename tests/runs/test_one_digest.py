@@ -13,6 +13,7 @@ from diffbotctl.testing.background import BackgroundDevice
 from diffbotctl.testing.book_board import BookBoardPort
 from diffbotctl.testing.command_process import command_line
 from diffbotctl.testing.trials.child_faults import SensingBoard
+from tests.sampling import by_day
 
 LONGEST = 60  # s
 
@@ -76,7 +77,7 @@ class Shaken(BackgroundDevice):
             os.close(file)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", by_day(1, [1, 2]))
 def test_a_live_run_over_a_line_that_splits_and_pauses_is_replayed_as_it_was(tmp_path, seed):
     log = tmp_path / "live.mcap"
     board = BookBoardPort(SensingBoard())  # a constant voltage would be a fault after 3 s

@@ -16,6 +16,7 @@ from diffbotctl.testing.running import PlainClient, moves, running, stands
 from diffbotctl.testing.terminal import Terminal
 from diffbotctl.testing.trials import programs
 from diffbotctl.testing.trials.programs import CAUSES
+from tests.sampling import by_day
 
 # It writes one line for the log: the tests search the newest 50, some time after its start.
 LEAD = """
@@ -46,7 +47,11 @@ def pipeline(tmp_path, monkeypatch):
     return path
 
 
-@pytest.mark.parametrize("kind", CAUSES)
+# One of each way to fail by day: it ends, it writes nonsense, it falls silent, it writes too much.
+DAY = ("crash", "garbage", "hang", "flood")
+
+
+@pytest.mark.parametrize("kind", by_day(len(DAY), dict.fromkeys([*DAY, *CAUSES])))
 def test_every_failure_stops_the_robot_and_no_restart_ends_that(tmp_path, kind):
     # A busy machine delays a good program; what only falls silent has the same cause then.
     timeout = programs.TIMEOUT_S if CAUSES[kind].startswith("nothing") else 1.0

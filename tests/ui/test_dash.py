@@ -11,6 +11,7 @@ import pytest
 from diffbotctl.config.saved_view import read_view
 from diffbotctl.testing.running import PlainClient, command, moves, running
 from diffbotctl.testing.terminal import Terminal
+from tests.sampling import by_day
 
 SIZES = [(60, 20), (80, 24), (120, 40), (200, 60)]
 
@@ -93,7 +94,7 @@ def robot_at(terminal, arrows="→↗↑↖←↙↓↘"):
     raise AssertionError("unreachable: it was just seen")
 
 
-@pytest.mark.parametrize(("columns", "lines"), SIZES)
+@pytest.mark.parametrize(("columns", "lines"), by_day(1, SIZES))
 def test_a_click_sets_a_goal_and_the_robot_arrives(engine, tmp_path, columns, lines):
     client, _ = engine
     with dash(tmp_path, columns=columns, lines=lines) as terminal:
@@ -110,6 +111,7 @@ def test_a_click_sets_a_goal_and_the_robot_arrives(engine, tmp_path, columns, li
         assert abs(pose["x"] - goal["x"]) < 0.02 and abs(pose["y"] - goal["y"]) < 0.02
 
 
+@pytest.mark.nightly
 def test_attached_late_it_shows_the_way_and_the_numbers_before(engine, tmp_path):
     """The robot drove 0.3 m, and stands since before this screen."""
     with dash(tmp_path) as terminal:
@@ -122,6 +124,7 @@ def test_attached_late_it_shows_the_way_and_the_numbers_before(engine, tmp_path)
         assert re.search(r"^ +(\d+ +)+\d+ s *$", seen, re.M), "the time axis"
 
 
+@pytest.mark.nightly
 def test_a_drag_sets_the_heading_and_the_wheel_zooms(engine, tmp_path):
     client, _ = engine
     with dash(tmp_path) as terminal:
@@ -188,6 +191,7 @@ def test_a_parameter_is_changed_and_a_wrong_value_refused(engine, tmp_path):
         terminal.until(lambda text: "must be" in text, "the refusal")
 
 
+@pytest.mark.nightly
 def test_a_view_is_saved_and_opened_again(engine, tmp_path):
     path, other = tmp_path / "mine.yaml", tmp_path / "notes.txt"
     other.write_text("nothing of ours")
@@ -231,6 +235,7 @@ def test_a_run_begins_with_a_saved_view(tmp_path):
         assert terminal.ended() == 130
 
 
+@pytest.mark.nightly
 def test_the_log_level_of_a_block_is_set(engine, tmp_path):
     client, _ = engine
     with dash(tmp_path) as terminal:
@@ -251,6 +256,7 @@ def test_the_log_level_of_a_block_is_set(engine, tmp_path):
         client.until(lambda status: level_of(client, "guard") == "debug")
 
 
+@pytest.mark.nightly
 def test_it_follows_the_windows_size(engine, tmp_path):
     with dash(tmp_path) as terminal:
         terminal.resize(112, 36)
@@ -277,7 +283,7 @@ def test_without_colour_or_utf_8_it_is_still_usable(engine, tmp_path, more, word
             robot_at(terminal, ">/^\\<v")
 
 
-@pytest.mark.parametrize("exit_path", ["ctrl-c", "SIGTERM", "engine killed"])
+@pytest.mark.parametrize("exit_path", by_day(1, ["ctrl-c", "SIGTERM", "engine killed"]))
 def test_every_exit_path_restores_the_terminal(engine, tmp_path, exit_path):
     _, process = engine
     with dash(tmp_path) as terminal:
@@ -297,6 +303,7 @@ def test_every_exit_path_restores_the_terminal(engine, tmp_path, exit_path):
         assert not on & {1000, 1003, 1004, 1006, 1049}, on
 
 
+@pytest.mark.nightly
 def test_a_dashboard_that_never_drove_may_be_killed(engine, tmp_path):
     client, _ = engine
     with dash(tmp_path) as terminal:
@@ -317,6 +324,7 @@ def test_once_and_a_pipe_print_the_panels(engine, tmp_path):
         assert word in done.stdout
 
 
+@pytest.mark.nightly
 def test_run_with_its_own_dashboard_ends_with_it(tmp_path):
     line, environment = command(tmp_path, "run", "teleop", "--dash")
     with Terminal(line, environment) as terminal:

@@ -222,6 +222,7 @@ def open_files(server):
     return len(os.listdir(f"/proc/{server.process.pid}/fd"))
 
 
+@pytest.mark.nightly
 def test_a_thousand_sockets_leave_the_page_as_it_was(server):
     async def work(page):
         await page.until(lambda fields: "facts" in fields)
@@ -243,6 +244,7 @@ def test_a_thousand_sockets_leave_the_page_as_it_was(server):
     assert files < 2 * CONNECTIONS_MAX
 
 
+@pytest.mark.nightly
 def test_a_page_that_reads_nothing_is_disconnected_and_others_go_on(server, folder):
     async def work(page):
         await page.until(lambda fields: "facts" in fields)

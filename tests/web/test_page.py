@@ -22,6 +22,7 @@ from diffbotctl.testing.running import PlainClient, moves, running, stands
 from diffbotctl.testing.trials.page_losses import LOSSES, lose_once, station
 from diffbotctl.time import SECOND
 from diffbotctl.web.server import load_assets
+from tests.sampling import by_day, each_once
 
 FIRST_MAX_BYTES = 60 << 10  # gzipped, before the view in three dimensions is opened
 TOTAL_MAX_BYTES = 240 << 10
@@ -95,14 +96,14 @@ def pixels(path):
     return width, height, len(zlib.decompress(parts))
 
 
+@pytest.mark.nightly
 def test_the_page_is_small():
     sizes = {path[1:]: len(asset.data) for path, asset in load_assets().items() if path != "/"}
     first = sum(size for name, size in sizes.items() if name not in SOLID_FILES)
     assert first < FIRST_MAX_BYTES and sum(sizes.values()) < TOTAL_MAX_BYTES
 
 
-@pytest.mark.parametrize("is_phone", [False, True])
-@pytest.mark.parametrize("is_dark", [False, True])
+@each_once(is_phone=[False, True], is_dark=[False, True])
 def test_nothing_is_cut_and_nothing_comes_from_elsewhere(open_page, parts, is_phone, is_dark):
     page = open_page(is_phone)
     page.prefer_dark(is_dark)
@@ -129,6 +130,7 @@ def test_nothing_is_cut_and_nothing_comes_from_elsewhere(open_page, parts, is_ph
 PHONE_WITH_BARS = (390, 664)  # CSS pixels; what an address bar and a tool bar leave of PHONE
 
 
+@pytest.mark.nightly
 def test_on_a_phone_the_bars_of_the_browser_cover_no_key(open_page):
     page = open_page(True)
     page.emulate_phone(PHONE_WITH_BARS)
@@ -148,6 +150,7 @@ def test_on_a_phone_the_bars_of_the_browser_cover_no_key(open_page):
 LOW_PHONES = [(320, 568), (360, 560), (568, 320), (667, 375), (844, 390)]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("size", LOW_PHONES)
 def test_on_a_low_phone_everything_is_within_reach(open_page, size):
     page = open_page(True)
@@ -168,6 +171,7 @@ def test_on_a_low_phone_everything_is_within_reach(open_page, size):
             assert place["height"] >= (60 if name == "map" else 16), (view, name)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("size", LOW_PHONES[:1])
 def test_a_tap_beside_the_robot_is_a_goal_beside_it_also_after_a_low_map(open_page, parts, size):
     """A map that is lower than its borders was shown at a scale below zero."""
@@ -245,6 +249,7 @@ CHOOSE = """(names => {
 })"""
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("is_phone", [False, True])
 def test_numbers_are_plotted_with_a_scale_for_each_unit(open_page, is_phone):
     page = open_page(is_phone)
@@ -284,6 +289,7 @@ LOSE_GRAPHICS_MEMORY = """new Promise(done => {
 BODY_PIXELS_MIN = 2000  # of the blue body, on the screen of a phone
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("is_phone", [False, True])
 def test_the_robot_in_three_dimensions_is_loaded_when_it_is_asked_for(
     open_page, tmp_path, is_phone
@@ -329,6 +335,7 @@ WAYS = [
 ]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("way, turned", WAYS)
 def test_wheels_of_the_model_turn_by_the_way_that_they_went(open_page, way, turned):
     page = open_page(False)
@@ -382,6 +389,7 @@ AXES = [  # from, to, about how many ticks, their labels
 ]
 
 
+@pytest.mark.nightly
 def test_the_page_says_how_it_is_installed(open_page):
     page = open_page(True)
     press(page, "#view-inside")
@@ -393,6 +401,7 @@ def test_the_page_says_how_it_is_installed(open_page):
     assert manifest["display"] == "standalone"
 
 
+@pytest.mark.nightly
 def test_axes_have_round_numbers(open_page):
     page = open_page(False)
     work = "([a, b, n]) => { const axis = m.makeAxis(a, b, n); return axis.ticks.map(axis.label); }"
@@ -415,7 +424,8 @@ def hold(client, press_down, lift, seen):
 
 
 @pytest.mark.parametrize(
-    "dx, dy, signs", [(0, -90, (1, 1)), (0, 90, (-1, -1)), (-90, 0, (-1, 1)), (90, 0, (1, -1))]
+    "dx, dy, signs",
+    by_day(1, [(-90, 0, (-1, 1)), (0, -90, (1, 1)), (0, 90, (-1, -1)), (90, 0, (1, -1))]),
 )
 def test_the_joystick_drives_and_a_release_stops_in_order(open_page, parts, dx, dy, signs):
     page, client = open_page(True), parts[1]
@@ -473,7 +483,7 @@ def test_one_drives_and_others_watch(open_page, parts):
     driver.until("document.getElementById('role').textContent.includes('computer')")
 
 
-@pytest.mark.parametrize("name", LOSSES)
+@pytest.mark.parametrize("name", by_day(2, LOSSES))
 def test_a_phone_that_is_lost_stops_the_robot(folder, parts, name):
     """How soon is measured by `python -m diffbotctl.testing.trials.page_losses`."""
     loss = LOSSES[name]
@@ -481,6 +491,7 @@ def test_a_phone_that_is_lost_stops_the_robot(folder, parts, name):
     assert loss.cause is None or ("phone" in result.cause and "was driving" in result.cause)
 
 
+@pytest.mark.nightly
 def test_a_tap_does_not_answer_the_question_that_it_opens(open_page, parts):
     page, client = open_page(True), parts[1]
     press(page, "#view-map")
@@ -504,7 +515,7 @@ def test_a_tap_does_not_answer_the_question_that_it_opens(open_page, parts):
 GOALS = [(is_phone, zoom, drag) for is_phone in (False, True) for zoom, drag in ((0, 1), (3, 0))]
 
 
-@pytest.mark.parametrize("is_phone, zoom, has_heading", GOALS)
+@pytest.mark.parametrize("is_phone, zoom, has_heading", by_day(1, GOALS))
 def test_a_goal_from_the_map_is_reached(open_page, parts, is_phone, zoom, has_heading):
     page, client = open_page(is_phone), parts[1]
     press(page, "#view-map")
@@ -539,6 +550,7 @@ def test_a_goal_from_the_map_is_reached(open_page, parts, is_phone, zoom, has_he
     page.until("document.getElementById('facts').textContent.includes('reached')")
 
 
+@pytest.mark.nightly
 def test_a_reload_keeps_the_session_and_the_trail(open_page, parts):
     page = open_page(True)
     name = page.evaluate("document.getElementById('role').textContent.split(';')[0]")
@@ -546,6 +558,7 @@ def test_a_reload_keeps_the_session_and_the_trail(open_page, parts):
     page.until(f"document.getElementById('role').textContent.startsWith({json.dumps(name)})")
 
 
+@pytest.mark.nightly
 def test_pictures_have_the_size_of_the_device(open_page, tmp_path):
     for is_phone, size in ((False, DESKTOP), (True, tuple(2 * each for each in PHONE))):
         page = open_page(is_phone)
