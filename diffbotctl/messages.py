@@ -63,6 +63,7 @@ StopCode = Literal[
     "range_fault",
     "range_stale",
     "scan_stale",
+    "scan_blind",
     "telemetry_stale",
     "link_lost",
     "commands_lost",
@@ -80,7 +81,11 @@ StopCode = Literal[
     "overruled",
     "turtle_killed",
     "input_stale",
+    "source_starting",
 ]
+
+# A source on which the motion depends has sent nothing since it was opened: the robot waits.
+STARTING: StopCode = "source_starting"
 
 Time = Annotated[int, Field("ns", "Logical time at which the content was true.")]
 Metres = Annotated[float, Field("m", "A length.")]

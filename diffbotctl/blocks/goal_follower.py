@@ -17,7 +17,16 @@ from diffbotctl.control.motion_profile import MotionLimits, predict_motion, rest
 from diffbotctl.control.velocity_limits import VelocityRate
 from diffbotctl.control.wheel_response import GAP_MAX, DriveResponse
 from diffbotctl.estimation.geometry_deviation import GEOMETRY, TRACK
-from diffbotctl.messages import Encoders, Goal, GoalEnd, GoalState, Odometry, Stop, Twist
+from diffbotctl.messages import (
+    STARTING,
+    Encoders,
+    Goal,
+    GoalEnd,
+    GoalState,
+    Odometry,
+    Stop,
+    Twist,
+)
 from diffbotctl.params import FromRobot, Param
 from diffbotctl.time import MILLISECOND, SECOND
 
@@ -181,7 +190,7 @@ class GoalFollower(Block):
             self._observe_wheels(odometry, encoders, seconds)
             step = self.advance(self.pursuit, now, odometry, stop, seconds)
             twist = Twist(now, *self.wheels.compensated(step.linear, step.angular, self.speed))
-            if state is None and not _is_latched(stop):
+            if state is None and not _suspends(stop):
                 state = _goal_state(now, odometry, step)
             self.coast = step.pursuit.coast
             self.pursuit = step.pursuit if step.end is None else None
@@ -276,7 +285,7 @@ class GoalFollower(Block):
         turning -> driving -> aligning, each to rest; then the goal has ended or a new attempt
         begins.
         """
-        if _is_latched(stop):  # time in a latched stop does not count
+        if _suspends(stop):  # this time does not count
             return FollowerStep(pursuit._replace(is_coasting=True))
         pursuit = self._count_time(pursuit, odometry, stop, seconds)
         timeout = self._timeout(pursuit, odometry, stop) or self._disobeys(pursuit, odometry)
@@ -466,8 +475,9 @@ class GoalFollower(Block):
         return abs(odometry.linear) + abs(odometry.angular) * 0.5 * self.track
 
 
-def _is_latched(stop: Stop | None) -> bool:
-    return stop is not None and stop.code != "" and stop.latched
+def _suspends(stop: Stop | None) -> bool:
+    """Whether a stop ends without regard to obstacles: by `resume`, or when a source has begun."""
+    return stop is not None and stop.code != "" and (stop.latched or stop.code == STARTING)
 
 
 def _away(pursuit: Pursuit, odometry: Odometry) -> str:

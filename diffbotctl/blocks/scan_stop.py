@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import inf
 
 from diffbotctl.block import Block, FromRobot, In, Out
 from diffbotctl.control.velocity_limits import is_turn
@@ -14,14 +15,17 @@ from diffbotctl.geometry.footprint import (
     arc_motion,
     into_frame,
     out_of_frame,
+    ray_directions,
     scan_points,
     sensor_mount,
 )
 from diffbotctl.messages import Odometry, Scan, Stop, StopCode, Twist
 from diffbotctl.params import Param
+from diffbotctl.time import SECOND
 
 OBSTACLE: StopCode = "obstacle"
 STALE: StopCode = "scan_stale"
+BLIND: StopCode = "scan_blind"
 # fractions of the desired velocity, in the order in which they are tried
 SPEED_RATIOS = (1.0, 0.7, 0.5, 0.35, 0.2, 0.1)
 SWEEP_STEP = 0.01  # m that a corner moves between two checks along the path
@@ -29,6 +33,13 @@ APPROACH_MIN = 1e-6  # m; smaller differences are rounding errors
 # m; an object too close for the LDS-01 to measure is nearer than this (data sheet)
 SCAN_DISTANCE_MIN = 0.12
 STILL_SPEED_MAX = 1e-3  # m/s or rad/s; slower counts as standstill
+BLIND_TIME = SECOND  # without one return, after which the scanner counts as blind
+# m/s of any point of the outline, where nothing is in reach of the scanner. A covered scanner looks
+# the same, and a person can step aside from a robot that is so slow.
+OPEN_SPACE_SPEED_MAX = 0.1
+# m outside of the outline up to which a part of the robot may be measured: the accuracy of the
+# LDS-01 is 15 mm (data sheet)
+OWN_ECHO_MAX = 0.015
 
 
 class ScanStop(Block):
@@ -39,6 +50,10 @@ class ScanStop(Block):
     velocities, then the turn alone, then standstill. A turn about one wheel becomes a turn on the
     spot where it has no room. Motion away from a point is always allowed.
     Between two scans the points move with the odometry: obstacles are assumed to be static.
+    A scan without one return does not show that the way is free: it may come from a scanner that is
+    covered or defective. The robot does not start before the first return, and stops 1 s after the
+    last one; until then the points of the last return count. Echoes from within the outline are no
+    returns. `open_space` is for halls in which nothing is in reach of the scanner.
 
     blocks:
       guard: {block: scan_stop, in: {twist: limiter.twist, scan: robot.scan, odometry: o.odometry}}
@@ -60,6 +75,12 @@ class ScanStop(Block):
         minimum=0.02,
         maximum=2.0,
         help="Maximum age of a scan; without a fresh one the robot stops.",
+    )
+    open_space = Param(
+        bool,
+        default=False,
+        help="For large empty halls: without one return for 1 s it limits the speed of each point "
+        "of the outline to 0.1 m/s, instead of stopping.",
     )
     sensor = Param(str, default="scan", help="Name of the scanner in the robot file.")
     sensors: Mapping[str, MountedDevice] = FromRobot("sensors")
@@ -85,7 +106,11 @@ class ScanStop(Block):
         self.reaction = 1.0 / self.telemetry + self.command_delay + self.lag
         self.tracker = PointTracker()
         self.points: list[Point] = []  # in the frame of `tracker`
+        self.seen_points: list[Point] = []  # those of the last scan with a return
         self.last_scan: Scan | None = None
+        self.has_return = False  # in the last scan
+        self.has_seen = False  # a return since the start
+        self.blind_since = 0  # ns; time of the last scan with a return, or of the first one
         self.last_twist: Twist | None = None
         self.reported_code: StopCode = ""
         self.waiting_since: int | None = None  # for the first scan, since the first command to move
@@ -104,6 +129,14 @@ class ScanStop(Block):
             return twist._replace(time=now), self._stop_event(now, "")
         if scan is None:
             return Twist(now, 0.0, 0.0), self._stale_event(now)
+        if not self.has_return:
+            is_blind = now - self.blind_since >= BLIND_TIME
+            if is_blind and self.open_space:
+                twist = self._slowed(twist)
+            elif is_blind:
+                return Twist(now, 0.0, 0.0), self._stop_event(now, BLIND)
+            elif not self.has_seen:
+                return Twist(now, 0.0, 0.0), None
         safe, code = self._safe_velocity(now, twist)
         return safe, self._stop_event(now, code)
 
@@ -153,14 +186,32 @@ class ScanStop(Block):
         turning = 0.25 * abs(angular) * self.track / self.braking
         return float(self.reaction + max(0.5 * abs(linear) / self.braking, turning))
 
+    def _slowed(self, twist: Twist) -> Twist:
+        """`twist` on the same curve, so slow that it is safe where nothing is in reach."""
+        fastest = abs(twist.linear) + abs(twist.angular) * self.outline.reach
+        ratio = min(1.0, OPEN_SPACE_SPEED_MAX / fastest)
+        return twist._replace(linear=twist.linear * ratio, angular=twist.angular * ratio)
+
     def _locate_points(self, scan: Scan) -> None:
-        """Store the points of a scan in the frame of `tracker`."""
+        """Store the points of a scan in the frame of `tracker`.
+
+        Those of the last return are kept until the scanner counts as blind.
+        """
+        self.has_return = has_return(scan, self.mount, self.outline)
+        self.has_seen = self.has_seen or self.has_return
+        if self.has_return or self.last_scan is None:
+            self.blind_since = scan.time
         self.last_scan = scan
         x, y, _ = self.mount
         reach = self.outline.reach + self.margin + self.speed * self.stale_after
         reach += self.speed * self.stopping_time(self.speed, 0.0) + max(abs(x), abs(y))
         points = points_on_robot(scan, self.mount, reach)
-        self.points = out_of_frame(points, *self.tracker.pose_at(scan.time))
+        located = out_of_frame(points, *self.tracker.pose_at(scan.time))
+        if self.has_return:
+            self.seen_points = located
+        elif scan.time - self.blind_since >= BLIND_TIME:
+            self.seen_points = []
+        self.points = located if self.has_return else self.seen_points + located
 
     def _stale_event(self, now: int) -> Stop | None:
         """A Stop when there is no fresh scan; the first one may take up to `stale_after`."""
@@ -182,7 +233,24 @@ CAUSES: dict[StopCode, str] = {
     "": "",
     OBSTACLE: "something that the scanner sees is in the way",
     STALE: "no fresh scan comes from the sensor",
+    BLIND: "the scanner measures nothing: it is covered or defective, or the hall is empty "
+    "(open_space)",
 }
+
+
+def has_return(scan: Scan, mount: tuple[float, float, float], outline: Footprint) -> bool:
+    """Whether any ray of a scan detects something outside of the robot's own outline.
+
+    Objects too close to be measured do, but not all around: a scan of zeros alone is no scan.
+    """
+    if 0 < scan.distances.count(0.0) < len(scan.distances):
+        return True
+    directions = ray_directions(scan.start, scan.step, len(scan.distances))
+    return any(
+        outline.clearance(*out_of_frame([(far * c, far * s)], *mount)[0]) > OWN_ECHO_MAX
+        for far, (c, s) in zip(scan.distances, directions, strict=True)
+        if 0.0 < far < inf
+    )
 
 
 def points_on_robot(scan: Scan, mount: tuple[float, float, float], reach: float) -> list[Point]:

@@ -22,6 +22,7 @@ OPERATOR: dict[str, type] = {
     "resume": messages.Resume,
     "stop": messages.Stop,
     "halt": messages.Stop,
+    "wait": messages.Stop,
     "setting": messages.Setting,
     "call": messages.Call,
     "log": messages.LogLine,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import hypot
+from math import hypot, inf
 
 from diffbotctl.codes import code_texts
 from diffbotctl.control_socket.run_state import RunState, StopEpisode
@@ -15,6 +15,7 @@ from diffbotctl.messages import (
     Message,
     Odometry,
     Range,
+    Scan,
     Stop,
     Twist,
     Volts,
@@ -26,7 +27,7 @@ STANDSTILL_MAX = 0.005  # m/s and rad/s; slower is between two slots of an encod
 MOTION_MAX_AGE_S = 0.5  # of odometry, for a sentence about now; a link is silent for longer
 # A lost link first: the stops of silent sensors and of old telemetry follow from it.
 LINK_CODES = ("link_lost", "telemetry_stale")
-SENSOR_MESSAGES = (Volts, Range, Encoders, Link)
+SENSOR_MESSAGES = (Volts, Range, Scan, Encoders, Link)
 
 
 def explain_stop(state: RunState, graph: Graph) -> str:
@@ -139,6 +140,10 @@ def _summary(message: Message) -> str:
     match message:
         case Range():
             return f"{message.state.replace('_', ' ')}, {message.distance:.3f} m"
+        case Scan():
+            measured = [far for far in message.distances if 0.0 < far < inf]
+            nearest = f", the nearest {min(measured):.2f} m" if measured else ""
+            return f"{len(measured)} of {len(message.distances)} rays with a distance{nearest}"
         case Volts():
             return f"{message.volts:.2f} V"
         case Encoders():

@@ -20,9 +20,9 @@ from diffbotctl.drivers.goal_queue import Operator
 from diffbotctl.drivers.input_leases import InputLeases
 from diffbotctl.engine.driver import Delivery
 from diffbotctl.engine.output_check import OutputError, check_message
-from diffbotctl.errors import Problem, RunError
+from diffbotctl.errors import Problem, RunError, join_words
 from diffbotctl.log import INFO, Log
-from diffbotctl.messages import LOG_LEVELS, LogLevel
+from diffbotctl.messages import LOG_LEVELS, STARTING, LogLevel, Stop
 from diffbotctl.time import MILLISECOND, NEVER, SECOND
 
 BACK_OFF_S = (0.5, 1.0, 2.0, 4.0)  # before each attempt to open a lost device again
@@ -44,6 +44,7 @@ class DeviceSource:
         self.driver.log = Log(use.name, self.lines, INFO)
         self.kinds = {port: out.kind for port, out in outputs(use.cls).items()}
         self.is_open = False
+        self.is_starting = False  # opened, and nothing has come yet
         self.file: int | None = None
         self.poll_due = NEVER
         self.silent_at = NEVER
@@ -66,6 +67,7 @@ class DeviceSource:
         except OSError as error:
             raise DeviceError(_os_cause(error), _os_fix(error)) from error
         self.is_open = True
+        self.is_starting = not self.driver.is_on_demand
         self.poll_due = NEVER if self.driver.poll_period is None else now
         self._expect(now, round(self.driver.start_timeout * SECOND))
 
@@ -87,6 +89,7 @@ class DeviceSource:
         if self.driver.poll_period is not None and now >= self.poll_due:
             self.poll_due = now + max(round(self.driver.poll_period * SECOND), MILLISECOND)
         if readings:
+            self.is_starting = False
             self._expect(now, max(SILENCE_MAX, round(4 * self.use.timeout * SECOND)))
             self.attempts = 0
         elif now >= self.silent_at:
@@ -95,7 +98,7 @@ class DeviceSource:
 
     def close(self) -> None:
         """Close the device, whatever its driver does."""
-        self.is_open, self.file = False, None
+        self.is_open, self.is_starting, self.file = False, False, None
         self.poll_due = self.silent_at = NEVER
         with suppress(Exception):
             self.driver.close()
@@ -135,13 +138,16 @@ class DeviceSourcesDriver:
         self.sources = [DeviceSource(use) for use in uses]
         self.inputs = inputs
         self.operator = operator
+        self.waits_for = ""  # what the robot was last reported to wait for
         problems = [problem for source in self.sources if (problem := _open_problem(source))]
         if problems:
             self.close()
             raise RunError(*problems)
 
     def due(self) -> int:
-        """When a device is polled, counts as silent, or is opened again."""
+        """When a device is polled, counts as silent, or is opened again; or the wait changes."""
+        if self._starting() != self.waits_for:
+            return 0
         return min(min(each.poll_due, each.silent_at, each.retry_at) for each in self.sources)
 
     def files(self) -> list[int]:
@@ -159,7 +165,30 @@ class DeviceSourcesDriver:
             for level, name, text in source.lines:
                 self._log(now, LOG_LEVELS[level], name, text)
             source.lines.clear()
-        return deliveries
+        return deliveries + self._wait(now)
+
+    def _starting(self) -> str:
+        """The open devices that have sent nothing yet and on which the motion depends."""
+        leases = self.inputs.leases
+        return join_words(
+            [
+                source.who
+                for source in self.sources
+                if source.is_starting
+                and any(leases[wire].use.feeds_motion for wire in source.use.outputs)
+            ],
+            "and",
+        )
+
+    def _wait(self, now: int) -> list[Delivery]:
+        """The stop until all devices on which the motion depends have begun, or its end."""
+        waits_for = self._starting()
+        if waits_for == self.waits_for:
+            return []
+        self.waits_for = waits_for
+        cause = f"{waits_for} starts, and has sent nothing yet" if waits_for else ""
+        stop = Stop(now, STARTING if waits_for else "", cause, False)
+        return [Delivery("operator.wait", stop)]
 
     def close(self) -> None:
         """Close all devices."""

@@ -55,7 +55,7 @@ class Lidar(DeviceDriver):
     scan = Out(Scan, help="One whole turn, 5 to 6 times a second.")
 
     poll_period = 0.02  # the first request, and its repetition
-    start_timeout = 8.0  # the motor needs some seconds
+    start_timeout = 12.0  # s; from cold, the motor needs up to 8 s to its speed
 
     def __init__(self, **values: object) -> None:
         super().__init__(**values)

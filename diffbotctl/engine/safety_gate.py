@@ -61,6 +61,9 @@ class Gate(Block):
     operator = In(
         Stop, optional=True, help="A stop by the operator, or because the operator was lost."
     )
+    waiting = In(
+        Stop, optional=True, help="A stop until every source on which the motion depends has begun."
+    )
     resume = In(Resume, optional=True, help="Permission to move after a latched stop.")
     wheels = Out(Wheels, help="The command that is sent.")
     stop = Out(Stop, help="The active stop; its code is empty when there is none.")
@@ -91,13 +94,17 @@ class Gate(Block):
         link: Link | None,
         board: Stop | None,
         operator: Stop | None,
+        waiting: Stop | None,
         resume: Resume | None,
     ) -> tuple[Wheels | None, Stop | None]:
         before = self.active_stop
         if resume is not None and self.is_new("resume", resume):
             self.end_stop(encoders)
         fresh = self.is_new("encoders", encoders)
-        self.update_stop(self.find_fault(now, command, encoders, fresh, link, board, operator))
+        fault = self.find_fault(now, command, encoders, fresh, link, board, operator)
+        if fault is None and waiting is not None and waiting.code:
+            fault = waiting
+        self.update_stop(fault)
         outgoing = self.outgoing_command(now, command)
         if self.active_stop is before:
             self.note_command(now, outgoing)

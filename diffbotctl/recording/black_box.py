@@ -9,7 +9,7 @@ import socket
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from diffbotctl.messages import Stop
+from diffbotctl.messages import STARTING, Stop
 from diffbotctl.processes.child_process import ChildSender
 from diffbotctl.recording.recorder import spans_batch
 from diffbotctl.time import SECOND
@@ -61,7 +61,7 @@ class BlackBox:
 
     def stop(self, now: int, stop: Stop) -> None:
         """A sink for stops."""
-        if stop.code:
+        if stop.code and stop.code != STARTING:
             self.stops.append(StopEvent(now, stop.code, stop.cause))
 
     def drain(self) -> None:

@@ -125,6 +125,7 @@ def gate_node(robot: Robot, command: str) -> Node:
         "link": "robot.link",
         "board": "robot.stop",
         "operator": "operator.halt",
+        "waiting": "operator.wait",
         "resume": "operator.resume",
     }
     return Node(GATE, block, wires)

@@ -242,13 +242,20 @@ def test_a_long_wait_at_an_obstacle_ends_as_blocked():
     assert 2.5e9 < course.now - start < 5e9  # `patience` is 3 s
 
 
-def test_a_latched_stop_suspends_the_goal():
+@pytest.mark.parametrize(
+    "stop",
+    [
+        ("reconnect", "the board came back", True),
+        ("source_starting", "source lidar (/dev/ttyUSB1) starts", False),
+    ],
+)
+def test_such_a_stop_suspends_the_goal(stop):
     course, there = Course(), goal(0.5, 0.0)
     for _ in range(30):
         course.step(there)
-    latched = Stop(course.now, "reconnect", "the board came back", True)
-    for _ in range(100):
-        course.step(there, latched)
+    held = Stop(course.now, *stop)
+    for _ in range(400):  # its patience is 3 s
+        course.step(there, held)
         assert (course.linear, course.angular) == (0.0, 0.0)
     assert course.drive(there, stop=Stop(course.now, "", "", False)) == "reached"
 

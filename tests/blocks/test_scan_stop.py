@@ -1,13 +1,13 @@
 """Scan stop: allowed velocities computed by hand; random commands cause no contact."""
 
-from math import cos, inf, pi, sin
+from math import cos, hypot, inf, nan, pi, sin
 from random import Random
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from diffbotctl.blocks.scan_stop import OBSTACLE, STALE, ScanStop
+from diffbotctl.blocks.scan_stop import BLIND, OBSTACLE, STALE, ScanStop
 from diffbotctl.config.load import load_robot
 from diffbotctl.geometry.footprint import PointTracker
 from diffbotctl.messages import Odometry, Scan, Twist
@@ -62,6 +62,8 @@ def across(x):
     return World([Wall(x, -1.0, x, 1.0)])
 
 
+FAR = World([Wall(-3.0, -1.0, -3.0, 1.0)])  # seen, and in the way of nothing
+
 # From 0.2 m/s: 91 ms of reaction and 100 ms of braking at half speed, as one at full: 38.2 mm.
 # 70 % of it: 0.14 x (0.091 + 0.07) = 22.5 mm.
 NEEDED, NEEDED_70 = 0.2 * 0.191, 0.14 * 0.161
@@ -70,7 +72,7 @@ NEEDED, NEEDED_70 = 0.2 * 0.191, 0.14 * 0.161
 @pytest.mark.parametrize(
     ("world", "linear", "angular", "expected"),
     [
-        (World(), 0.2, 0.5, (0.2, 0.5, "")),
+        (FAR, 0.2, 0.5, (0.2, 0.5, "")),
         (across(1.0), 0.2, 0.0, (0.2, 0.0, "")),
         (across(FRONT + MARGIN + NEEDED + 0.002), 0.2, 0.0, (0.2, 0.0, "")),
         (across(FRONT + MARGIN + NEEDED - 0.002), 0.2, 0.0, (0.14, 0.0, "")),
@@ -102,7 +104,7 @@ def test_turning_is_allowed_where_driving_is_not():
 
 def test_a_turn_about_a_wheel_becomes_one_on_the_spot():
     # 0.04 m/s at 0.5 rad/s: half the track, 0.08 m, times the rate. It makes way, so it is no stop.
-    assert asked(World(), 0.04, 0.5) == (0.04, 0.5, "")
+    assert asked(FAR, 0.04, 0.5) == (0.04, 0.5, "")
     found = asked(World([], [Pillar(0.15, 0.0, 0.0615)]), 0.04, 0.5)
     assert found == pytest.approx((0.0, 0.5, ""))
 
@@ -120,7 +122,7 @@ def test_without_a_fresh_scan_it_stops_with_a_code():
     again, more = at(602)
     assert again.linear == 0.0
     assert more is None  # sent once
-    free, told = at(603, scan_of(World(), 603 * MS))
+    free, told = at(603, scan_of(FAR, 603 * MS))
     assert free.linear == 0.2
     assert told.code == ""
     held, stale = at(604)  # one that falls silent later is told at once: it was waited for already
@@ -147,6 +149,103 @@ def test_too_close_to_measure_is_an_obstacle():
     scan = Scan(0, 0.0, 2 * pi / 360, distances)
     twist, stop = block.react(MS, Twist(MS, 0.2, 0.0), scan, still(0))
     assert (twist.linear, stop.code) == (0.0, OBSTACLE)
+
+
+class Guarded:
+    """A guard to which a scanner sends `distances` five times a second; commands come at 50 Hz."""
+
+    def __init__(self, **changes):
+        self.block = guard(**changes)
+        self.now = 0
+        self.scan = None
+        self.linear = 0.0
+        self.stop = ""
+
+    def drive(self, seconds, distances, linear=0.2, angular=0.0):
+        """The commands that pass and the code in force, after `seconds`."""
+        passed = []
+        for _ in range(round(50 * seconds)):
+            self.now += 20 * MS
+            if self.now % (200 * MS) == 0:
+                self.scan = Scan(self.now, 0.0, 2 * pi / len(distances), tuple(distances))
+            odometry = still(self.now)._replace(linear=self.linear)
+            twist = Twist(self.now, linear, angular)
+            safe, stop = self.block.react(self.now, twist, self.scan, odometry)
+            self.linear = safe.linear
+            self.stop = stop.code if stop is not None else self.stop
+            passed.append(safe)
+        return passed
+
+    def drive_at(self, seconds, distances, **command):
+        """Speed (m/s) at the end, and the code in force."""
+        return self.drive(seconds, distances, **command)[-1].linear, self.stop
+
+
+CLEAR, SEEN = [inf] * 360, [2.0] * 360
+# What does not show that the way is free: no return at all, no numbers, all too close to measure,
+# and a cable over the scanner, which is within the outline (scanner 32 mm behind the axle).
+NOTHING = {
+    "inf": CLEAR,
+    "nan": [nan] * 360,
+    "zeros": [0.0] * 360,
+    "own cable": [inf] * 180 + [0.06] + [inf] * 179,
+    "no rays": [inf],
+}
+
+
+@pytest.mark.parametrize("distances", NOTHING.values(), ids=NOTHING)
+def test_a_scanner_that_has_never_seen_anything_starts_nothing(distances):
+    robot = Guarded()
+    assert all(twist.linear == 0.0 for twist in robot.drive(3.0, distances))
+    assert robot.stop == BLIND
+
+
+@pytest.mark.parametrize("distances", NOTHING.values(), ids=NOTHING)
+def test_a_scanner_that_goes_blind_stops_the_robot_until_it_sees_again(distances):
+    robot = Guarded()
+    assert robot.drive_at(1.0, SEEN) == (0.2, "")
+    assert robot.drive_at(1.4, distances) == (0.0, BLIND)  # 1 s, and a turn of the scanner
+    assert robot.drive_at(5.0, distances) == (0.0, BLIND)
+    assert all(twist.angular == 0.0 for twist in robot.drive(0.5, distances, 0.0, 1.0))
+    assert robot.drive_at(0.3, SEEN) == (0.2, "")
+
+
+def test_a_wall_that_was_seen_is_there_while_the_scanner_sees_nothing():
+    """0.3 m to the wall are driven within 1.5 s; without it 0.2 m more would be."""
+    robot = Guarded()
+    wall = list(scan_of(across(0.3)).distances)
+    robot.drive(0.2, wall)
+    passed = robot.drive(0.8, CLEAR)
+    assert passed[0].linear > 0.1
+    driven = 0.02 * sum(twist.linear for twist in passed)
+    assert FRONT + driven < 0.3 - MARGIN + 0.005
+
+
+@pytest.mark.parametrize("distances", [CLEAR, [nan] * 360])
+@pytest.mark.parametrize("linear, angular", [(0.22, 0.0), (-0.2, 0.0), (0.0, 2.8), (0.1, 1.0)])
+def test_in_a_declared_open_space_each_point_is_slow(distances, linear, angular):
+    robot = Guarded(open_space=True)
+    assert robot.drive(1.0, distances, linear, angular)[-1][1:] == (0.0, 0.0)  # not before 1 s
+    twist = robot.drive(1.0, distances, linear, angular)[-1]
+    corner = hypot(BACK, HALF)
+    assert abs(twist.linear) + corner * abs(twist.angular) == pytest.approx(0.1)
+    assert twist.linear * angular == pytest.approx(twist.angular * linear)  # the same curve
+    assert robot.stop == ""
+
+
+def test_an_open_space_is_guarded():
+    robot = Guarded(open_space=True)
+    assert robot.drive_at(3.0, CLEAR) == (pytest.approx(0.1), "")
+    assert robot.drive_at(0.5, list(scan_of(across(0.08)).distances)) == (0.0, OBSTACLE)
+    assert robot.drive_at(0.5, SEEN) == (0.2, "")
+    assert robot.drive_at(2.0, [0.0] * 360) == (0.0, OBSTACLE)
+
+
+def test_a_return_in_each_second_is_enough():
+    robot = Guarded()
+    for _ in range(5):
+        robot.drive(0.2, [inf] * 359 + [3.0])
+        assert robot.drive_at(0.6, CLEAR) == (0.2, "")
 
 
 @settings(max_examples=25, deadline=None)

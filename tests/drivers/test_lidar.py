@@ -209,6 +209,35 @@ def test_a_robot_with_a_board_stops_before_what_only_its_lidar_sees(tmp_path, dr
     assert WALL - 0.15 < pose["x"] + FRONT < WALL
 
 
+def test_goals_wait_for_a_lidar_that_starts_late_and_end_where_it_sees_nothing(tmp_path, drive):
+    lidar = UsbLidar("lds01")
+    lidar.is_silent.set()
+    sets = [*OPEN_FIELD, "--set", "follower.patience=0.3"]
+    with running(tmp_path, *drive(lidar, "standby"), sets=sets) as process:
+        client = PlainClient(tmp_path)
+        assert client.request("goto", x=0.2, y=0.0)["ok"]
+        # Longer than the patience, which does not count while the driver waits.
+        status = client.until(lambda status: status["time"] > 1.2e9)
+        assert status["held"]["code"] == "source_starting"
+        assert f"source lidar ({lidar.device}) starts" in status["held"]["cause"]
+        assert (status["goal_state"] or {}).get("state") != "blocked"
+        lidar.is_silent.clear()
+        client.until(lambda status: (status["goal_state"] or {}).get("state") == "reached")
+        lidar.distances = (0.0,) * RAYS
+        blind = client.request("status")["time"] + 1.5e9  # a second, and two turns
+        client.until(lambda status: status["time"] > blind)
+        x = client.request("snapshot")["messages"]["odometry.odometry"]["x"]
+        assert client.request("goto", x=1.0, y=0.0)["ok"]
+        goal = client.until(lambda status: status["goal_state"]["state"] == "blocked")["goal_state"]
+        assert "the scanner measures nothing" in goal["cause"]
+        assert "0 of 360 rays with a distance" in client.request("explain_stop")["text"]
+        after = client.request("snapshot")["messages"]["odometry.odometry"]["x"]
+        assert after == pytest.approx(x, abs=0.02)
+        process.terminate()
+        process.wait(timeout=60)
+    lidar.unplug()
+
+
 def test_a_lidar_that_sends_nothing_is_named(tmp_path, drive):
     lidar = UsbLidar("lds01")
     lidar.is_silent.set()

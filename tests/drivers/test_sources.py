@@ -134,6 +134,36 @@ def test_a_lost_device_is_opened_again_after_a_growing_time(system):
     assert "opened again" in texts(operator)[-1]
 
 
+def waits(deliveries):
+    return [item.message for item in deliveries if item.wire == "operator.wait"]
+
+
+def test_the_robot_waits_as_long_as_its_device_starts(system):
+    driver, _inputs, _ = system
+    assert driver.due() == 0
+    [stop] = waits(driver.deliver(0))
+    assert (stop.code, stop.latched) == ("source_starting", False)
+    assert stop.cause == "source device (a script) starts, and has sent nothing yet"
+    assert driver.deliver(S) == [] and driver.deliver(2 * S) == []
+    driver.sources[0].driver.script = [[GOOD]]
+    message, end = driver.deliver(2 * S + S // 2)
+    assert message.wire == "device.twist" and end.message.code == ""
+    # One that is lost stops the robot otherwise; opened again, it starts again.
+    driver.sources[0].driver.script = [OSError(5, "")]
+    assert waits(driver.deliver(3 * S)) == []
+    [again] = waits(driver.deliver(driver.due()))
+    assert again.code == "source_starting"
+
+
+def test_a_device_that_never_starts_is_lost(system):
+    driver, inputs, _ = system
+    driver.deliver(0)
+    [end] = waits(driver.deliver(3 * S))
+    assert end.code == ""
+    [stop] = inputs.deliver(3 * S + 1)
+    assert stop.message.code == "input_stale" and stop.message.latched
+
+
 def test_silence_is_named_and_the_device_opened_again(system):
     driver, _inputs, operator = system
     device = driver.sources[0].driver

@@ -33,7 +33,9 @@ class Held:
 
     def __init__(self):
         self.gate = gate()
-        self.inputs = dict.fromkeys(["command", "encoders", "link", "board", "operator", "resume"])
+        self.inputs = dict.fromkeys(
+            ["command", "encoders", "link", "board", "operator", "waiting", "resume"]
+        )
 
     def at(self, now, **new):
         self.inputs.update(new)
@@ -184,3 +186,23 @@ def test_a_robot_pushed_by_hand_is_reported_and_not_stopped():
     assert turned(held, 2, (20, 25), 3.0, 0.0) == (None, 3.0)
     assert [level for level, _, _ in lines] == [WARNING, WARNING]
     assert "wheel turns although it was at rest" in lines[0][2]
+
+
+def test_a_source_that_starts_holds_the_robot_until_it_has_begun():
+    held = started()
+    wait = Stop(2, "source_starting", "source lidar starts", False)
+    _, stop = held.at(2, waiting=wait)
+    assert stop.code == "source_starting"
+    for now in range(3, 9):  # telemetry, resume and other stops do not end it
+        wheels, _ = held.at(
+            now,
+            encoders=Encoders(now, 0, 0),
+            command=Wheels(now, 3.0, 3.0),
+            resume=Resume(now) if now == 5 else None,
+            operator=Stop(now, "operator_stop", "by hand", True) if now == 7 else None,
+        )
+        assert wheels == Wheels(now, 0.0, 0.0)
+    _, stop = held.at(9, waiting=Stop(9, "", "", False))
+    assert held.gate.active_stop.code == "operator_stop"
+    held.at(10, resume=Resume(10))
+    assert held.at(11, command=Wheels(11, 3.0, 3.0))[0] == Wheels(11, 3.0, 3.0)

@@ -55,6 +55,7 @@ CHECKS: tuple[Callable[[CheckContext], None], ...] = (
     world.check_slip,
     world.check_unused_keys,
     world.check_walls,
+    world.check_scanned_world,
     world.check_goals,
     world.check_body,
 )

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from math import hypot
 from typing import NamedTuple
 
+from diffbotctl.blocks.scan_stop import ScanStop
 from diffbotctl.config.checks.block_needs import GUARDS
 from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.configuration import Configuration
@@ -94,6 +95,25 @@ def check_walls(context: CheckContext) -> None:
     if min(field) <= 0.0:
         cause = "the field is the rectangle from [0, 0] to this corner, so both must be above 0"
         context.error("E-WALL", place.place, cause, "write its size, such as [3 m, 2 m]")
+
+
+def check_scanned_world(context: CheckContext) -> None:
+    """Warn of a simulated world in which a laser scanner measures nothing: its guard stops."""
+    world = context.pipeline.world if context.pipeline is not None else None
+    if context.real or world is None or world.walls or world.obstacles or world.field:
+        return
+    for name, block in context.block_classes.items():
+        wire = context.pipeline_value("blocks", name, "in", "scan")
+        is_open = context.parameters.get(name, {}).get("open_space")
+        if not issubclass(block, ScanStop) or is_open or wire is None:
+            continue
+        if not str(wire.data).startswith("robot."):
+            continue
+        cause = f"'{name}' stops the robot here: in a world without walls its scanner sees nothing"
+        fix = f"add walls to `world:`, or drive slowly with --set {name}.open_space=true"
+        steps = (("world", "walls"), ("world",), ("blocks", name))
+        place = next(filter(None, (context.pipeline_value(*each) for each in steps)), None)
+        context.warn("W-WORLD-EMPTY", place.place if place is not None else name, cause, fix)
 
 
 def _walls(context: CheckContext) -> list[tuple[tuple[float, float], tuple[float, float]] | None]:
