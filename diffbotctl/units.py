@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from math import ceil, floor, log10, pi
-from unicodedata import category, east_asian_width, name, normalize
+from unicodedata import category, decimal, east_asian_width, name, normalize
 
 from diffbotctl.errors import closest_match
 
@@ -94,14 +94,14 @@ def magnitude_max(unit: str) -> float:
     return MAGNITUDE_MAX.get(unit, MAGNITUDE_MAX[""])
 
 
-NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
+NUMBER = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _QUANTITY = re.compile(rf"\s*({NUMBER})\s*([A-Za-z%][A-Za-z0-9/%²]*)?\s*\Z")
-_COMMA = re.compile(r"([-+]?\d+),(\d+)(\s*[A-Za-z%].*)?\Z")  # decimal comma
-_DECIMAL_COMMA = re.compile(r"(?<![\d.,])[-+]?\d+,\d+(?![\d.,])")
-_UNIT_APART = re.compile(r"(?<=[\d.])\s+([A-Za-z°µμ%])")  # a unit after a space
-_FRACTION = re.compile(r"([-+]?\d+)\s*/\s*(\d+)(?![\d/])\s*(\S*)\Z")
-_GROUPED = re.compile(r"(?<!\d)(\d{1,3})((?:[ _'’]\d{3})+)(?!\d)")  # thousands apart
-_SIGN_APART = re.compile(r"([-+])\s+(?=[\d.])")
+_COMMA = re.compile(r"([-+]?[0-9]+),([0-9]+)(\s*[A-Za-z%].*)?\Z")  # decimal comma
+_DECIMAL_COMMA = re.compile(r"(?<![0-9.,])[-+]?[0-9]+,[0-9]+(?![0-9.,])")
+_UNIT_APART = re.compile(r"(?<=[0-9.])\s+([A-Za-z°µμ%])")  # a unit after a space
+_FRACTION = re.compile(r"([-+]?[0-9]+)\s*/\s*([0-9]+)(?![0-9/])\s*(\S*)\Z")
+_GROUPED = re.compile(r"(?<![0-9])([0-9]{1,3})((?:[ _'’][0-9]{3})+)(?![0-9])")  # thousands apart
+_SIGN_APART = re.compile(r"([-+])\s+(?=[0-9.])")
 # Of a quantity. The expressions above need the square of the length, and longer numbers overflow.
 QUANTITY_MAX_CHARACTERS = 200
 QUOTED_MAX_CHARACTERS = 30
@@ -242,6 +242,10 @@ def _corrected(text: str) -> tuple[str, list[str]]:
     if wide != corrected:
         corrected = wide
         names.append("characters of another width")
+    plain = ascii_digits(corrected)
+    if plain != corrected:
+        corrected = plain
+        names.append("digits of another script")
     if names:
         causes.append(f"contains {' and '.join(names)}")
     corrected = " ".join(corrected.split())
@@ -252,6 +256,11 @@ def _corrected(text: str) -> tuple[str, list[str]]:
             corrected = corrected[: match.start()] + written + corrected[match.end() :]
             causes.append(cause)
     return corrected, causes
+
+
+def ascii_digits(text: str) -> str:
+    """`text` with the decimal digits of every script as 0 to 9."""
+    return "".join(str(decimal(each, each)) for each in text)
 
 
 def _is_invisible(character: str) -> bool:
@@ -281,7 +290,7 @@ _CORRECTIONS: tuple[tuple[re.Pattern[str], str, Callable[[re.Match[str]], str]],
     (
         _GROUPED,
         "has its thousands apart",
-        lambda match: match[1] + re.sub(r"\D", "", match[2]),
+        lambda match: match[1] + re.sub("[^0-9]", "", match[2]),
     ),
     (_COMMA, "has a decimal comma", _point),
     (_FRACTION, "is a fraction", _decimal),

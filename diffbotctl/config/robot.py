@@ -14,6 +14,7 @@ from diffbotctl.config.board_pins import BOARDS, SIMULATED
 from diffbotctl.config.motor_drivers import MOTOR_DRIVERS
 from diffbotctl.config.simulation import LAG_MIN_S, ImuAxis, Simulation
 from diffbotctl.geometry.distance_sensors import SHARPS
+from diffbotctl.links.diffbot_frames import SLOTS_MAXIMUM
 from diffbotctl.links.link_protocol import USB_BAUD
 from diffbotctl.params import Choice, Param, Pin, Section
 
@@ -295,7 +296,8 @@ class EncoderSection(Section):
     slots = Param(
         int,
         minimum=1,
-        maximum=4096,
+        maximum=SLOTS_MAXIMUM,
+        reason="the board keeps the counts per turn of a wheel in 16 bits",
         help="Slots of the disc, or pulses of channel A, per turn of the wheel.",
     )
     counts_of_slot = 1

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Literal
 
+from diffbotctl.links.diffbot_frames import SLOTS_MAXIMUM
 from diffbotctl.params import Choice, Param, Section
 from diffbotctl.units import POSE_MAX
 
@@ -128,7 +129,7 @@ class EncoderTruth(Section):
         none=True,
         default=None,
         minimum=1,
-        maximum=4096,
+        maximum=SLOTS_MAXIMUM,
         help="Actual slots of the discs; none: as the robot file states.",
     )
     bounce = Param(

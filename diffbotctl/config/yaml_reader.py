@@ -18,11 +18,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import IO, Any, NoReturn
+from unicodedata import category
 
 from diffbotctl.config import yaml_syntax
 from diffbotctl.config.yaml_tree import Data, Scalar, Value
 from diffbotctl.errors import ConfigurationError, Place, Problem, Source
-from diffbotctl.units import NUMBER
+from diffbotctl.units import NUMBER, ascii_digits
 
 FILE_SIZE_MAX_BYTES = 256 * 1024  # the longest shipped file has 4 kB
 VALUES_MAX_COUNT = 20_000  # after every alias is expanded; a robot file has about 150
@@ -100,7 +101,7 @@ def resolve(text: str) -> Scalar:
     """The value of the unquoted `text`.
 
     Raises ScalarError for octal, hexadecimal and binary numbers, which readers of YAML disagree
-    about, and for numbers too large to hold.
+    about, for digits of another script, and for numbers too large to hold.
     """
     if text in KEYWORDS:
         return KEYWORDS[text]
@@ -110,6 +111,9 @@ def resolve(text: str) -> Scalar:
             "write the number in decimal, without leading zeros",
         )
     if not DECIMAL.match(text):
+        plain = ascii_digits(text)
+        if plain != text and DECIMAL.match(plain):
+            raise ScalarError(f"'{text}' has digits of another script", f"write {plain}")
         return text
     number = float(text)
     if len(text) > NUMBER_MAX_LENGTH or abs(number) == float("inf"):
@@ -270,6 +274,7 @@ class _TreeBuilder:
         self._check_tag(event)
         place, text = self._place(event), event.value
         data: Data = text
+        self._check_characters(place, text)
         quoted = not event.implicit[0]
         if not quoted and not self._expects_key():
             try:
@@ -342,11 +347,21 @@ class _TreeBuilder:
     def _check_comma(self, entries: dict[str, Value], key: Value) -> None:
         """`{width: 1,5 m}` is two entries: `width: 1` and an empty `5 m`."""
         previous = list(entries.values())[-1].text if entries else ""
-        if not re.match(r"\d", key.text) or not re.search(r"\d\Z", previous):
+        if not re.match(r"[0-9]", key.text) or not re.search(r"[0-9]\Z", previous):
             return
         cause = f"the comma ends the value {previous} and makes '{key.text}' a separate key"
         fix = f"write a decimal point: {previous}.{key.text}"
         self._note("E-YAML-COMMA", key.value_place, cause, fix)
+
+    def _check_characters(self, place: Place, text: str) -> None:
+        """Refuse NUL and the like, which only an escape in double quotes can write."""
+        strange = next(
+            (each for each in text if category(each) == "Cc" and each not in "\t\n"), None
+        )
+        if strange is not None:
+            cause = f"this text has the control character U+{ord(strange):04X}"
+            fix = "remove it; a backslash is itself in single quotes: 'C:\\0'"
+            self._note("E-YAML-CONTROL", place, cause, fix)
 
     def _check_tag(self, event: Any) -> None:
         if event.tag is not None and event.tag != "!":

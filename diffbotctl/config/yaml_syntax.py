@@ -32,7 +32,7 @@ def problem(source: Source, error: Any) -> Problem:
     if source.line(place.line)[place.column - 1 : place.column] in ("}", "]"):
         cause = "this brace or bracket closes none that is open"
         return Problem("E-YAML-SYNTAX", place, cause, "remove it, or add the one that opens it")
-    if re.match(r"- +[\d.]", source.line(place.line)[place.column - 1 :]):
+    if re.match(r"- +[0-9.]", source.line(place.line)[place.column - 1 :]):
         cause = "a space after the minus sign makes this an item of a list"
         return Problem(
             "E-YAML-SYNTAX", place, cause, "write the minus sign before the number: -5 mm"

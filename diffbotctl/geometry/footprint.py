@@ -28,6 +28,22 @@ class Footprint(NamedTuple):
         aside = max(abs(y) - self.half, 0.0)
         return hypot(ahead, aside)
 
+    def crosses(self, start: Point, end: Point) -> bool:
+        """Whether the segment from `start` to `end` enters the outline (Liang and Barsky, 1984)."""
+        first, last = 0.0, 1.0
+        for begin, finish, low, high in (
+            (start[0], end[0], -self.back, self.front),
+            (start[1], end[1], -self.half, self.half),
+        ):
+            along = finish - begin
+            if along == 0.0:
+                if not low < begin < high:
+                    return False
+                continue
+            ends = sorted(((low - begin) / along, (high - begin) / along))
+            first, last = max(first, ends[0]), min(last, ends[1])
+        return first < last
+
     def near(self, points: list[Point], limit: float) -> list[Point]:
         """The points within `limit` (m) of the outline."""
         low, high, half = -self.back - limit, self.front + limit, self.half + limit

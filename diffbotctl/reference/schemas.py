@@ -287,10 +287,9 @@ def _pattern(unit: str) -> str:
     units = sorted(
         of_kind(unit) + [name.replace("2", "²") for name in of_kind(unit) if "2" in name]
     )
-    number = NUMBER.replace("\\d", "[0-9]")
     if unit == "rad":  # only 0 has no unit
-        return f"^\\s*({number}\\s*({'|'.join(units)})|0)\\s*$"
-    return f"^\\s*{number}\\s*({'|'.join(units)})?\\s*$" if units else f"^\\s*{number}\\s*$"
+        return f"^\\s*({NUMBER}\\s*({'|'.join(units)})|0)\\s*$"
+    return f"^\\s*{NUMBER}\\s*({'|'.join(units)})?\\s*$" if units else f"^\\s*{NUMBER}\\s*$"
 
 
 def _default(declaration: Declaration) -> Any:

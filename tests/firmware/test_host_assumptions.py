@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from diffbotctl.config.board_pins import MEGA_2560, NANO, PICO
+from diffbotctl.config.board_pins import MEGA_2560, NANO
 from diffbotctl.config.checks.pins import pins_for, serial_pins
 from diffbotctl.config.robot import BoardSection, EncoderSection, LinkSection, SpeedLoopSection
 from diffbotctl.links import diffbot_frames as frames
@@ -119,7 +119,6 @@ def test_baud_rates():
         (BoardSection.telemetry, "telemetry", 1, frames.TELEMETRY_MAXIMUM),
         (BoardSection.deadman, "deadman", 1e3, frames.DEADMAN_MAXIMUM),
         (EncoderSection.slots, "slots", 1, frames.SLOTS_MAXIMUM),
-        (EncoderSection.slots, "slots", PICO.counts_of_slot, frames.SLOTS_MAXIMUM),
         (EncoderSection.glitch, "glitch", 1e6, frames.GLITCH_MAXIMUM),
         (SpeedLoopSection.static, "static", frames.GAIN_ONE, frames.GAIN_MAXIMUM),
         (SpeedLoopSection.speed, "speed", frames.GAIN_ONE, frames.GAIN_MAXIMUM),

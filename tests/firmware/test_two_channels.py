@@ -45,6 +45,27 @@ def test_no_count_is_lost_at_full_speed(board, slots_per_second):
 
 
 @BOARDS
+def test_the_board_accepts_the_most_counts_per_turn(board):
+    with trials_on(board):
+        settings = two_channels.two_channels()
+    sides = [replace(side, slots=frames.SLOTS_MAXIMUM) for side in (settings.left, settings.right)]
+    with BoardBench(settings=replace(settings, left=sides[0], right=sides[1])) as bench:
+        bench.ready()  # raises LookupError when it refuses them
+
+
+def test_a_robot_with_very_fine_encoders_drives_to_its_goal():
+    """6569 slots a turn at 100 rpm: 10,948 edges a second, which a Mega counts."""
+    sets = ["robot.drive.encoder.slots=6569", "robot.drive.motor.rated=100 rpm"]
+    configuration = load("goal", str(ROBOTS / "mega_hall.yaml"), sets, real=False)
+    options = RunOptions(
+        port="emulated", goals=(Goal(0, 1, 0.3, 0.0, 0.0),), seed=4, fast=True, duration=30.0
+    )
+    result = Run(configuration, options, tell=lambda _: None).go()
+    assert result.reached == 1 and result.truth is not None
+    assert hypot(result.truth.pose.x - 0.3, result.truth.pose.y) < 0.01
+
+
+@BOARDS
 def test_a_rocking_wheel_adds_nothing(board):
     with trials_on(board):
         (row,) = two_channels.rocking()

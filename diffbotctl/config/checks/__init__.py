@@ -27,6 +27,7 @@ CHECKS: tuple[Callable[[CheckContext], None], ...] = (
     block_needs.check_fields,
     pins.check_pins,
     encoders.check_channels,
+    encoders.check_slot_errors,
     sensors.check_sensors,
     imu.check_imu,
     board.check_budget,
@@ -56,6 +57,7 @@ CHECKS: tuple[Callable[[CheckContext], None], ...] = (
     world.check_unused_keys,
     world.check_walls,
     world.check_scanned_world,
+    world.check_start,
     world.check_goals,
     world.check_body,
 )

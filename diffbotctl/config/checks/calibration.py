@@ -158,10 +158,6 @@ def _implausible(path: str, value: Any, stated: Any) -> str | None:
 
 def _inconsistent(context: CheckContext, path: str) -> str | None:
     """Why a value is inconsistent with related fields, or None."""
-    if path.endswith((".encoder.slot_errors", ".encoder.back_errors")):
-        values = context.values(path, f"{path.rpartition('.')[0]}.slots")
-        if values and len(values[0]) != values[1]:
-            return f"{len(values[0])} errors for a disc with {values[1]} slots"
     if path.endswith(".wheel.diameter"):
         both = context.values(*(f"drive.{side}.wheel.diameter" for side in SIDES))
         if both and max(both) > DIAMETER_RATIO_MAX * min(both):

@@ -7,6 +7,7 @@ from math import ceil, floor, pi
 from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.robot import SIDES
 from diffbotctl.errors import Place
+from diffbotctl.links.diffbot_frames import SLOTS_MAXIMUM
 
 DIAMETER_TRACK_RATIO_MAX = 1.2
 # Travel of a wheel in one count: at 0.2 tracks one count turns the robot by 11 degrees.
@@ -42,6 +43,9 @@ def check_proportions(context: CheckContext) -> None:
         place = context.error_place(f"drive.{side}.encoder.slots", "drive.encoder.slots")
         if pi * diameter / counts > ROUNDING * PITCH_TRACK_RATIO_MAX * track:
             _report_pitch(context, place, pi * diameter, counts, track)
+            return
+        if counts > SLOTS_MAXIMUM:
+            _report_counts(context, place, slots, counts)
             return
         limit = _rate_limit(context, side)
         if rated * slots / (2 * pi) > ROUNDING * limit:
@@ -87,14 +91,25 @@ def _report_pitch(
     context.error("E-ENCODER-COARSE", place, cause, fix)
 
 
+def _report_counts(context: CheckContext, place: Place | str, slots: int, counts: int) -> None:
+    of_slot = counts // slots
+    cause = (
+        f"{slots:,} slots per turn are {counts:,} counts: the board counts {of_slot} edges of a "
+        f"slot, and keeps at most {SLOTS_MAXIMUM:,} counts per turn"
+    )
+    fix = f"use an encoder with at most {SLOTS_MAXIMUM // of_slot:,} slots per turn of the wheel"
+    context.error("E-ENCODER-FAST", place, cause, fix)
+
+
 def _report_rate(
     context: CheckContext, place: Place | str, slots: int, rated: float, limit: int
 ) -> None:
     rate = rated * slots / (2 * pi)
+    which = context.board.with_article if context.board else "a board"
     cause = (
-        f"{slots} slots per turn at {rated * 60 / (2 * pi):.0f} rpm are {rate:.0f} edges per "
-        f"second, more than the {limit} that a board can count"
+        f"{slots:,} slots per turn at {rated * 60 / (2 * pi):.0f} rpm are {rate:,.0f} edges per "
+        f"second, more than the {limit:,} that {which} counts"
     )
     most = floor(2 * pi * limit / rated)
-    fix = f"use an encoder with at most {most} slots per turn, or correct encoder.slots or rated"
+    fix = f"use an encoder with at most {most:,} slots per turn, or correct encoder.slots or rated"
     context.error("E-ENCODER-FAST", place, cause, fix)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from math import hypot
+from math import degrees, hypot
 from typing import NamedTuple
 
 from diffbotctl.blocks.scan_stop import ScanStop
@@ -11,7 +11,7 @@ from diffbotctl.config.checks.block_needs import GUARDS
 from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.errors import Place, Problem, join_words
-from diffbotctl.geometry.footprint import distance_to_segment
+from diffbotctl.geometry.footprint import Footprint, distance_to_segment, into_frame
 
 # The odometry of a calibrated two-wheel robot is off by about 1 to 3 % of the way.
 GOAL_FAR_M = 100.0
@@ -142,6 +142,46 @@ def check_goals(context: CheckContext) -> None:
             context.problems += goal_problems(value.place, entry.x, entry.y, room)
 
 
+def check_start(context: CheckContext) -> None:
+    """Refuse a start at which a wall or obstacle of the simulated world crosses the outline."""
+    body = context.values("body.front", "body.back", "body.width")
+    start = context.values("simulation.start.x", "simulation.start.y", "simulation.start.heading")
+    if context.real or body is None or start is None:
+        return
+    outline = Footprint(body[0], body[1], body[2] / 2)
+    for kind, crosses in (
+        (
+            "walls",
+            [wall and outline.crosses(*into_frame([*wall], *start)) for wall in _walls(context)],
+        ),
+        ("obstacles", [_covers(each, outline, start) for each in _obstacles(context)]),
+    ):
+        entry = (
+            context.pipeline_value("world", kind, crosses.index(True)) if True in crosses else None
+        )
+        if entry is not None:
+            x, y, heading = start
+            cause = (
+                f"the robot starts at ({x:g}, {y:g}) m, {degrees(heading):g} deg, where this "
+                f"{kind.removesuffix('s')} of the simulated world crosses its outline"
+            )
+            place = context.error_place("simulation.start", also=[entry])
+            context.error(
+                "E-START-WALL", place, cause, "move simulation.start, or the wall or obstacle"
+            )
+            return
+
+
+def _covers(
+    obstacle: Sequence[float] | None, outline: Footprint, start: tuple[float, float, float]
+) -> bool:
+    if obstacle is None:
+        return False
+    x, y, radius = obstacle
+    ((ahead, aside),) = into_frame([(x, y)], *start)
+    return outline.clearance(ahead, aside) < radius
+
+
 class StandingRoom(NamedTuple):
     """Walls, each with its two ends, and round obstacles (x, y, radius); width of the robot (m)."""
 
@@ -152,13 +192,19 @@ class StandingRoom(NamedTuple):
 
 def _room(context: CheckContext, width: float) -> StandingRoom:
     walls = [(*wall[0], *wall[1]) for wall in _walls(context) if wall is not None]
-    world = context.pipeline.world if context.pipeline else None
-    rounds = [
-        (*entry.at, entry.radius)
-        for entry in ((world.obstacles or []) if world else [])
-        if entry is not None and entry.at and None not in entry.at and entry.radius is not None
-    ]
+    rounds = [entry for entry in _obstacles(context) if entry is not None]
     return StandingRoom(walls, rounds, width)
+
+
+def _obstacles(context: CheckContext) -> list[tuple[float, float, float] | None]:
+    """x, y and radius of each round obstacle; None where one could not be read."""
+    world = context.pipeline.world if context.pipeline else None
+    return [
+        (*entry.at, entry.radius)
+        if entry and len(entry.at or ()) == 2 and None not in (*entry.at, entry.radius)
+        else None
+        for entry in ((world.obstacles or []) if world else [])
+    ]
 
 
 def goal_problems(
