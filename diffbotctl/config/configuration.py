@@ -6,10 +6,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from diffbotctl.block import Block
+from diffbotctl.block import Block, In, inputs, outputs
+from diffbotctl.config.node_ports import SENSOR_MESSAGES
 from diffbotctl.config.robot import Robot
 from diffbotctl.device import DeviceDriver
 from diffbotctl.errors import Place, Problem
+from diffbotctl.messages import Range, Scan
 from diffbotctl.params import Choice, Param, Section
 from diffbotctl.units import POSE_MAX
 
@@ -289,6 +291,27 @@ class Configuration:
     sources: tuple[SourceUse, ...] = ()
     omissions: tuple[Omission, ...] = ()
     robots: dict[str, Configuration] = field(default_factory=dict)
+
+    def sensor_wires(self) -> dict[str, str]:
+        """Wires with the distances of a sensor, and its name in the robot file.
+
+        A block that names a sensor takes its distances from there, or computes them; a sensor that
+        no block names has the wire of its name at the robot.
+        """
+        sensors = self.robot.sensors if self.robot is not None else {}
+        wires: dict[str, str] = {}
+        for use in self.blocks:
+            if (sensor := use.values.get("sensor")) in sensors:
+                for port, taken in inputs(use.cls).items():
+                    if isinstance(taken, In) and taken.kind in (Range, Scan) and port in use.wires:
+                        wires[use.wires[port]] = sensor
+                for port, out in outputs(use.cls).items():
+                    if out.kind in (Range, Scan):
+                        wires[f"{use.name}.{port}"] = sensor
+        for name, section in sensors.items():
+            if name not in wires.values() and SENSOR_MESSAGES[section.type] in (Range, Scan):
+                wires[f"robot.{name}"] = name
+        return wires
 
     def all_omissions(self) -> tuple[Omission, ...]:
         """The blocks that are left out, of several robots with the name of theirs."""

@@ -11,11 +11,10 @@ from math import cos, sin
 from typing import Any, NamedTuple
 
 from diffbotctl.block import outputs
-from diffbotctl.blocks.range_sensor import RangeSensor
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.config.robot import Robot, SensorSection
 from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS
-from diffbotctl.geometry.distance_sensors import ECHOES, sensor_facts
+from diffbotctl.geometry.distance_sensors import sensor_facts
 from diffbotctl.graph import Graph
 from diffbotctl.messages import Odometry
 from diffbotctl.model.frames import sensor_frame
@@ -40,7 +39,7 @@ def describe_scene(configuration: Configuration, graph: Graph | None, port: str)
         "rounds": rounds,
         "field": field,
         "robot": None if robot is None else _outline(robot),
-        "sensors": [] if robot is None or graph is None else _sensors(robot, graph),
+        "sensors": [] if robot is None or graph is None else _sensors(robot, configuration),
     }
 
 
@@ -88,19 +87,14 @@ def _outline(robot: Robot) -> dict[str, float]:
     }
 
 
-def _sensors(robot: Robot, graph: Graph) -> list[dict[str, Any]]:
+def _sensors(robot: Robot, configuration: Configuration) -> list[dict[str, Any]]:
     """The sensors whose distances are on a wire, with the name of the wire."""
     sensors = []
-    for node in graph.nodes:
-        if isinstance(node.block, RangeSensor):
-            sensor = robot.sensors[node.block.sensor]
-            reach = sensor_facts(sensor.type, sensor.near, sensor.reach).reach
-            mount = _mount_of(node.block.sensor, sensor, reach)
-            sensors.append({"topic": f"{node.name}.range", **mount})
-    for name, sensor in robot.sensors.items():
-        facts = LASER_SCANNERS.get(sensor.type) or ECHOES.get(sensor.type)
-        if facts is not None:
-            sensors.append({"topic": f"robot.{name}", **_mount_of(name, sensor, facts.reach)})
+    for wire, name in configuration.sensor_wires().items():
+        sensor = robot.sensors[name]
+        scanner = LASER_SCANNERS.get(sensor.type)
+        facts = scanner or sensor_facts(sensor.type, sensor.near, sensor.reach)
+        sensors.append({"topic": wire, **_mount_of(name, sensor, facts.reach)})
     return sensors
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from diffbotctl.blocks.range_sensor import RangeSensor
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.config.load import load, load_robot
-from diffbotctl.config.robot import Robot
+from diffbotctl.config.node_ports import SENSOR_MESSAGES
+from diffbotctl.config.robot import Robot, SensorSection
 from diffbotctl.control_socket.protocol import Fields
 from diffbotctl.errors import UserError
-from diffbotctl.geometry.distance_sensors import ECHOES, EchoFacts, SharpFacts, sensor_facts
+from diffbotctl.geometry.distance_sensors import EchoFacts, sensor_facts
+from diffbotctl.messages import Range, Scan
 from diffbotctl.model.frames import robot_frames
 from diffbotctl.model.laser_scanners import LASER_SCANNERS
 from diffbotctl.model.urdf import urdf
@@ -55,14 +56,8 @@ def model_of(configuration: Configuration) -> RobotModel:
     robot = configuration.robot
     if robot is None:
         return RobotModel()
-    sensors = _scanners(robot)
-    for use in configuration.blocks:
-        if use.cls is RangeSensor:
-            name = use.values.get("sensor", "front")
-            sensor = robot.sensors[name]
-            sensors[f"{use.name}.range"] = _distance_sensor(
-                name, sensor_facts(sensor.type, sensor.near, sensor.reach)
-            )
+    wires = configuration.sensor_wires()
+    sensors = {wire: _sensor_model(name, robot.sensors[name]) for wire, name in wires.items()}
     name = configuration.robot_file.stem if configuration.robot_file else configuration.name
     return model_of_robot(robot, name)._replace(sensors=sensors)
 
@@ -74,29 +69,19 @@ def model_of_robot(robot: Robot, name: str) -> RobotModel:
         urdf(robot, name),
         tuple(ModelFrame(*frame) for frame in robot_frames(robot)),
         (float(left), float(right)),
-        _scanners(robot),
+        {
+            f"robot.{each}": _sensor_model(each, sensor)
+            for each, sensor in robot.sensors.items()
+            if SENSOR_MESSAGES[sensor.type] in (Range, Scan)
+        },
     )
 
 
-def _distance_sensor(name: str, facts: SharpFacts | EchoFacts) -> SensorModel:
+def _sensor_model(name: str, sensor: SensorSection) -> SensorModel:
+    scanner = LASER_SCANNERS.get(sensor.type)
+    if scanner is not None:
+        period = scanner.period / SECOND
+        return SensorModel(f"{name}_sensor_link", scanner.nearest, scanner.reach, 0.0, period)
+    facts = sensor_facts(sensor.type, sensor.near, sensor.reach)
     field = ECHO_FIELD_OF_VIEW if isinstance(facts, EchoFacts) else SHARP_FIELD_OF_VIEW
     return SensorModel(f"{name}_sensor_link", facts.near, facts.reach, field)
-
-
-def _scanners(robot: Robot) -> dict[str, SensorModel]:
-    models = {
-        name: LASER_SCANNERS[sensor.type]
-        for name, sensor in robot.sensors.items()
-        if sensor.type in LASER_SCANNERS
-    }
-    echoes = {
-        f"robot.{name}": _distance_sensor(name, ECHOES[sensor.type])
-        for name, sensor in robot.sensors.items()
-        if sensor.type in ECHOES
-    }
-    return echoes | {
-        f"robot.{name}": SensorModel(
-            f"{name}_sensor_link", model.nearest, model.reach, 0.0, model.period / SECOND
-        )
-        for name, model in models.items()
-    }
