@@ -10,18 +10,22 @@ from diffbotctl.config.load import load_robot
 from diffbotctl.config.lookup import simulated_copy_of
 from diffbotctl.testing.running import cli
 from diffbotctl.testing.virtual_board import ENCODER_ANSWERS
+from tests.sampling import by_day
 
 ROBOTS = Path(diffbotctl.testing.__file__).parent
 
 
 @pytest.mark.parametrize(
     ("kind", "port"),
-    [
-        ("mega_hall", "sim"),
-        ("mega_hall", "emulated"),
-        ("pico_hall", "sim"),
-        ("pico_hall", "emulated"),
-    ],
+    by_day(
+        2,
+        [
+            ("mega_hall", "emulated"),
+            ("pico_hall", "sim"),
+            ("mega_hall", "sim"),
+            ("pico_hall", "emulated"),
+        ],
+    ),
 )
 def test_exchanged_channels_are_found_and_written(tmp_path, kind, port):
     robot, answers = tmp_path / "my.yaml", tmp_path / "answers.yaml"

@@ -9,6 +9,7 @@ from hypothesis import strategies as some
 from diffbotctl.calibrate.dead_reckoning import Geometry, cut_segments, dead_reckon, whole_drive
 from diffbotctl.calibrate.geometry_fit import fit_geometry, geometry_findings
 from tests.calibrate.driven import STATED, drive, squares, wander
+from tests.sampling import by_day, each_once
 
 TRUE = STATED.reshaped(1.004, 0.140 * 1.02)
 TRACK_WITHIN, RATIO_WITHIN = 0.0015, 0.0005
@@ -50,6 +51,7 @@ def test_the_end_of_one_drive_proves_little():
     assert fit.confidence.track.half_width > 0.002
 
 
+@pytest.mark.nightly
 def test_slip_leaves_the_truth_within_the_stated_confidence():
     fit = fit_geometry(squares(TRUE, slip=0.0005), STATED)
     assert fit.outliers == []
@@ -63,7 +65,7 @@ def test_slip_leaves_the_truth_within_the_stated_confidence():
     assert 0.02 < fit.confidence.track.half_width < 0.05
 
 
-@pytest.mark.parametrize("sees_diameter", [False, True])
+@pytest.mark.parametrize("sees_diameter", by_day(1, [False, True]))
 def test_what_is_left_of_the_deviations_for_an_exact_mean_diameter(sees_diameter):
     lines = [drive(f"arc-{k}", wander(k), TRUE, slip=0.0005, seed=k) for k in (1, 2, 3)]
     drives = squares(TRUE, slip=0.0005, each_way=3) + (lines if sees_diameter else [])
@@ -85,6 +87,7 @@ def test_squares_leave_the_mean_diameter_as_stated():
     assert fit.geometry.mean == pytest.approx(STATED.mean, rel=1e-4)
 
 
+@pytest.mark.nightly
 def test_odd_drives_are_named_and_change_little():
     drives = squares(TRUE, slip=0.0005)
     poses = drives[3].poses + np.array([[0, 0, 0], [0.3, -0.2, 0.1]])  # it was kicked
@@ -96,7 +99,7 @@ def test_odd_drives_are_named_and_change_little():
     assert_near(fit.geometry, TRUE, share=2)
 
 
-@pytest.mark.parametrize("all_poses", [True, False])
+@pytest.mark.parametrize("all_poses", by_day(1, [True, False]))
 def test_swapped_columns_are_named_and_not_corrected_silently(all_poses):
     drives = squares(TRUE, slip=0.0003, each_way=2, all_poses=all_poses)
     # An arc at the end, or the mirror image of a square is a square.
@@ -111,8 +114,7 @@ def test_swapped_columns_are_named_and_not_corrected_silently(all_poses):
     assert_near(fit_geometry(drives, STATED).geometry, TRUE, share=4)
 
 
-@pytest.mark.parametrize("times", [0.5, 2.0])
-@pytest.mark.parametrize("each_way", [2, 4])
+@each_once(times=[0.5, 2.0], each_way=[2, 4])
 def test_a_track_of_half_or_twice_the_stated_one_is_refused(times, each_way):
     used = STATED._replace(track=STATED.track / times)
     with pytest.raises(ValueError):

@@ -7,6 +7,7 @@ from diffbotctl.config.load import load_robot
 from diffbotctl.drivers.robot_ports import wheel_command
 from diffbotctl.messages import Duty, Wheels
 from diffbotctl.prompts.answers_file import AnswersFile
+from tests.sampling import by_day
 
 ANSWERS = """\
 distance.reading: {measure: tape, noise: 1 mm}
@@ -50,7 +51,7 @@ def test_a_spin_tells_the_track_that_goes_with_the_wheels_as_stated(prepared):
     assert abs(true / 0.125 - 1) > 0.01  # there was something to find
 
 
-@pytest.mark.parametrize("how", ["spin", "straight"])
+@pytest.mark.parametrize("how", by_day(1, ["spin", "straight"]))
 def test_what_is_measured_in_diameters_is_no_surer_than_these(prepared, how):
     converted, prompter, _ = prepared()
     distance = run_step(make_step("distance", repeats=3), converted, prompter, Quiet())
@@ -62,7 +63,7 @@ def test_what_is_measured_in_diameters_is_no_surer_than_these(prepared, how):
         assert each.sd / each.value >= 0.99 * scale_sd > 0.0
 
 
-@pytest.mark.parametrize("how", ["squares", "spin", "straight"])
+@pytest.mark.parametrize("how", by_day(1, ["straight", "squares", "spin"]))
 def test_a_scale_that_nobody_measured_is_known_to_2_percent(prepared, how):
     """Each length says so itself, and what is known of its ratio to the others."""
     converted, prompter, _ = prepared()
@@ -112,6 +113,7 @@ def test_a_distance_scales_both_wheels_and_a_track_that_was_found_by_turning(pre
     assert {each.field for each in outcome.findings} >= {"drive.track"}
 
 
+@pytest.mark.nightly
 def test_squares_on_a_board_with_the_books_firmware(prepared):
     converted, prompter, body = prepared("book_2wd_stock")
     run_step(make_step("geometry", runs=3, side=0.8), converted, prompter, Quiet())

@@ -13,6 +13,7 @@ from diffbotctl.testing.trials.drawn_drives import CORRUPTIONS, NEEDS_HEADINGS, 
 from diffbotctl.testing.trials.foreign_drives import draw_foreign_set
 from diffbotctl.testing.trials.foreign_mistakes import FOREIGN_MISTAKES, has_all_headings
 from diffbotctl.testing.trials.from_log import WRONG_DEVIATION, calibrated, session_rows
+from tests.sampling import by_day
 
 
 def delayed(drawn, delay):
@@ -27,7 +28,7 @@ def delayed(drawn, delay):
     return replace(drawn, drives=drives)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", by_day(2, range(6)))
 def test_good_drives_give_values_within_their_standard_deviations(tmp_path, seed):
     drawn = draw_set(f"test {seed}")
     saved = calibrated(drawn, tmp_path / "set")
@@ -40,23 +41,26 @@ def test_good_drives_give_values_within_their_standard_deviations(tmp_path, seed
 
 @pytest.mark.parametrize(
     ("corruption", "words"),
-    [
-        ("x and y exchanged", "exchanged"),
-        ("ends mirrored", "mirrored"),
-        ("degrees for radians", "in degrees"),
-        ("millimetres", "metres"),
-        ("centimetres", "metres"),
-        ("yards", "x and y in metres"),
-        ("other slots", "`slots` the number of counts per turn"),
-        ("encoder misses one in fourteen", "encoder miss edges, or does the"),
-        ("columns swapped", "left and the right wheel are exchanged"),
-        ("encoder reversed", "wrong direction"),
-        ("encoder dead", "run `diffbotctl calibrate encoders`"),
-        ("gap", "gap from"),
-        ("counter of 8 bits", "wrap around at 256"),
-        ("ends of the drives missing", "the wheels still turn in the last rows"),
-        ("encoder stops", "encoder counted nothing after"),
-    ],
+    by_day(
+        6,
+        [
+            ("x and y exchanged", "exchanged"),
+            ("ends mirrored", "mirrored"),
+            ("degrees for radians", "in degrees"),
+            ("millimetres", "metres"),
+            ("centimetres", "metres"),
+            ("yards", "x and y in metres"),
+            ("other slots", "`slots` the number of counts per turn"),
+            ("encoder misses one in fourteen", "encoder miss edges, or does the"),
+            ("columns swapped", "left and the right wheel are exchanged"),
+            ("encoder reversed", "wrong direction"),
+            ("encoder dead", "run `diffbotctl calibrate encoders`"),
+            ("gap", "gap from"),
+            ("counter of 8 bits", "wrap around at 256"),
+            ("ends of the drives missing", "the wheels still turn in the last rows"),
+            ("encoder stops", "encoder counted nothing after"),
+        ],
+    ),
 )
 def test_a_corruption_is_named_and_nothing_is_saved(tmp_path, corruption, words):
     seeds = (f"named {number}" for number in range(100))
@@ -74,17 +78,24 @@ def test_a_corruption_is_named_and_nothing_is_saved(tmp_path, corruption, words)
 
 @pytest.mark.parametrize(
     ("change", "words"),
-    [
-        (lambda x, y, heading: (1.08 * x, y, heading), "measure both with the same tape"),
-        (
-            lambda x, y, heading: (x + 0.1 * cos(heading), y + 0.1 * sin(heading), heading),
-            "ahead of the middle of the axle (by about 10 cm)",
-        ),
-        (
-            lambda x, y, heading: (x - 0.1 * cos(heading) + 0.1, y - 0.1 * sin(heading), heading),
-            "behind the middle of the axle (by about 10 cm)",
-        ),
-    ],
+    by_day(
+        1,
+        [
+            (lambda x, y, heading: (1.08 * x, y, heading), "measure both with the same tape"),
+            (
+                lambda x, y, heading: (x + 0.1 * cos(heading), y + 0.1 * sin(heading), heading),
+                "ahead of the middle of the axle (by about 10 cm)",
+            ),
+            (
+                lambda x, y, heading: (
+                    x - 0.1 * cos(heading) + 0.1,
+                    y - 0.1 * sin(heading),
+                    heading,
+                ),
+                "behind the middle of the axle (by about 10 cm)",
+            ),
+        ],
+    ),
 )
 def test_ends_of_two_scales_and_of_another_point_are_named(tmp_path, change, words):
     drawn = draw_set("shapes 20")  # with headings, and ends in all directions
@@ -94,6 +105,7 @@ def test_ends_of_two_scales_and_of_another_point_are_named(tmp_path, change, wor
     assert words in " ".join(saved.text.split())
 
 
+@pytest.mark.nightly
 def test_wheels_that_depend_on_the_scale_of_one_axis_are_not_saved(tmp_path):
     drawn = draw_set("scale 5")  # lines ahead, and squares that end at their start
     assert calibrated(drawn, tmp_path / "right").exit_code == 0
@@ -105,14 +117,25 @@ def test_wheels_that_depend_on_the_scale_of_one_axis_are_not_saved(tmp_path):
 
 @pytest.mark.parametrize(
     ("corruption", "seed", "words"),
-    [
-        # One wheel is 5 % larger than stated, the other one as stated: no ruler is so wrong.
-        ("encoder misses one in fourteen", 65, "does the right encoder miss edges, or does the"),
-        # The ratio of the wheels is plausible here.
-        ("encoder misses one in fourteen", 185, "a right wheel 5 % larger than stated"),
-        # No other scale of y is certain, but one is likely.
-        ("y measured five per cent too short", 178, "these drives do not show whether x of the"),
-    ],
+    by_day(
+        1,
+        [
+            # One wheel is 5 % larger than stated, the other one as stated: no ruler is so wrong.
+            (
+                "encoder misses one in fourteen",
+                65,
+                "does the right encoder miss edges, or does the",
+            ),
+            # The ratio of the wheels is plausible here.
+            ("encoder misses one in fourteen", 185, "a right wheel 5 % larger than stated"),
+            # No other scale of y is certain, but one is likely.
+            (
+                "y measured five per cent too short",
+                178,
+                "these drives do not show whether x of the",
+            ),
+        ],
+    ),
 )
 def test_what_cannot_be_told_from_the_ends_is_refused(tmp_path, corruption, seed, words):
     drawn, rng = draw_set(f"7301 wrong {seed}"), Random(f"7301 {seed}")
@@ -128,7 +151,7 @@ def test_a_scale_that_the_ends_do_not_exclude_is_in_the_standard_deviations(tmp_
     assert saved.exit_code == 0 and max(saved.deviations) < WRONG_DEVIATION
 
 
-@pytest.mark.parametrize(("delay", "dev_max"), [(-0.25, 2.0), (0.15, 2.0)])
+@pytest.mark.parametrize(("delay", "dev_max"), by_day(1, [(-0.25, 2.0), (0.15, 2.0)]))
 def test_a_late_camera_that_sees_squares_and_lines_is_aligned(tmp_path, delay, dev_max):
     drawn = draw_foreign_set("late 18")  # squares and lines
     saved = calibrated(delayed(drawn, delay), tmp_path / "set")
@@ -207,7 +230,7 @@ def test_headings_in_radians_named_degrees_are_still_named(tmp_path):
     assert "must be in degrees" in " ".join(saved.text.split())
 
 
-@pytest.mark.parametrize(("number", "size"), [(36, 1.1), (56, 1.1), (70, 0.9)])
+@pytest.mark.parametrize(("number", "size"), by_day(1, [(36, 1.1), (56, 1.1), (70, 0.9)]))
 def test_squares_that_contradict_the_stated_wheels_do_not_prove_a_track(tmp_path, number, size):
     drawn = draw_set(f"sizes {number}")
     right, left, track = drawn.stated
@@ -217,7 +240,7 @@ def test_squares_that_contradict_the_stated_wheels_do_not_prove_a_track(tmp_path
     assert "either the track is" in " ".join(saved.text.split())
 
 
-@pytest.mark.parametrize("number", [84, 150])
+@pytest.mark.parametrize("number", by_day(1, [84, 150]))
 def test_squares_do_not_tell_other_slots_from_another_track(tmp_path, number):
     drawn, rng = draw_set(f"41 wrong {number}"), Random(f"41 {number}")
     saved = calibrated(CORRUPTIONS["other slots"](drawn, rng), tmp_path / "set")
@@ -261,6 +284,7 @@ def test_without_real_data_the_row_says_so(tmp_path):
     assert row.figure == "no data"
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("delay", [-0.6, 0.6])
 def test_poses_of_another_clock_are_named(tmp_path, delay):
     numbers = (f"clock {number}" for number in range(200))

@@ -36,6 +36,7 @@ def calibrate(*words):
     return CliRunner().invoke(command, [*map(str, words)])
 
 
+@pytest.mark.nightly
 def test_the_whole_chain_from_a_file_and_back(robot):
     before = robot.read_bytes()
     done = calibrate("--robot", robot, "--port", "sim", "--answers", "answers.yaml", "--yes")
@@ -82,6 +83,7 @@ def test_a_dry_run_writes_nothing_and_steps_are_skipped(robot):
     assert "match the robot file" in done.output and robot.read_bytes() == before
 
 
+@pytest.mark.nightly
 def test_exchanged_directions_are_named(robot):
     # Places as a true track 3 % too large gives them: clockwise (-2 L alpha, -2 L alpha),
     # counter-clockwise (-2 L alpha, +2 L alpha), each typed for the other direction.

@@ -21,11 +21,13 @@ from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
 from diffbotctl.testing.virtual_board import diffbotctl, flat
 from tests.command_result import invoke
+from tests.sampling import by_day
 
 ROOT = Path(__file__).parents[2]
 # What is inherent in the kit, and said: no obstacle sensor; HC-05 and USB on one port.
 WARNINGS = {"W-UNGUARDED", "W-WIRING-SHARED", "W-SKID-STEER"}
 # Goals behind a turn, before the track of four wheels is calibrated.
+ONE_OF_EACH_CHIP = ("four_wheels", "uno_tb6612", "pico_tc1508s")
 UNSURE = {"four_wheels"}
 SEED = 1
 
@@ -90,11 +92,13 @@ def test_a_kit_passes_check_wiring_and_simulation(name):
     assert (result.reached, run.operator.reached_unsure) == ((0, 1) if name in UNSURE else (1, 0))
 
 
-@pytest.mark.parametrize("name", KITS)
+@pytest.mark.parametrize("name", by_day(3, dict.fromkeys((*ONE_OF_EACH_CHIP, *KITS))))
 def test_a_kit_flies_in_the_emulator(name):
     """The file's own board, with its real firmware, also where it stands in for another board."""
     new_robot("--kit", name)
-    code, said = diffbotctl("run", "goal", "--robot", name, "--port", "emulated", "--quiet")
+    code, said = diffbotctl(
+        "run", "goal", "--robot", name, "--port", "emulated", "--fast", "--quiet"
+    )
     if name in UNSURE:
         assert code == 3 and "goal 1 reached, but the position is known to" in flat(said), said
     else:
@@ -102,7 +106,7 @@ def test_a_kit_flies_in_the_emulator(name):
     assert "0 damaged, 0 lost" in flat(said), said
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", by_day(2, range(8)))
 def test_four_wheels_never_claim_a_goal_behind_a_turn(seed):
     """Their track is known to a fifth; straight on it does not matter."""
     new_robot("--kit", "four_wheels")

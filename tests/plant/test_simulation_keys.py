@@ -16,6 +16,7 @@ from diffbotctl.plant.world import build_world
 from diffbotctl.testing.board_bench import UNO_ROBOT
 from diffbotctl.time import MILLISECOND as MS
 from diffbotctl.time import SECOND
+from tests.sampling import each_once
 
 FOUR_SENSORS = UNO_ROBOT.replace("uno.yaml", "four_sensors.yaml")
 HALL_ROBOT = UNO_ROBOT.replace("uno.yaml", "mega_hall.yaml")
@@ -441,14 +442,9 @@ def check(robot, equations, key, first, second, measure, relation, base):
     assert (difference if relation == MORE else -difference) > least, values
 
 
-@pytest.mark.parametrize("equations", ["exponential", "torque"])
-@pytest.mark.parametrize(
-    ("key", "first", "second", "measure", "relation", "base"),
-    ROWS,
-    ids=[f"{key}={second}" for key, _, second, *_ in ROWS],
-)
-def test_the_effect_of_a_key(equations, key, first, second, measure, relation, base):
-    check("book_2wd", equations, key, first, second, measure, relation, base)
+@each_once(row=ROWS, equations=["exponential", "torque"])
+def test_the_effect_of_a_key(row, equations):
+    check("book_2wd", equations, *row)
 
 
 @pytest.mark.parametrize(
