@@ -48,19 +48,31 @@ class PageServer:
         raise AssertionError(f"it printed no link: {self.lines}")
 
     def request(
-        self, method: str, path: str, body: str | None = None, **headers: str
+        self,
+        method: str,
+        path: str,
+        body: str | None = None,
+        source: str = "127.0.0.1",
+        **headers: str,
     ) -> tuple[int, str, http.client.HTTPMessage]:
         """Status, text and headers of one request; `_` in a header's name stands for `-`.
 
-        Host and Origin are right unless they are given; `Origin=""` leaves it out.
+        Host and Origin are right unless they are given; `Origin=""` leaves it out. `source` is the
+        address of the client.
         """
         if self.scheme == "https":
             context = ssl._create_unverified_context()
             connection: http.client.HTTPConnection = http.client.HTTPSConnection(
-                "127.0.0.1", self.port, timeout=TIMEOUT_S, context=context
+                "127.0.0.1",
+                self.port,
+                timeout=TIMEOUT_S,
+                source_address=(source, 0),
+                context=context,
             )
         else:
-            connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=TIMEOUT_S)
+            connection = http.client.HTTPConnection(
+                "127.0.0.1", self.port, timeout=TIMEOUT_S, source_address=(source, 0)
+            )
         sent = {"Origin": f"{self.scheme}://127.0.0.1:{self.port}"}
         sent |= {name.replace("_", "-"): value for name, value in headers.items()}
         if not sent["Origin"]:

@@ -19,7 +19,7 @@ from diffbotctl.control_socket.protocol import RefusalError
 from diffbotctl.errors import UserError
 from diffbotctl.ros2.robot_model import urdf_of_run
 from diffbotctl.web.certificate import ServerCertificate
-from diffbotctl.web.connections import Peer, serving
+from diffbotctl.web.connections import Peer, client_name, serving
 from diffbotctl.web.deadman import BEAT_PERIOD_S, BeatNumbers
 from diffbotctl.web.engine_feed import EngineFeed
 from diffbotctl.web.link import EVERY_ADDRESS, LOOPBACK, host_names
@@ -36,8 +36,9 @@ NO_SESSION = "this device has no session; open the link or scan the code in the 
 PAGES_MAX = 24  # open at once
 BODY_MAX_BYTES = 1024
 KEEPALIVE_S = 10.0  # that an idle connection stays open
-ATTEMPTS_PER_SECOND = 1.0  # codes that are tried
+ATTEMPTS_PER_SECOND = 1.0  # wrong codes of one client
 ATTEMPT_BURST = 10.0
+ATTEMPTING_CLIENTS_MAX = 256
 TYPES = {
     "html": "text/html",
     "js": "text/javascript",
@@ -103,7 +104,7 @@ class WebServer:
         self.origin = ServerOrigin("https" if certificate else "http", self.port, names)
         self.cookie = f"diffbotctl_{self.port}"  # browsers share cookies between ports
         self.sessions = Sessions()
-        self.attempts = TokenBucket(ATTEMPTS_PER_SECOND, ATTEMPT_BURST, time.monotonic())
+        self.attempts: dict[str, TokenBucket] = {}  # by client, the latest last
         self.assets = load_assets()
         self.numbers = BeatNumbers()
         self.pages: dict[PageConnection, None] = {}
@@ -191,14 +192,10 @@ class WebServer:
 
     async def _enter(self, request: web.Request) -> web.StreamResponse:
         """A device presents a code, and gets a session."""
-        now = time.monotonic()
-        if not self.attempts.allows(now):
-            raise RequestRefusalError(429, "too many codes were tried; wait some seconds")
         code = (await request.read()).decode("ascii", "replace")
         session = self.sessions.enter(code, request.headers.get("User-Agent", ""))
         if session is None:
-            self.attempts.spend()
-            raise RequestRefusalError(403, USED_CODE)
+            raise self._wrong_code(request)
         self.report(session)
         response = web.Response(text=session.proof, headers=HEADERS)
         response.set_cookie(
@@ -210,6 +207,19 @@ class WebServer:
             path="/",
         )
         return response
+
+    def _wrong_code(self, request: web.Request) -> RequestRefusalError:
+        """The refusal of a wrong code, with the rate of its client; a right one is always taken."""
+        now, name = time.monotonic(), client_name(request.remote or LOOPBACK)
+        bucket = self.attempts.pop(name, None)
+        bucket = bucket or TokenBucket(ATTEMPTS_PER_SECOND, ATTEMPT_BURST, now)
+        self.attempts[name] = bucket
+        if len(self.attempts) > ATTEMPTING_CLIENTS_MAX:
+            del self.attempts[next(iter(self.attempts))]
+        if not bucket.allows(now):
+            return RequestRefusalError(429, "too many codes were tried; wait some seconds")
+        bucket.spend()
+        return RequestRefusalError(403, USED_CODE)
 
     async def _show_session(self, request: web.Request) -> web.StreamResponse:
         """The device's name, for a page that was reloaded."""
