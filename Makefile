@@ -23,6 +23,8 @@ BRIDGE ?= 3
 # Goals of each row of both plants, and runs of the matrix; in full: 3648 and more.
 GOALS ?= 50
 MATRIX ?= 272
+# Mutations of the program, of which `make test` notices as many as all tests do.
+MUTATIONS ?= 24
 # Sets of drives for `calibrate from-log`, and robots whose calibrated values are compared.
 DRIVES ?= 200
 CALIBRATED ?= 100
@@ -65,11 +67,13 @@ $(PICO)/node_modules/.package-lock.json: $(PICO)/package-lock.json
 	npm ci --silent --no-audit --no-fund --prefix $(PICO)
 	touch $@
 
+# More processes than cores: many tests wait for a board in real time.
+WORKERS := -n 4 --dist loadgroup
+
 test: packages pico $(VENV)/tested
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy diffbotctl
-	$(BIN)/python -m pytest -n 3 --dist loadgroup -rsfE  # more processes than cores: many tests wait for a board in real time
+	$(BIN)/python -m pytest $(WORKERS) -rsfE
 
 # A separate environment with ROS 2 from third-party wheels (x86-64; Python 3.10 to 3.13; 250 MB), for the
 # tests of `diffbotctl ros2` against real nodes. Without it `make test` says that they did not run. tf2_msgs
@@ -90,11 +94,11 @@ $(ROS2)/installed: tests/ros2/build_tf2_msgs.py
 # The tests with the mark `nightly` (`NIGHTLY=` leaves them out), then every figure beside its target.
 prove: packages pico $(VENV)/tested
 	status=0; \
-	$(if $(NIGHTLY),$(BIN)/python -m pytest -n 3 --dist loadgroup -rsfE -m nightly || status=1;) \
+	$(if $(NIGHTLY),$(BIN)/python -m pytest $(WORKERS) -rsfE -m nightly || status=1;) \
 	$(BIN)/python -m prove --seed $(SEED) --robots $(ROBOTS) --trials $(TRIALS) --starts $(STARTS) \
 	  --board $(BOARD) --wander $(WANDER) --faulty $(FAULTY) --emulated $(EMULATED) --goals $(GOALS) --matrix $(MATRIX) \
 	  --hostile $(HOSTILE) --hours $(HOURS) --failures $(FAILURES) --bridge $(BRIDGE) --cuts $(CUTS) --drives $(DRIVES) --calibrated $(CALIBRATED) \
-	  --optiodom $(OPTIODOM) || status=1; \
+	  --mutations $(MUTATIONS) --optiodom $(OPTIODOM) || status=1; \
 	exit $$status
 
 bench: $(VENV)/tested

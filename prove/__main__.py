@@ -34,6 +34,7 @@ from prove import (
     matrix,
     model,
     motion,
+    mutations,
     operator,
     plants,
     recordings,
@@ -63,6 +64,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--bridge", type=int, default=3, help="failures beside ROS 2, of each kind")
     parser.add_argument("--cuts", type=int, default=5, help="of the link to two robots")
     parser.add_argument("--hours", type=float, default=24.0, help="simulated, memory measured")
+    parser.add_argument("--mutations", type=int, default=24, help="of the program")
     parser.add_argument(
         "--optiodom", type=Path, nargs="*", default=[], help="folders of the OptiOdom data set"
     )
@@ -126,6 +128,9 @@ def sections_of(options: argparse.Namespace) -> list[ProofSection]:
         ProofSection("far operator", far_operator.rows(options.cuts), options.cuts),
         ProofSection("sensors of kits", kit_sensors.rows(options.seed)),
         ProofSection("IMU", imu.rows(options.seed, imu_robots), imu_robots),
+        ProofSection(
+            "mutations", mutations.rows(options.seed, options.mutations), options.mutations
+        ),
     ]
 
 

@@ -251,14 +251,17 @@ def test_squares_do_not_tell_other_slots_from_another_track(tmp_path, number):
 
 @pytest.mark.parametrize(
     ("mistake", "words"),
-    [
-        ("one column in both", "one column written twice"),
-        ("heading of the wrong sign", "headings of the true poses have the wrong sign"),
-        ("rows twice", "is the row written twice?"),
-        ("descending", "the times decrease"),
-        ("decimal commas in the ends", "a decimal comma"),
-        ("counter of 32 bits", "wrap around at 4294967296"),
-    ],
+    by_day(
+        2,
+        [
+            ("one column in both", "one column written twice"),
+            ("heading of the wrong sign", "headings of the true poses have the wrong sign"),
+            ("rows twice", "is the row written twice?"),
+            ("descending", "the times decrease"),
+            ("decimal commas in the ends", "a decimal comma"),
+            ("counter of 32 bits", "wrap around at 4294967296"),
+        ],
+    ),
 )
 def test_mistakes_on_robots_that_the_model_does_not_describe(tmp_path, mistake, words):
     numbers = (f"test {number}" for number in range(40))

@@ -11,6 +11,7 @@ from diffbotctl.messages import Encoders
 from diffbotctl.prompts.answers_file import AnswersFile
 from diffbotctl.testing.calibration_robots import SilentScreen
 from diffbotctl.time import MILLISECOND as MS
+from tests.sampling import by_day
 
 
 def ended(running):
@@ -31,7 +32,7 @@ def stock(seed, delay):
     return made, truths._plant
 
 
-@pytest.mark.parametrize("seed, delay", [(1, 100), (2, 30), (3, 180)])
+@pytest.mark.parametrize("seed, delay", by_day(1, [(1, 100), (2, 30), (3, 180)]))
 def test_a_delay_is_told_apart_from_the_motors_lag(seed, delay):
     made, plant = stock(seed, delay)
     fitted = fit_common_lag(ended(motor_experiments.record_steps(made)), 20, 0.012)

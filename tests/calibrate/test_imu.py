@@ -19,6 +19,7 @@ from diffbotctl.messages import Encoders
 from diffbotctl.prompts.answers_file import AnswersFile
 from diffbotctl.testing.calibration_robots import SilentScreen
 from diffbotctl.time import SECOND
+from tests.sampling import by_day
 
 ROBOT = """\
 format: 1
@@ -65,7 +66,7 @@ def test_a_turn_is_measured_without_the_mean_rate_of_both_rests():
 
 
 @pytest.mark.parametrize(
-    ("port", "seed", "turns"), [("sim", 1, 10), ("sim", 4, 10), ("emulated", 1, 3)]
+    ("port", "seed", "turns"), by_day(1, [("sim", 1, 10), ("sim", 4, 10), ("emulated", 1, 3)])
 )
 def test_turns_give_the_scale_to_0_3_percent(opened, port, seed, turns):
     session, prompter, tools = opened(port, seed)
@@ -82,13 +83,16 @@ def test_turns_give_the_scale_to_0_3_percent(opened, port, seed, turns):
 
 @pytest.mark.parametrize(
     ("port", "type", "stated", "true", "turns"),
-    [
-        ("sim", "mpu6050", "z", "-z", 4),  # upside down
-        ("sim", "mpu6050", "z", "-x", 4),
-        ("sim", "mpu6050", "-y", "z", 4),
-        ("emulated", "mpu6050", "z", "-y", 3),
-        ("emulated", "lsm6dso", "-x", "x", 3),
-    ],
+    by_day(
+        2,
+        [
+            ("sim", "mpu6050", "z", "-z", 4),  # upside down
+            ("sim", "mpu6050", "z", "-x", 4),
+            ("sim", "mpu6050", "-y", "z", 4),
+            ("emulated", "mpu6050", "z", "-y", 3),
+            ("emulated", "lsm6dso", "-x", "x", 3),
+        ],
+    ),
 )
 def test_a_wrong_axis_is_found_and_the_scale_with_it(opened, port, type, stated, true, turns):
     session, prompter, tools = opened(port, type=type, axes=stated, gyro=f"axes: {true}")

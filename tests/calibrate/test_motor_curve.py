@@ -6,6 +6,7 @@ import pytest
 
 from diffbotctl.calibrate.motor_curve import USUAL_STALL_DROP, MotorCurve, fit_curves
 from diffbotctl.calibrate.motor_fit import fit_line
+from tests.sampling import by_day
 
 DUTIES = (0.3, 0.45, 0.6, 0.75, 0.9)
 ERRORS = (0.15, -0.15, 0.15, -0.15, 0.15)  # relative; too large to tell one law from another
@@ -32,7 +33,7 @@ def test_a_line_is_wrong_by_what_the_sag_does():
     assert line.static < 0.093 and line.rated < 8.7
 
 
-@pytest.mark.parametrize("sag", [0.0, 0.04, 0.12])
+@pytest.mark.parametrize("sag", by_day(1, [0.0, 0.04, 0.12]))
 def test_two_standard_deviations_contain_the_truth(sag):
     inside = []
     for seed in range(40):
@@ -77,6 +78,7 @@ def test_exact_points_of_a_fast_decay_give_friction_and_speed(viscous):
         assert curve.fast_duty(curve.rated) == pytest.approx(1.0, abs=1e-5)
 
 
+@pytest.mark.nightly
 def test_two_standard_deviations_contain_the_truth_of_a_fast_decay():
     """Of motors with different friction, on batteries that sag by an unknown amount."""
     inside = []

@@ -20,6 +20,7 @@ def test_an_error_of_all_duties_moves_friction_and_speed():
     assert (curve.static_sd, curve.rated_sd) == pytest.approx((0.001, 0.01))
 
 
+@pytest.mark.nightly
 def test_the_friction_of_an_emulated_robot_is_true_to_less_than_a_step(tmp_path):
     answers = tmp_path / "answers.yaml"
     answers.write_text("{}\n")

@@ -9,6 +9,7 @@ import pytest
 from diffbotctl.testing.command_process import command_line
 from diffbotctl.testing.running import cli, running
 from diffbotctl.testing.terminal import Terminal
+from tests.sampling import by_day
 
 ROBOT_FILE = "format: 1\nkind: robot\ninclude: book_2wd\nwheels: 3\n"
 
@@ -22,42 +23,51 @@ def told(folder, *words):
 
 @pytest.mark.parametrize(
     ("words", "said"),
-    [
-        (("goto", "0", "0", "90", "deg"), "'90 deg' are two words here: write 90deg"),
-        (("goto", "0.5", "m", "0", "m"), "'0.5 m' are two words here: write 0.5m"),
-        (("drive", "--speed", "0.1", "m/s"), "'0.1 m/s' are two words here: write 0.1m/s"),
-        (("run", "goal", "--for", "10", "s"), "'10 s' are two words here: write 10s"),
-        (("param", "set", "guard.margin", "8", "cm"), "write 8cm"),
-        (("goto", "0.5,0.2,90deg"), "write 3: diffbotctl goto 0.5 0.2 90deg"),
-        (("goto", "0.5 0.2"), "write 2: diffbotctl goto 0.5 0.2"),
-        (("goto", "(1,", "2)"), "'(1,' is not a number"),
-        (("goto", "0,5", "0"), "has a decimal comma: write 0.5"),
-        (("goto", "1", "1", "--heading", "90deg"), "No such option '--heading'"),
-        (("goto", "1", "1", "--engin", "x"), "Did you mean '--engine'?"),
-        (("drive", "--sped", "0.1"), "Did you mean '--speed'?"),
-        (("drive", "0.2"), "Write --speed 0.1 to drive"),
-        (("drive",), "without a speed the robot does not move: give --speed"),
-        (("drive", "--for", "2s"), "without a speed the robot does not move: give --speed"),
-        (("drive", "--distance", "0", "--speed", "0.1"), "--distance 0 is no drive"),
-        (("drive", "--angle", "0", "--turn", "1"), "--angle 0 is no drive"),
-        (("run", "goal", "book_2wd"), "write --robot book_2wd"),
-        (("engines", ""), "unexpected extra argument ()"),
-        (("run", "goal", "--goal", "1", "0.5", "90deg"), '--goal "1 0.5 90deg"'),
-        (("run", "hello", "--robot", "none"), "--robot has no effect: this pipeline has no robot"),
-        (("run", "hello", "--port", "emulated"), "--port has no effect"),
-        (("run", "hello", "--seed", "3"), "--seed has no effect"),
-        (("run", "teleop", "--goal", "1 0"), "no block of this pipeline follows goals"),
-        (("run", "goal.yaml"), "did you mean goal, without .yaml?"),
-        (("run", "goal", "--robot", "robots/turtle.yaml"), "did you mean turtle, without .yaml?"),
-        (("check", "pipelines/goal.yaml"), "did you mean goal, without .yaml?"),
-        (("explain", "E-PIN-"), "did you mean E-PIN-UNKNOWN, E-PIN-PWM,"),
-        (("record",), "Did you mean 'bag record'?"),
-        (("echo", "/odom"), "Did you mean 'topic echo'?"),
-        (("list",), "Did you mean 'topic list' or 'param list'?"),
-        (("status",), "Did you mean 'engines'?"),
-        (("version",), "Did you mean '--version'?"),
-        (("service", "--name", "a/b"), "use letters, digits, - and _ only"),
-    ],
+    by_day(
+        14,
+        [
+            (("goto", "0", "0", "90", "deg"), "'90 deg' are two words here: write 90deg"),
+            (("goto", "0.5", "m", "0", "m"), "'0.5 m' are two words here: write 0.5m"),
+            (("drive", "--speed", "0.1", "m/s"), "'0.1 m/s' are two words here: write 0.1m/s"),
+            (("run", "goal", "--for", "10", "s"), "'10 s' are two words here: write 10s"),
+            (("param", "set", "guard.margin", "8", "cm"), "write 8cm"),
+            (("goto", "0.5,0.2,90deg"), "write 3: diffbotctl goto 0.5 0.2 90deg"),
+            (("goto", "0.5 0.2"), "write 2: diffbotctl goto 0.5 0.2"),
+            (("goto", "(1,", "2)"), "'(1,' is not a number"),
+            (("goto", "0,5", "0"), "has a decimal comma: write 0.5"),
+            (("goto", "1", "1", "--heading", "90deg"), "No such option '--heading'"),
+            (("goto", "1", "1", "--engin", "x"), "Did you mean '--engine'?"),
+            (("drive", "--sped", "0.1"), "Did you mean '--speed'?"),
+            (("drive", "0.2"), "Write --speed 0.1 to drive"),
+            (("drive",), "without a speed the robot does not move: give --speed"),
+            (("drive", "--for", "2s"), "without a speed the robot does not move: give --speed"),
+            (("drive", "--distance", "0", "--speed", "0.1"), "--distance 0 is no drive"),
+            (("drive", "--angle", "0", "--turn", "1"), "--angle 0 is no drive"),
+            (("run", "goal", "book_2wd"), "write --robot book_2wd"),
+            (("engines", ""), "unexpected extra argument ()"),
+            (("run", "goal", "--goal", "1", "0.5", "90deg"), '--goal "1 0.5 90deg"'),
+            (
+                ("run", "hello", "--robot", "none"),
+                "--robot has no effect: this pipeline has no robot",
+            ),
+            (("run", "hello", "--port", "emulated"), "--port has no effect"),
+            (("run", "hello", "--seed", "3"), "--seed has no effect"),
+            (("run", "teleop", "--goal", "1 0"), "no block of this pipeline follows goals"),
+            (("run", "goal.yaml"), "did you mean goal, without .yaml?"),
+            (
+                ("run", "goal", "--robot", "robots/turtle.yaml"),
+                "did you mean turtle, without .yaml?",
+            ),
+            (("check", "pipelines/goal.yaml"), "did you mean goal, without .yaml?"),
+            (("explain", "E-PIN-"), "did you mean E-PIN-UNKNOWN, E-PIN-PWM,"),
+            (("record",), "Did you mean 'bag record'?"),
+            (("echo", "/odom"), "Did you mean 'topic echo'?"),
+            (("list",), "Did you mean 'topic list' or 'param list'?"),
+            (("status",), "Did you mean 'engines'?"),
+            (("version",), "Did you mean '--version'?"),
+            (("service", "--name", "a/b"), "use letters, digits, - and _ only"),
+        ],
+    ),
 )
 def test_a_mistyped_command_names_what_to_write(words, said, tmp_path):
     code, text = told(tmp_path, *words)

@@ -14,6 +14,7 @@ from diffbotctl.config.lookup import folder
 from diffbotctl.printable import fold_line, fold_lines, keep_lines, printable_stream, write_raw
 from diffbotctl.testing.running import command
 from diffbotctl.testing.terminal import Terminal
+from tests.sampling import each_once
 
 COLUMNS, LINES = 60, 150
 COMMANDS = [
@@ -86,8 +87,10 @@ def test_no_word_of_a_command_is_broken(tmp_path, words):
     assert not drawing, narrow
 
 
-@pytest.mark.parametrize("columns", [1, 3, 12])
-@pytest.mark.parametrize("words", [*COMMANDS, ("bag", "plot", "odometry.odometry.x", "goal.mcap")])
+@each_once(
+    columns=[1, 3, 12],
+    words=[*COMMANDS, ("bag", "plot", "odometry.odometry.x", "goal.mcap")],
+)
 def test_a_terminal_of_a_few_columns_is_no_defect(tmp_path, monkeypatch, words, columns):
     monkeypatch.chdir(tmp_path)
     if words[0] == "bag":

@@ -7,6 +7,7 @@ import subprocess
 import pytest
 
 from diffbotctl.testing.command_process import command_line
+from tests.sampling import each_once
 
 # Each prints letters beyond ASCII to a UTF-8 terminal: boxes, braille, branches.
 PICTURES = (
@@ -106,10 +107,9 @@ def test_the_end_of_a_run_states_how_well_the_pose_is_known():
     assert line.endswith("deg (standard deviation)") and "; known to " in line and len(line) <= 80
 
 
-@pytest.mark.parametrize("closed", [(0,), (1,), (2,), (0, 1), (0, 1, 2)], ids=str)
-@pytest.mark.parametrize(
-    ("words", "code", "cause"),
-    [
+@each_once(
+    closed=[(0,), (1,), (2,), (0, 1), (0, 1, 2)],
+    typed=[
         (("flash", "firmware", "--port", "PORT"), 2, "no terminal to confirm"),
         (("bluetooth", "baud", "9600", "--port", "PORT"), 2, "Nobody is there"),
         (("calibrate", "encoders", "--port", "sim"), 2, "Nobody is there"),
@@ -118,7 +118,9 @@ def test_the_end_of_a_run_states_how_well_the_pose_is_known():
         (("run", "goal", "--fast", "--for", "0.5s", "--record", "a.mcap"), 1, ""),
     ],
 )
-def test_closed_streams_are_no_defect(words, code, cause, closed, tmp_path):
+def test_closed_streams_are_no_defect(typed, closed, tmp_path):
+    words, code, cause = typed
+
     def close():
         for descriptor in closed:
             os.close(descriptor)

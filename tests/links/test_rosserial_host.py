@@ -34,6 +34,7 @@ def test_recorded_session_is_decoded_at_once_and_byte_by_byte(path):
     assert len(rows_of_proof) == 3 and all(row.met for row in rows_of_proof), rows_of_proof
 
 
+@pytest.mark.nightly
 def test_sample_of_the_proof():
     rows_of_proof = list(rows(seed=7, starts=6))
     assert [row for row in rows_of_proof if not row.met] == []
