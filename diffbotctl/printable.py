@@ -83,8 +83,8 @@ class PrintableStream(TextIOWrapper):
         return folded
 
     def _move(self, text: str) -> None:
-        _, newline, last = text.rpartition("\n")
-        self.column = len(last) if newline else self.column + len(last)
+        *begun, last = re.split("[\r\n]", text)
+        self.column = len(last) if begun else self.column + len(last)
 
 
 def fold_lines(stream: TextIO, columns: int) -> None:

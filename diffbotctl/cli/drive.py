@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
+import sys
 import time
 from collections.abc import Iterator
-from math import degrees, hypot, sqrt
+from math import degrees, hypot, inf, sqrt
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -19,6 +20,7 @@ from diffbotctl.cli.options import (
     engine_option,
     for_option,
 )
+from diffbotctl.printable import write_raw
 
 if TYPE_CHECKING:
     from diffbotctl.control_socket.client import ControlClient
@@ -27,23 +29,90 @@ COMMAND_PERIOD_S = 0.05  # the engine takes 0.3 s of silence for a lost operator
 BRAKING = 0.15  # m/s2, gentle for any robot, so that it stops near the mark
 TURN_BRAKING = 1.0  # rad/s2
 DEFAULT_DURATION_S = 1.0  # a drive always has an end: the person may be gone
+STOP = "operator.stop"  # the stop in force
 ENGINE_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 NO_NUMBERS = ("nan", "inf", "infinity")  # refused as a position
 LATE_BEFORE_START_MAX = 20  # commands through a slow link, before the first one is taken
+PATIENCE_S = 4.5  # without progress, as long as `goal_follower` waits at an obstacle
+PROGRESS_RATIO_MIN = 0.1  # of the motion commanded in that time; less is no progress
+PROGRESS_MIN, TURN_PROGRESS_MIN = 0.02, 0.035  # m, rad; enough, however fast the command is
+AT_REST_S = 1.0  # without progress: longer than motors need to start
+DISPLAY_PERIOD_S, LINE_PERIOD_S = 0.2, 5.0  # of the progress on a terminal, and in a pipe
 SPEED_RATIO_MIN = 0.25  # kept up to the mark: at a lower speed friction may hold a wheel before it
 
 
 class DriveProgress:
     """Progress towards the end of a drive, and the ratio of the speed still to be commanded.
 
-    `seconds`, `metres`, `radians`: where the drive ends; one of them is given.
+    `seconds`, `metres`, `radians`: where the drive ends; one of them is given. `linear` and
+    `angular` (m/s, rad/s): what is commanded.
     """
 
-    def __init__(self, seconds: float | None, metres: float | None, radians: float | None) -> None:
+    def __init__(
+        self,
+        seconds: float | None,
+        metres: float | None,
+        radians: float | None,
+        linear: float,
+        angular: float,
+    ) -> None:
         self.seconds, self.metres, self.radians = seconds, metres, radians
-        self.start_time = time.monotonic()
         self.last: dict[str, Any] | None = None
         self.driven = self.turned = 0.0
+        # Least motion that counts as progress; none where it does not bring the end nearer.
+        way = min(PROGRESS_MIN, PROGRESS_RATIO_MIN * PATIENCE_S * abs(linear))
+        turn = min(TURN_PROGRESS_MIN, PROGRESS_RATIO_MIN * PATIENCE_S * abs(angular))
+        self.least_way = 0.0 if radians is not None else way
+        self.least_turn = 0.0 if metres is not None else turn
+        self._stop, self._stop_end = "", -inf  # the last one, as `code: cause`, and when it ended
+        self.begin()
+
+    def begin(self) -> None:
+        """The drive begins now."""
+        self.start_time = time.monotonic()
+        self._note_progress()
+
+    def _note_progress(self) -> None:
+        self.progress_time = time.monotonic()
+        self.progress_at = self.driven, self.turned
+
+    def update_stop(self, stop: dict[str, Any]) -> None:
+        """Take the stop in force; one without a code says that there is none."""
+        if stop["code"]:
+            self._stop, self._stop_end = f"{stop['code']}: {stop['cause']}", inf
+        else:
+            self._stop_end = min(self._stop_end, time.monotonic())
+
+    @property
+    def stop(self) -> str:
+        """The stop in force, or the last one since there was progress; empty without one."""
+        return self._stop if self._stop_end >= self.progress_time else ""
+
+    @property
+    def waiting(self) -> float:
+        """Seconds without progress."""
+        driven, turned = self.progress_at
+        has_driven = 0.0 < self.least_way <= abs(self.driven - driven)
+        if has_driven or 0.0 < self.least_turn <= abs(self.turned - turned):
+            self._note_progress()
+        return time.monotonic() - self.progress_time
+
+    @property
+    def is_blocked(self) -> bool:
+        """Whether it has waited for long enough, or a drive for a time ends at rest by a stop."""
+        has_ended = self.seconds is not None and self.speed_ratio(1.0, 0.0) == 0.0
+        if not has_ended or not self.stop:
+            return self.waiting > PATIENCE_S
+        return self.waiting > min(AT_REST_S, 0.9 * (time.monotonic() - self.start_time))
+
+    def text(self) -> str:
+        """How far it is, such as `driven 0.53 of 3.00 m`."""
+        if self.metres is not None:
+            return f"driven {self.driven:.2f} of {self.metres:.2f} m"
+        if self.radians is not None:
+            return f"turned {degrees(abs(self.turned)):.0f} of {degrees(self.radians):.0f} deg"
+        seconds = time.monotonic() - self.start_time
+        return f"{seconds:.1f} of {self.seconds:.1f} s, driven {self.driven:.2f} m"
 
     def update(self, odometry: dict[str, Any]) -> None:
         """Take an odometry message."""
@@ -111,25 +180,82 @@ def drive(
     """
     context = click.get_current_context()
     progress = _drive_progress(context, linear, angular, duration, distance, angle)
+    display = ProgressDisplay()
     with attached(engine, "drive") as client:
-        _subscribe_odometry(client)
-        progress.start_time = time.monotonic()  # ssh may have taken a second to connect
+        _subscribe(client, needs_odometry=progress.seconds is None)
+        progress.begin()  # ssh may have taken a second to connect
         late_allowed = LATE_BEFORE_START_MAX
         try:
             while (ratio := progress.speed_ratio(linear, angular)) > 0.0:
+                if progress.is_blocked:
+                    break
+                display.show(progress)
                 fields = {"linear": linear * ratio, "angular": angular * ratio}
                 if _drive_once(client, late_allowed, {**fields, "take_over": take_over}):
                     late_allowed = 0
                     take_over = False  # once: a client that takes over from this one keeps control
                 else:
                     late_allowed -= 1
-                    progress.start_time = time.monotonic()
-                _follow_odometry(client, progress)
+                    progress.begin()
+                _follow(client, progress)
+            is_blocked = progress.is_blocked
         finally:
+            display.end()
             client.send("release")
-        _follow_odometry(client, progress)
+        _follow(client, progress)
     click.echo(f"driven {progress.driven:.3f} m, turned {degrees(progress.turned):.1f} deg")
+    if is_blocked:
+        raise _blocked(progress)
     return 0
+
+
+class ProgressDisplay:
+    """Shows how far a drive is: a line that changes on a terminal, else one every 5 s."""
+
+    def __init__(self) -> None:
+        self.is_terminal = sys.stderr is not None and sys.stderr.isatty()
+        self.shown, self.due = "", time.monotonic() + LINE_PERIOD_S * (not self.is_terminal)
+        self.stop = ""
+
+    def show(self, progress: DriveProgress) -> None:
+        """Show it, when it is due, and a stop as soon as the robot stands."""
+        waiting = progress.waiting
+        if progress.stop not in ("", self.stop) and waiting > AT_REST_S:
+            from diffbotctl.ui.text import fold_text
+
+            self.end()
+            click.echo(fold_text(f"stopped by {progress.stop}", hang=2), err=True)
+            self.stop = progress.stop
+        if time.monotonic() < self.due:
+            return
+        text = progress.text()
+        if waiting > AT_REST_S:
+            text += f"; no progress for {waiting:.0f} of {PATIENCE_S:g} s"
+        if self.is_terminal:
+            self.due = time.monotonic() + DISPLAY_PERIOD_S
+            write_raw(sys.stderr, f"\r{text:<{len(self.shown)}}")
+            self.shown = text
+        else:
+            self.due = time.monotonic() + LINE_PERIOD_S
+            click.echo(text, err=True)
+
+    def end(self) -> None:
+        """Clear the line that changes."""
+        if self.shown:
+            write_raw(sys.stderr, f"\r{'':<{len(self.shown)}}\r")
+            self.shown = ""
+
+
+def _blocked(progress: DriveProgress) -> Exception:
+    """The error for a drive that ended before its mark."""
+    from diffbotctl.errors import Problem, RunError
+
+    cause = f"{progress.text()}; stopped by {progress.stop}, for {progress.waiting:.1f} s"
+    fix = "remove the obstacle, or drive another way; `diffbotctl why` tells more"
+    if not progress.stop:
+        cause = f"{progress.text()}; the robot has not moved for {progress.waiting:.1f} s"
+        fix = "does something hold a wheel, or is the speed too low for the motors?"
+    return RunError(Problem("E-DRIVE-BLOCKED", "drive", cause, fix))
 
 
 def _drive_once(client: ControlClient, late_allowed: int, fields: dict[str, Any]) -> bool:
@@ -179,23 +305,33 @@ def _drive_progress(
             raise click.UsageError(f"{cause}: the sign of {option} is the direction")
     if distance is None and angle is None and duration is None:
         duration = DEFAULT_DURATION_S
-    return DriveProgress(
-        duration, None if distance is None else abs(distance), None if angle is None else abs(angle)
-    )
+    metres, radians = (None if end is None else abs(end) for end in (distance, angle))
+    return DriveProgress(duration, metres, radians, linear, angular)
 
 
-def _subscribe_odometry(client: ControlClient) -> None:
-    for row in client.request("list_topics")["topics"]:
-        if row["type"] == "Odometry":
-            client.request("subscribe", topic=row["topic"])
-            return
+def _subscribe(client: ControlClient, needs_odometry: bool) -> None:
+    """Follow the pose and the stop in force. Raises RunError if there is no pose to follow."""
+    topics = client.request("list_topics")["topics"]
+    poses = [row["topic"] for row in topics if row["type"] == "Odometry"][:1]
+    if needs_odometry and not poses:
+        from diffbotctl.errors import Problem, RunError
+
+        cause = "this pipeline has no odometry, so that nothing shows how far the robot has driven"
+        raise RunError(Problem("E-DRIVE-BLOCKED", "drive", cause, "drive for a time: --for 2s"))
+    for topic in [*poses, *(row["topic"] for row in topics if row["topic"] == STOP)]:
+        client.request("subscribe", topic=topic, last=True)
 
 
-def _follow_odometry(client: ControlClient, progress: DriveProgress) -> None:
-    """Take odometry messages until the next command is due."""
+def _follow(client: ControlClient, progress: DriveProgress) -> None:
+    """Take poses and stops until the next command is due."""
     for event in client.stream(time.monotonic() + COMMAND_PERIOD_S):
-        if "message" in event:
-            progress.update(event["message"])
+        message = event.get("message")
+        if message is None:
+            continue
+        if event["topic"] != STOP:
+            progress.update(message)
+        else:
+            progress.update_stop(message)
 
 
 class GotoCommand(NumbersCommand):

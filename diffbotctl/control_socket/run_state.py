@@ -15,9 +15,10 @@ from diffbotctl.control_socket.requests import ALL, LOG_LINES_MAX
 from diffbotctl.control_socket.run_history import RunHistory
 from diffbotctl.engine.live_changes import LiveChanges
 from diffbotctl.engine.profiler import BlockLoad
+from diffbotctl.engine.stop_places import StopPlaces, pose_wire
 from diffbotctl.errors import closest_match
 from diffbotctl.graph import LOG, Graph
-from diffbotctl.messages import GoalState, LogLine, Message, Setting, Stop
+from diffbotctl.messages import GoalState, LogLine, Message, Odometry, Setting, Stop
 from diffbotctl.recording.black_box_store import BlackBoxStore
 from diffbotctl.time import SECOND
 
@@ -85,6 +86,8 @@ class RunState:
         # Of those, the ones since the robot was last free to move: each began while an earlier one
         # was in force.
         self.standstill: deque[StopEpisode] = deque(maxlen=STOPS_MAX)
+        self.places = StopPlaces()
+        self.pose_wire = pose_wire(graph)
         self.history = RunHistory(self.wires)
         self.lines: deque[LogLine] = deque(maxlen=LOG_LINES_MAX)
         self.errors: dict[str, LogLine] = {}
@@ -108,12 +111,17 @@ class RunState:
             self.newest[wire] = message
             self.counts[wire] += 1
             self.times[wire].append(now)
-            if type(message) is Stop and message.code:
-                if not wire.startswith("operator."):  # the gate reports those too
+            if wire == self.pose_wire and isinstance(message, Odometry):
+                self.places.move(message)
+            elif type(message) is Stop and message.code:
+                is_reported = wire.startswith("operator.")  # by the gate too
+                if not is_reported and self.places.begins(wire, message):
                     if not was_stopped:
                         self.standstill.clear()
                     self.stops.append(StopEpisode(now, wire, message, dict(self.newest)))
                     self.standstill.append(self.stops[-1])
+            elif type(message) is Stop:
+                self.places.ends(wire)
             elif type(message) is Setting:
                 self.changes.set(now, message)
                 self.changed.add((message.block, message.name))

@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 
 from diffbotctl.engine.driver import Delivery
+from diffbotctl.engine.stop_places import StopPlaces
 from diffbotctl.log import LEVEL
 from diffbotctl.messages import (
     GOAL_EXIT_CODES,
@@ -15,6 +16,7 @@ from diffbotctl.messages import (
     LogLevel,
     LogLine,
     Message,
+    Odometry,
     Path,
     Resume,
     Setting,
@@ -56,6 +58,8 @@ class Operator:
         self.reached_unsure = 0
         self.unsure = ""  # why the first goal that was reached with an uncertain pose is uncertain
         self.stops: deque[Stop] = deque(maxlen=STOPS_MAX)  # the last ones of the run
+        self.places = StopPlaces()
+        self.on_new_stop: Callable[[int, Stop], None] = lambda now, stop: None
         self.stops_in_force: dict[str, Stop] = {}  # by the block that holds the robot
         self.outbox: list[Delivery] = []
         self.outbox_due = 0
@@ -114,19 +118,29 @@ class Operator:
             self._send_next(now)
 
     def stop_sink(self, source: str) -> Callable[[int, Stop], None]:
-        """A sink for the stops of the block `source`: kept for the summary, and echoed."""
+        """A sink for the stops of the block `source`: kept for the summary, and echoed.
+
+        `on_new_stop` is called with each that is not one at the same place as the last.
+        """
 
         def on_stop(now: int, stop: Stop) -> None:
             if stop.code:
-                self.stops.append(stop)
+                if self.places.begins(source, stop):
+                    self.stops.append(stop)
+                    self.on_new_stop(now, stop)
                 self.stops_in_force[source] = stop
             else:
+                self.places.ends(source)
                 self.stops_in_force.pop(source, None)
             latched_first = sorted(self.stops_in_force.values(), key=lambda stop: not stop.latched)
             echo = latched_first[0] if latched_first else Stop(now, "", "", False)
             self._send(now, "stop", echo)
 
         return on_stop
+
+    def on_odometry(self, now: int, odometry: Odometry) -> None:
+        """Take the robot's pose: stops at the same place are one stop."""
+        self.places.move(odometry)
 
     def replace_goals(self, now: int, goal: Goal) -> None:
         """Follow `goal` instead of all others. From now on no goal ends the run."""

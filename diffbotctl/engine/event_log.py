@@ -11,6 +11,7 @@ from math import degrees
 from typing import Any
 
 from diffbotctl.block import outputs
+from diffbotctl.engine.stop_places import StopPlaces, pose_wire
 from diffbotctl.graph import Graph, Sink
 from diffbotctl.log import ERROR, INFO, LEVEL, WARNING, Log, Logbook
 from diffbotctl.messages import (
@@ -21,6 +22,7 @@ from diffbotctl.messages import (
     GoalState,
     Link,
     LogLine,
+    Odometry,
     Resume,
     Setting,
     Stop,
@@ -78,16 +80,18 @@ class EventLogger:
         self.robot, self.operator = book.source_log("robot"), book.source_log("operator")
         self.goals: dict[str, tuple[int, str]] = {}
         self.stops: dict[str, str] = {}
+        self.places = StopPlaces()
         self.link = ""
         self.restarts = 0
 
     def state(self) -> tuple[Any, ...]:
         """The state between two instants, for a snapshot."""
-        return self.goals, self.stops, self.link, self.restarts
+        return self.goals, self.stops, self.link, self.restarts, self.places.state()
 
     def restore(self, state: tuple[Any, ...]) -> None:
         """Restore a `state` that was saved for an equal graph."""
-        self.goals, self.stops, self.link, self.restarts = state
+        self.goals, self.stops, self.link, self.restarts, places = state
+        self.places.restore(places)
 
     def sinks(self) -> dict[str, Sink]:
         """The function to call for each wire."""
@@ -100,7 +104,8 @@ class EventLogger:
                     sinks[f"{node.name}.{port}"] = self._stop(self.book.source_log(node.name))
                 elif out.kind is GoalState:
                     sinks[f"{node.name}.{port}"] = self._goal_state(self.book.source_log(node.name))
-        return sinks
+        pose = pose_wire(self.graph)
+        return sinks if pose is None else sinks | {pose: self._odometry}
 
     def _of_drivers(self) -> dict[str, Sink]:
         return {
@@ -120,13 +125,20 @@ class EventLogger:
             if stop.code == before:
                 return
             if not stop.code:
-                log.info(f"stop {before} ended")
+                if self.places.ends(log.source):
+                    log.info(f"stop {before} ended")
+            elif not self.places.begins(log.source, stop):
+                return
             elif stop.latched:
                 log.error(f"STOP {stop.code}: {stop.cause}; waits for `resume`")
             else:
                 log.warning(f"STOP {stop.code}: {stop.cause}; ends by itself")
 
         return on_stop
+
+    def _odometry(self, now: int, odometry: Odometry) -> None:
+        for source, code in self.places.move(odometry):
+            self.book.source_log(source).info(f"stop {code} ended")
 
     def _goal_state(self, log: Log) -> Sink:
         def on_goal_state(now: int, state: GoalState) -> None:

@@ -7,6 +7,7 @@ from math import hypot, sqrt
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from diffbotctl.engine.stop_places import StopPlaces
 from diffbotctl.messages import Goal, GoalState, Odometry, Stop
 from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.time import SECOND
@@ -42,6 +43,7 @@ class MetricsAccumulator:
         self.pose: Odometry | None = None
         self.start: tuple[float, float] = (0.0, 0.0)
         self.stop_codes: dict[str, str] = {}
+        self.places = StopPlaces()
         self.forget()
 
     def forget(self) -> None:
@@ -68,8 +70,10 @@ class MetricsAccumulator:
                 self.reached.add((robot, message.number))
                 self.reached_at = time
             case Stop() if node not in DRIVERS:
-                if message.code and self.stop_codes.get(wire) != message.code:
-                    self.stops += 1
+                if not message.code:
+                    self.places.ends(wire)
+                elif self.stop_codes.get(wire) != message.code:
+                    self.stops += self.places.begins(wire, message)
                 self.stop_codes[wire] = message.code
 
     def metrics(self, truth: tuple[float, float] | None = None) -> Metrics:
@@ -97,6 +101,7 @@ class MetricsAccumulator:
 
     def _add_pose(self, pose: Odometry) -> None:
         last, self.pose = self.pose, pose
+        self.places.move(pose)
         if last is None:
             return
         step = hypot(pose.x - last.x, pose.y - last.y)

@@ -12,6 +12,7 @@ from diffbotctl.drivers.named_robots import NamedDriver
 from diffbotctl.drivers.robot_ports import goal_rest, is_duty_board
 from diffbotctl.engine.driver import Driver, RobotDriver
 from diffbotctl.engine.live_changes import LiveChanges
+from diffbotctl.engine.stop_places import pose_wire
 from diffbotctl.graph import Sink
 from diffbotctl.messages import Duty, Goal, GoalState, Link, Odometry, Path, Stop, Wheels
 from diffbotctl.recording.black_box import BlackBox
@@ -131,8 +132,11 @@ class RobotRun:
             sinks[wire].append(operator.on_path)
         for wire in wires_of(assembly, Stop):
             sinks[wire].append(operator.stop_sink(wire))
-            if box is not None:
-                sinks[wire].append(box.stop)
+        if box is not None:
+            operator.on_new_stop = box.stop
+        pose = pose_wire(assembly.graph)
+        if pose is not None:
+            sinks[pose].append(operator.on_odometry)
         for wire in self.estimates or self._camera_wires():
             sinks[wire].append(self.monitor.on_odometry)
         for wire, sink in self.changes.sinks().items():

@@ -1,0 +1,66 @@
+"""`diffbotctl drive` into what is in the way: it ends by itself, with the reason."""
+
+import pytest
+
+from diffbotctl.cli.drive import DriveProgress
+from diffbotctl.testing.running import cli, running
+
+WALL = ["--set", "world.walls=[{from: [0.2 m, -1 m], to: [0.2 m, 1 m]}]"]
+BLOCKED = "stopped by obstacle: something stands"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A robot that waits 12 cm in front of a wall."""
+    there = tmp_path_factory.mktemp("drive")
+    with running(there, "standby", "--robot", "book_2wd", sets=WALL):
+        yield there
+
+
+def drive(folder, *words):
+    """Exit code, output and complaints of a drive.
+
+    It is repeated where an overloaded computer has stopped the robot: it then waits for a person.
+    """
+    for _ in range(10):
+        cli(folder, "resume")
+        code, out, err = cli(folder, "drive", *words)
+        if code == 0 or "E-DRIVE-BLOCKED" in err:
+            break
+    return code, out, " ".join(err.split())
+
+
+def test_a_distance_behind_a_wall_ends_after_the_patience_of_a_goal(folder):
+    code, out, err = drive(folder, "--speed", "0.2", "--distance", "3m")
+    assert code == 1 and out.startswith("driven 0.")
+    assert "E-DRIVE-BLOCKED driven 0.0" in err and "of 3.00 m; " + BLOCKED in err
+
+
+@pytest.mark.parametrize("words", [("--for", "1s"), ("--for", "60s")])
+def test_a_time_in_front_of_a_wall_ends_with_the_reason(folder, words):
+    code, _, err = drive(folder, "--speed", "0.2", *words)
+    assert code == 1 and "E-DRIVE-BLOCKED" in err and BLOCKED in err
+
+
+@pytest.mark.parametrize(
+    ("ends", "motion", "least"),
+    [
+        # 2 cm, and 2 degrees of what the command asks for in 4.5 s; less where that is little.
+        ((None, 3.0, None), (0.2, 0.0), (0.02, 0.0)),
+        ((None, 3.0, None), (0.01, 0.0), (0.0045, 0.0)),
+        ((None, None, 1.0), (0.0, 1.0), (0.0, 0.035)),
+        # In a curve, only what brings the end nearer.
+        ((None, 3.0, None), (0.2, 1.0), (0.02, 0.0)),
+        ((None, None, 1.0), (0.2, 1.0), (0.0, 0.035)),
+        ((9.0, None, None), (0.2, 1.0), (0.02, 0.035)),
+    ],
+)
+def test_progress_is_what_brings_the_end_nearer(ends, motion, least):
+    progress = DriveProgress(*ends, *motion)
+    assert (progress.least_way, progress.least_turn) == pytest.approx(least)
+
+
+def test_a_turn_and_a_way_back_are_not_blocked(folder):
+    assert drive(folder, "--turn", "1rad/s", "--angle", "20deg")[0] == 0
+    code, _, err = drive(folder, "--speed", "-0.1", "--for", "2s")
+    assert (code, err) == (0, "")

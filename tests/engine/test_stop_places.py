@@ -1,0 +1,100 @@
+"""A stop that ends and begins again at the same place is one stop, for whoever reports stops."""
+
+import pytest
+
+from diffbotctl.block import Block, In, Out
+from diffbotctl.drivers.goal_queue import Operator
+from diffbotctl.engine.event_log import EventLogger
+from diffbotctl.graph import Graph, Node
+from diffbotctl.log import Logbook
+from diffbotctl.messages import LogLine, Odometry, Stop
+from diffbotctl.recording.metrics import MetricsAccumulator
+
+WALL, FREE = Stop(0, "obstacle", "a wall", False), Stop(0, "", "", False)
+FAULT, OTHER = Stop(0, "wheel_fault", "it slips", True), Stop(0, "range_fault", "no echo", False)
+
+
+def at(x, y=0.0):
+    return Odometry(0, x, y, 0.0, 0.0, 0.0, (0.0,) * 6)
+
+
+class Guard(Block):
+    """Passes on the stops that it is handed."""
+
+    given = In(Stop, optional=True)
+    stop = Out(Stop)
+
+    def react(self, now, given):
+        return given
+
+
+# Messages, and the codes of the stops that are reported: which end is told by `-`.
+CASES = [
+    ([at(1.0), WALL, FREE, WALL, FREE, WALL, FREE], ["obstacle"]),
+    ([at(1.0), WALL, FREE, at(1.03), WALL, FREE, at(1.04, 0.02), WALL], ["obstacle"]),
+    # It has left the place: the stop has ended, and the next one is another.
+    ([at(1.0), WALL, FREE, at(1.06), WALL], ["obstacle", "-obstacle", "obstacle"]),
+    ([at(1.0), WALL, FREE, at(0.9), at(0.8)], ["obstacle", "-obstacle"]),
+    # It has left while the stop was in force, backwards.
+    ([at(1.0), WALL, at(0.9), FREE, WALL], ["obstacle", "-obstacle", "obstacle"]),
+    # It creeps away in steps that are small each.
+    (
+        [at(1.0), WALL, FREE, at(1.03), WALL, FREE, at(1.06), WALL, FREE],
+        ["obstacle", "-obstacle", "obstacle"],
+    ),
+    ([at(1.0), WALL, FREE, OTHER, FREE], ["obstacle", "range_fault"]),
+    # A person has ended the first of them.
+    (
+        [at(1.0), FAULT, FREE, FAULT, FREE],
+        ["wheel_fault", "-wheel_fault", "wheel_fault", "-wheel_fault"],
+    ),
+    # Without a pose nothing is known of the place.
+    ([WALL, FREE, WALL, FREE], ["obstacle", "-obstacle", "obstacle", "-obstacle"]),
+]
+
+
+@pytest.mark.parametrize(("messages", "told"), CASES)
+def test_the_log_tells_each_stop_once(messages, told):
+    book, instants = Logbook(), []
+    sources = {"drive.stop": Stop, "robot.pose": Odometry}
+    graph = Graph([Node("guard", Guard(), {"given": "drive.stop"})], sources, book)
+    compiled = graph.compile({}, instants.append, EventLogger(graph, book).sinks())
+    for now, message in enumerate(messages):
+        given = (message, None) if isinstance(message, Stop) else (None, message)
+        compiled.instant(now, *given)
+    lines = [instant[-1].text for instant in instants if type(instant[-1]) is LogLine]
+    words = [f"-{line.split()[1]}" if line.startswith("stop") else line for line in lines]
+    assert [word.removeprefix("STOP ").partition(":")[0] for word in words] == told
+
+
+@pytest.mark.parametrize(("messages", "told"), CASES)
+def test_the_summary_and_the_black_box_keep_each_stop_once(messages, told):
+    operator, box = Operator([], lambda code, cause: None), []
+    operator.on_new_stop = lambda now, stop: box.append(stop.code)
+    on_stop = operator.stop_sink("guard.stop")
+    for now, message in enumerate(messages):
+        (on_stop if isinstance(message, Stop) else operator.on_odometry)(now, message)
+        in_force = [stop for stop in operator.stops_in_force.values() if stop.code]
+        if isinstance(message, Stop):  # what holds the robot is another question
+            assert bool(in_force) == bool(message.code)
+    begun = [code for code in told if not code.startswith("-")]
+    assert [stop.code for stop in operator.stops] == box == begun
+
+
+@pytest.mark.parametrize(("messages", "told"), CASES)
+def test_the_metrics_of_a_recording_count_each_stop_once(messages, told):
+    metrics = MetricsAccumulator()
+    for now, message in enumerate(messages):
+        wire = "guard.stop" if isinstance(message, Stop) else "odometry.odometry"
+        metrics.take(now, wire, message)
+    assert metrics.metrics().stops == sum(not code.startswith("-") for code in told)
+
+
+def test_the_state_between_two_instants_is_kept():
+    book = Logbook()
+    graph = Graph([Node("guard", Guard(), {"given": "drive.stop"})], {"drive.stop": Stop}, book)
+    logger, again = EventLogger(graph, book), EventLogger(graph, book)
+    logger.places.move(at(1.0))
+    assert logger.places.begins("guard", WALL)
+    again.restore(logger.state())
+    assert not again.places.begins("guard", WALL)
