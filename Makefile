@@ -36,7 +36,7 @@ BRIEF ?=
 OPTIODOM ?=
 SUDO := $(shell [ "$$(id -u)" = 0 ] || echo sudo)
 
-.PHONY: demo test pico ros2 prove bench compiled interpreted packages package clean
+.PHONY: demo test pico ros2 prove bench compiled interpreted packages package lock clean
 
 demo: $(VENV)/installed
 	$(BIN)/diffbotctl run pipelines/goal.yaml
@@ -115,8 +115,7 @@ interpreted: $(VENV)/tested
 
 # The source distribution and the wheel, in dist/.
 package: $(VENV)/tested
-	$(BIN)/python -m pip install -q build
-	$(BIN)/python -m build --outdir dist .
+	$(BIN)/python -m build --no-isolation --outdir dist .
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV) 2>/dev/null || { \
@@ -124,14 +123,29 @@ $(VENV)/bin/python:
 	  $(SUDO) apt-get update -qq && $(SUDO) apt-get install -y -qq python3-venv && \
 	  rm -rf $(VENV) && $(PYTHON) -m venv $(VENV); }
 
-$(VENV)/installed: setup.cfg | $(VENV)/bin/python
-	$(BIN)/python -m pip install -q -e .
+# Every package has its version and hashes in requirements/, for each Python from 3.11 on. The project itself
+# has no hash, and is installed without looking for packages.
+LOCKED := $(BIN)/python -m pip install -q --require-hashes -r requirements/
+EDITABLE := $(BIN)/python -m pip install -q --no-deps --no-build-isolation -e .
+
+$(VENV)/installed: requirements/run.txt setup.cfg | $(VENV)/bin/python
+	$(LOCKED)run.txt
+	$(EDITABLE)
 	touch $@
 
-$(VENV)/tested: setup.cfg | $(VENV)/bin/python
-	$(BIN)/python -m pip install -q -e '.[test]'
+$(VENV)/tested: requirements/test.txt setup.cfg | $(VENV)/bin/python
+	$(LOCKED)test.txt
+	$(EDITABLE)
 	rm -rf .mypy_cache  # mypy caches that a package was missing
 	touch $@ $(VENV)/installed
+
+# Writes the newest versions that setup.cfg allows, and their hashes, into requirements/. run.txt has what
+# `make demo` needs, with setuptools, which installs the project; test.txt has all of test as well.
+LOCK := $(VENV)/bin/uv pip compile -q --universal --python-version 3.11 --generate-hashes --no-header --no-annotate --upgrade
+lock: | $(VENV)/bin/python
+	$(BIN)/python -m pip install -q uv
+	echo 'setuptools>=70.1' | $(LOCK) setup.cfg - -o requirements/run.txt
+	$(LOCK) setup.cfg --extra test -c requirements/run.txt -o requirements/test.txt
 
 clean:
 	find . -maxdepth 1 -name 'diffbotctl__mypyc*.so' -delete

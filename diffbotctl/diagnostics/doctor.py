@@ -25,7 +25,7 @@ from diffbotctl.ports.usb_ids import PortRole
 from diffbotctl.recording.json_codec import message_reader
 
 PYTHON_MIN_VERSION = (3, 11)
-REQUIRED_PACKAGES = ("click", "cobs", "mcap", "numpy", "pyserial", "pyyaml", "rich", "textual")
+REQUIRED_PACKAGES = ("click", "cobs", "mcap", "numpy", "pyyaml", "rich", "textual", "zstandard")
 SERIAL_GROUPS = ("dialout", "uucp", "plugdev")
 
 
