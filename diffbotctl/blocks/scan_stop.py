@@ -243,7 +243,8 @@ def has_return(scan: Scan, mount: tuple[float, float, float], outline: Footprint
 
     Objects too close to be measured do, but not all around: a scan of zeros alone is no scan.
     """
-    if 0 < scan.distances.count(0.0) < len(scan.distances):
+    too_close = sum(far <= 0.0 for far in scan.distances)
+    if 0 < too_close < len(scan.distances):
         return True
     directions = ray_directions(scan.start, scan.step, len(scan.distances))
     return any(

@@ -52,7 +52,10 @@ TURNS = {"lds01": lds_turn, "rplidar_a1": rplidar_turn}
 
 
 class UsbLidar:
-    """Sends `distances` turn after turn once it was started; `device` is its port."""
+    """Sends `distances` turn after turn once it was started; `device` is its port.
+
+    `distances` may be a function, which is called for each turn.
+    """
 
     def __init__(self, model, distances=(2.0,) * RAYS):
         self.model, self.distances = model, distances
@@ -82,7 +85,8 @@ class UsbLidar:
                 is_started = True
                 self._send(RPLIDAR_DESCRIPTOR if self.model == "rplidar_a1" else b"")
             if is_started and not self.is_silent.is_set():
-                self._send(TURNS[self.model](self.distances))
+                seen = self.distances() if callable(self.distances) else self.distances
+                self._send(TURNS[self.model](seen))
 
     def _send(self, data):
         while data and not self.over.is_set():
