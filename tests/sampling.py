@@ -18,13 +18,14 @@ def by_day(number, values):
 
 def each_once(**factors):
     """Decorator: all combinations of the factors, by day so few that each value is in one."""
-    rounds = range(max(map(len, factors.values())))
-    days = {tuple(turn % len(values) for values in factors.values()) for turn in rounds}
+    all_values = [list(values) for values in factors.values()]
+    rounds = range(max(map(len, all_values)))
+    days = {tuple(turn % len(values) for values in all_values) for turn in rounds}
     combinations = [
         pytest.param(
-            *(values[at] for values, at in zip(factors.values(), places, strict=True)),
+            *(values[at] for values, at in zip(all_values, places, strict=True)),
             marks=() if places in days else pytest.mark.nightly,
         )
-        for places in product(*(range(len(values)) for values in factors.values()))
+        for places in product(*(range(len(values)) for values in all_values))
     ]
     return pytest.mark.parametrize(tuple(factors), combinations)

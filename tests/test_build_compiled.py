@@ -89,6 +89,7 @@ def test_each_sum_of_a_generator_says_whether_it_is_an_integer(name):
             )
 
 
+@pytest.mark.nightly
 def test_compiled_modules_give_the_results_of_the_sources(tmp_path):
     for folder in ("diffbotctl", "firmware", "pipelines", "prove", "robots"):
         unwanted = shutil.ignore_patterns("*.so", "__pycache__", "node_modules")

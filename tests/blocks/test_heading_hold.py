@@ -10,6 +10,7 @@ from diffbotctl.blocks.heading_hold import HeadingHold
 from diffbotctl.log import WARNING, Logbook
 from diffbotctl.messages import Odometry, Stop, Twist
 from diffbotctl.testing.trials.straight import straight_drive
+from tests.sampling import by_day
 
 STEP = 50_000_000  # ns between two twists
 NONE = (0.0,) * 6
@@ -116,7 +117,7 @@ def test_the_reference_of_a_long_arc_wraps():
     assert pi > abs(bench.block.reference - radians(725.0))
 
 
-@pytest.mark.parametrize("robot", ["book_2wd", "book_2wd_counts"])
+@pytest.mark.parametrize("robot", by_day(1, ["book_2wd", "book_2wd_counts"]))
 def test_simulated_robots_drive_straight(robot):
     rng = Random("straight")
     drives = [straight_drive(robot, rng.getrandbits(32)) for _ in range(12)]

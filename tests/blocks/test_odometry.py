@@ -11,6 +11,7 @@ from diffbotctl.messages import Encoders, Wheels
 from diffbotctl.plant.robot_parameters import plant_parameters
 from diffbotctl.plant.simulated_robot import SimulatedRobot, draw_robot
 from diffbotctl.time import SECOND
+from tests.sampling import each_once
 
 MS = 1_000_000
 PITCH = pi * 0.065 / 20  # m
@@ -80,9 +81,9 @@ def ends(kind: str, robots: int, coasting: str):
     return headings, normalised
 
 
-@pytest.mark.parametrize("kind, most", [("edges", 0.5), ("counts", 0.9)])
-@pytest.mark.parametrize("coasting", ["linear", "coulomb"])
-def test_heading_and_variance_are_accurate_far_below_a_slot(kind, most, coasting):
+@each_once(limit=[("edges", 0.5), ("counts", 0.9)], coasting=["linear", "coulomb"])
+def test_heading_and_variance_are_accurate_far_below_a_slot(limit, coasting):
+    kind, most = limit
     """One slot of one wheel is 4.7 degrees. Both kinds of friction, detected by edges alone."""
     headings, normalised = ends(kind, 24, coasting)
     assert mean(e * e for e in headings) ** 0.5 < most

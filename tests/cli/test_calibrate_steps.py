@@ -18,6 +18,7 @@ from diffbotctl.config.lookup import simulated_copy_of
 from diffbotctl.errors import RunError
 from diffbotctl.testing.calibration_robots import ANSWERS
 from diffbotctl.testing.command_process import command_line
+from tests.sampling import by_day
 
 ROOT = Path(__file__).parent.parent.parent
 LONGEST = 60  # s
@@ -194,7 +195,9 @@ def test_whoever_says_no_moves_nothing(robot):
     assert person.close() == 1
 
 
-@pytest.mark.parametrize("typed", ["wait, stop", "yes please", "0", "start", "\x1b[A", "nein"])
+@pytest.mark.parametrize(
+    "typed", by_day(3, ["wait, stop", "yes please", "0", "start", "\x1b[A", "nein"])
+)
 def test_nothing_but_enter_or_y_starts_a_motor(robot, typed):
     person = Terminal("motors", "--robot", robot, "--port", "sim", "--dry-run")
     person.wait_for("Press Enter to start")

@@ -90,7 +90,7 @@ def test_no_such_port(words, said, tmp_path):
     assert code == 1 and said in text
 
 
-@pytest.mark.parametrize("command", ["web", "foxglove", "blocks", "why"])
+@pytest.mark.parametrize("command", by_day(2, ["web", "foxglove", "blocks", "why"]))
 def test_the_engine_of_another_computer_is_never_taken_for_one_here(command, tmp_path):
     with running(tmp_path, "standby", "--stay"):
         code, text = told(tmp_path, command, "--at", "nobody@computer.invalid")

@@ -16,6 +16,7 @@ from diffbotctl.links.diffbot_frames import (
 from diffbotctl.testing import firmware_parts
 from diffbotctl.testing.board_bench import BOOK
 from diffbotctl.testing.trials.board_settings import spoil
+from tests.sampling import by_day
 
 GOOD = BOOK.frame()
 TICK = 4_000  # ns
@@ -64,21 +65,24 @@ def test_every_pin_for_every_role(field):
 
 @pytest.mark.parametrize(
     ("field", "low", "high", "most"),
-    [
-        ("telemetry", 1, 100, 65535),
-        ("left_slots", 1, 16_384, 65535),
-        ("right_slots", 1, 16_384, 65535),
-        ("battery_low", 0, 4092, 65535),
-        ("glitch", 0, 50_000, 65535),
-        ("deadman", 100, 500, 65535),  # never off
-        ("left_start", 0, GAIN_MAXIMUM, 65535),
-        ("right_gain", 0, GAIN_MAXIMUM, 65535),
-        ("left_proportional", 0, GAIN_MAXIMUM, 65535),
-        ("right_integral", 0, GAIN_MAXIMUM, 65535),
-        ("baud", 0, 4, 255),
-        ("edge", 1, 3, 3),
-        ("reserved", 0, 0, 1),
-    ],
+    by_day(
+        2,
+        [
+            ("telemetry", 1, 100, 65535),
+            ("left_slots", 1, 16_384, 65535),
+            ("right_slots", 1, 16_384, 65535),
+            ("battery_low", 0, 4092, 65535),
+            ("glitch", 0, 50_000, 65535),
+            ("deadman", 100, 500, 65535),  # never off
+            ("left_start", 0, GAIN_MAXIMUM, 65535),
+            ("right_gain", 0, GAIN_MAXIMUM, 65535),
+            ("left_proportional", 0, GAIN_MAXIMUM, 65535),
+            ("right_integral", 0, GAIN_MAXIMUM, 65535),
+            ("baud", 0, 4, 255),
+            ("edge", 1, 3, 3),
+            ("reserved", 0, 0, 1),
+        ],
+    ),
 )
 def test_every_value_of_a_number(field, low, high, most):
     got = verdicts([GOOD._replace(**{field: value}) for value in range(most + 1)])

@@ -28,6 +28,7 @@ from diffbotctl.links.stk500_frames import BAUD, ReplyParser, message
 from diffbotctl.ports.sysfs import SerialPort, UsbDevice
 from diffbotctl.testing.board_bench import BOOK
 from diffbotctl.testing.trials import flash as flash_module
+from tests.sampling import each_once
 
 
 @pytest.fixture
@@ -37,8 +38,7 @@ def blank():
         yield board
 
 
-@pytest.mark.parametrize("programmer", flash_module.PROGRAMMERS)
-@pytest.mark.parametrize("case", flash_module.CASES)
+@each_once(programmer=flash_module.PROGRAMMERS, case=flash_module.CASES)
 def test_it_is_written_verified_and_answers(programmer, case):
     row = flash_module.row(programmer, case)
     assert row.figure.endswith("equal, dirty 0, answers"), row.line()

@@ -11,12 +11,12 @@ from diffbotctl.flash.intel_hex import chip_of, write_hex
 from diffbotctl.links.diffbot_frames import BoardCode
 from diffbotctl.testing.optiboot import optiboot
 from diffbotctl.testing.trials import flash as flash_trials
+from tests.sampling import each_once
 
 UNO, MEGA = BoardCode.ATMEGA328P, BoardCode.MEGA2560
 
 
-@pytest.mark.parametrize("kind", flash_trials.UNO_BOOTLOADERS)
-@pytest.mark.parametrize("case", flash_trials.CASES)
+@each_once(kind=flash_trials.UNO_BOOTLOADERS, case=flash_trials.CASES)
 def test_the_bootloader_is_found_and_the_program_verified(kind, case):
     row = flash_trials.uno_row("built-in", kind, case)
     assert row.figure.endswith("equal, dirty 0, answers"), row.line()

@@ -29,11 +29,6 @@ UNSHIPPED = shutil.ignore_patterns(
     ".git", ".venv*", "node_modules", "__pycache__", ".*_cache", ".hypothesis", "build", "dist"
 )
 BUILD = "import setuptools.build_meta as build; print(build.build_{}({!r}))"
-# One of them is enough to notice most; the others answer at night.
-INTERPRETERS = [
-    pytest.param(version, marks=() if version == OWN else pytest.mark.nightly)
-    for version in VERSIONS
-]
 EXTRAS = {"web", "foxglove", "ros2", "bluetooth", "png"}
 
 pytestmark = pytest.mark.xdist_group("package")  # built once
@@ -167,7 +162,7 @@ class Installed(NamedTuple):
         return done.stdout
 
 
-@pytest.fixture(scope="module", params=INTERPRETERS)
+@pytest.fixture(scope="module", params=VERSIONS)
 def installed(request, distributions, tmp_path_factory):
     """The wheel installed for one of the interpreters, with its dependencies from the index."""
     folder = tmp_path_factory.mktemp(f"python{request.param}-")
@@ -185,6 +180,7 @@ def installed(request, distributions, tmp_path_factory):
     return Installed(folder, environment)
 
 
+@pytest.mark.nightly
 def test_the_installed_program_is_that_of_the_wheel(installed):
     words = [installed.folder / "bin" / "python", "-c", "import diffbotctl as d; print(d.__file__)"]
     place = subprocess.check_output(
@@ -195,10 +191,12 @@ def test_the_installed_program_is_that_of_the_wheel(installed):
     assert "no errors" in installed.run("check", "goal")
 
 
+@pytest.mark.nightly
 def test_a_simulated_goal_is_reached(installed):
     assert "goals 1 of 1 reached" in installed.run("run", "goal", "--fast")
 
 
+@pytest.mark.nightly
 def test_a_goal_is_reached_on_an_emulated_board(installed):
     """The emulator is compiled from the sources in the wheel."""
     words = ("run", "goal", "--port", "emulated", "--fast", "--goal", "0.3 0")
@@ -207,6 +205,7 @@ def test_a_goal_is_reached_on_an_emulated_board(installed):
     assert os.access(program, os.X_OK)
 
 
+@pytest.mark.nightly
 def test_a_goal_is_reached_on_an_emulated_pico(installed):
     """With the package from npm in the cache, where the error tells a user to install it."""
     installed.run("new", "robot", "--kit", "pico_tc1508s")
@@ -226,6 +225,7 @@ def test_a_goal_is_reached_on_an_emulated_pico(installed):
     assert "goals 1 of 1 reached" in installed.run(*words, "--goal", "0.2 0")
 
 
+@pytest.mark.nightly
 def test_a_virtual_board_answers(installed):
     process = subprocess.Popen(
         [installed.folder / "bin" / "python", "-u", "-m", "diffbotctl", "emulate", "book_2wd"],
@@ -260,6 +260,7 @@ NEEDS = {
 }
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("installed", [OWN], indirect=True)
 def test_the_extras_bring_what_their_commands_need(installed, distributions):
     installed.run("run", "goal", "--fast", "--quiet", "--record", "run.mcap", "--force")

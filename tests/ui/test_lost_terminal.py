@@ -2,12 +2,11 @@
 
 import signal
 
-import pytest
-
 from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.testing.lost_terminal import drive, lose, ssh_server
 from diffbotctl.testing.running import PlainClient, command, moves, running, stands
 from diffbotctl.testing.terminal import SCREEN_TIMEOUT_S, Terminal
+from tests.sampling import each_once
 
 LIMIT = 1_000_000_000  # ns to wheels commanded to zero; `make prove` holds it to half of that
 
@@ -26,9 +25,7 @@ def last_motion(path, start, end):
     )
 
 
-@pytest.mark.parametrize("mode", ["hold", "latched"])
-@pytest.mark.parametrize("how", ["SIGKILL", "SIGSTOP", "closed"])
-@pytest.mark.parametrize("way", ["here", "ssh"])
+@each_once(mode=["hold", "latched"], how=["SIGKILL", "SIGSTOP", "closed"], way=["here", "ssh"])
 def test_the_robot_stops_and_the_goal_waits(tmp_path, mode, how, way):
     path = tmp_path / "lost.mcap"
     words = ["teleop", "--mode", mode]
