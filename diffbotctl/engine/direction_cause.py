@@ -38,7 +38,8 @@ def direction_cause(fault: DirectionFault, left: SideSection, right: SideSection
         if subject is Subject.BOTH_WHEELS:
             found = "both wheels count against their commands"
         else:
-            found = f"the {subject.value} wheel counts against its command"
+            verb = "turns" if fault.part is Part.MOTOR else "counts"
+            found = f"the {subject.value} wheel {verb} against its command"
             sides = {subject.value: sides[subject.value]}
         fixes = {Part.MOTOR: _reversed_motors(sides), Part.ENCODER: _reversed_encoders(sides)}
     if fault.part is not Part.UNKNOWN:

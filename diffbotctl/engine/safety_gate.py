@@ -14,7 +14,7 @@ from diffbotctl.block import Block, In, Out
 from diffbotctl.config.robot import SideSection
 from diffbotctl.engine.direction_cause import direction_cause
 from diffbotctl.engine.overspeed import OverspeedDetector
-from diffbotctl.engine.wheel_direction import WheelDirections, can_show_direction
+from diffbotctl.engine.wheel_direction import WheelDirections
 from diffbotctl.messages import Encoders, Link, Resume, Stop, Wheels
 from diffbotctl.params import FromRobot, Param
 from diffbotctl.time import SECOND
@@ -82,8 +82,7 @@ class Gate(Block):
             )
             for name, side in (("left", self.left_side), ("right", self.right_side))
         }
-        sides = self.left_side, self.right_side
-        self.directions = WheelDirections(*sides, self.track) if can_show_direction(sides) else None
+        self.directions = WheelDirections(self.left_side, self.right_side, self.track)
         self.pushed: set[str] = set()  # wheels that turn by hand
 
     def react(
@@ -119,8 +118,7 @@ class Gate(Block):
         """End the active stop, unless nothing is heard from the board."""
         if encoders is not None:
             self.active_stop = None
-            if self.directions is not None:
-                self.directions.restart()
+            self.directions.restart()
         elif self.active_stop is not None:
             self.log.warning(
                 "`resume` ends no stop now: no telemetry comes from the board; call it again when "
@@ -201,7 +199,7 @@ class Gate(Block):
 
     def check_directions(self, now: int, encoders: Encoders) -> Stop | None:
         """The stop for wheels that do not turn as they are driven, or None."""
-        fault = None if self.directions is None else self.directions.update(encoders)
+        fault = self.directions.update(encoders)
         if fault is None:
             return None
         return Stop(

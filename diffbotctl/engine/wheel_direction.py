@@ -1,10 +1,11 @@
-"""Finds a wheel whose two-channel encoder counts against its drive, and exchanged wheels.
+"""Finds a wheel that turns or counts against its drive, and exchanged wheels.
 
-The counts of a wheel are compared with the command in force on the board. A wheel that begins to
-turn against its command has a motor or an encoder with the wrong direction. In a turn on the spot,
-or about one wheel, the counts of exchanged motors or encoders follow the command of the other
-wheel. Where there is a gyro, the turn that it measured decides whether the wheels really turned as
-they counted: then the motors are wrong, otherwise the encoders.
+The counts of two-channel encoders are compared with the command in force on the board. A wheel that
+begins to turn against its command has a motor or an encoder with the wrong direction. The counts of
+exchanged motors or encoders follow the command of the other wheel, which a turn shows. Where there
+is a gyro, the turn that it measured decides whether the wheels really turned as they counted: then
+the motors are wrong, otherwise the encoders. One channel counts in the direction of the command;
+there a gyro shows one reversed motor in a straight motion.
 
 Wires stay as they are, so a wheel that has turned with its command is not judged again: it may
 be pushed back, or roll back on a slope. What inertia explains after a change of the command is left
@@ -25,18 +26,21 @@ from diffbotctl.messages import Encoders
 GAP_MAX_S = 0.3  # between two frames; what happened in a longer one is unknown
 SPEED_WINDOW_S = 0.1  # over which the speed of a wheel is measured
 LAG_MAX_S, COASTING_RATIO = 0.4, 1.5  # as in `overspeed`: the slowest motor, turned by its gear
-# The sums forget what is older than this, or than these counts at the commanded speed.
-MEMORY_S, MEMORY_COUNTS = 0.5, 8.0
+# The sums forget what is older than this, or than these counts at the commanded speed. Loops of
+# exchanged wheels run away within the second time.
+MEMORY_S, EXCESS_MEMORY_S, MEMORY_COUNTS = 0.5, 0.25, 8.0
 # That show a direction: more than the play of a gear, and than an edge that chatters.
 ANGLE_MIN, COUNTS_MIN = 0.2, 3.0
 OPPOSED_SHARE = 0.4  # of the commanded angle; a wheel that is held or pushed back turns less
 # Of the faster command. The loops of exchanged wheels act on each other, so that one wheel runs
 # ever faster than its command while the other one stands; unequal motors differ by less.
-CROSSED_SHARE = 0.6
+CROSSED_SHARE = 0.5
 # A turn in which both wheels keep so close to their commands shows that they are not exchanged.
 TURN_SHARE_MIN, OWN_SHARE = 0.7, 0.4
 GYRO_TURN_MIN = 0.17  # rad between both explanations
 GYRO_SHARE_MAX = 0.35  # of that by which the gyro may miss the explanation that is right
+# With one channel: a motion is straight up to this share; the turn (rad) of a reversed wheel in it.
+STRAIGHT_SHARE, STRAIGHT_TURN_MIN = 0.3, 0.5
 WAIT_S = 0.4  # for the other wheel, and for the gyro
 
 
@@ -81,6 +85,10 @@ class WheelDirection:
         self._rolling = 0.0  # speed that inertia explains since the last change of direction
         self._inertia = 0.0  # angle that it explains and that was not turned yet
         self.driven = self.expected = 0.0  # angle of a frame: without inertia, and as commanded
+        self.judge_again()
+
+    def judge_again(self) -> None:
+        """Forget what it has shown; its motion goes on."""
         self._with_command = self._commanded = 0.0  # sums
         self.is_right = False
         """whether it has turned with its command"""
@@ -172,17 +180,20 @@ class _Last:
 
 
 class WheelDirections:
-    """Watches both wheels of a robot with two-channel encoders; call `update` with each frame."""
+    """Watches both wheels; call `update` with each frame."""
 
     def __init__(self, left: SideSection, right: SideSection, track: float) -> None:
         """`track` in m."""
-        self._sides, self._track = (left, right), track
+        self._left, self._right = WheelDirection(left), WheelDirection(right)
+        self._track = track
+        self._has_directions = can_show_direction((left, right))
         self._last: _Last | None = None
         self.restart()
 
     def restart(self) -> None:
         """The wires may have been changed: judge both wheels anew."""
-        self._left, self._right = (WheelDirection(side) for side in self._sides)
+        self._left.judge_again()
+        self._right.judge_again()
         self._excess, self._yaw = _Excess(), _Yaw()
         self._keeps_sides = False  # whether the wheels are not exchanged
         self._waited = 0.0  # s, since a wheel was found opposed
@@ -209,8 +220,9 @@ class WheelDirections:
         fastest = max(abs(left.target), abs(right.target))
         if not fastest:
             return None
-        kept = forgetting(fastest, max(left.pitch, right.pitch), span)
-        self._excess.add(kept, left, right)
+        pitch = max(left.pitch, right.pitch)
+        kept = forgetting(fastest, pitch, span)
+        self._excess.add(forgetting(fastest, pitch, span, EXCESS_MEMORY_S), left, right)
         has_gyro = turn is not None and last.turn is not None
         turned = turn - last.turn if turn is not None and last.turn is not None else 0.0
         self._yaw.add(
@@ -219,7 +231,25 @@ class WheelDirections:
             steps[1] * right.pitch * right.radius,
             turned * self._track,
         )
-        return self._judge(span, has_gyro)
+        if self._has_directions:
+            return self._judge(span, has_gyro)
+        return self._judge_by_gyro() if has_gyro else None
+
+    def _judge_by_gyro(self) -> DirectionFault | None:
+        """A reversed motor, which turns a straight motion into a turn.
+
+        A wheel that slips or stands turns the robot half as far.
+        """
+        yaw = self._yaw
+        path = abs(yaw.left + yaw.right)
+        is_straight = abs(yaw.right - yaw.left) <= STRAIGHT_SHARE * path
+        if self._keeps_sides or not is_straight or path < STRAIGHT_TURN_MIN * self._track:
+            return None
+        for subject in (Subject.LEFT_WHEEL, Subject.RIGHT_WHEEL):
+            if self._part(subject) is Part.ENCODER:
+                return DirectionFault(subject, Part.MOTOR)
+        self._keeps_sides = self._part(Subject.LEFT_WHEEL) is Part.MOTOR
+        return None
 
     def _judge(self, span: float, has_gyro: bool) -> DirectionFault | None:
         subject = self._subject()
@@ -296,10 +326,10 @@ class WheelDirections:
         return Part.UNKNOWN
 
 
-def forgetting(speed: float, pitch: float, span: float) -> float:
+def forgetting(speed: float, pitch: float, span: float, memory: float = MEMORY_S) -> float:
     """Factor of a sum after `span` (s) at the commanded `speed`."""
     angle = abs(speed) * span
-    return exp(-angle / max(MEMORY_S * abs(speed), MEMORY_COUNTS * pitch))
+    return exp(-angle / max(memory * abs(speed), MEMORY_COUNTS * pitch))
 
 
 def _sign(value: float) -> int:

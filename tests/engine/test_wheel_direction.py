@@ -1,6 +1,6 @@
 """Wheels of two-channel encoders that do not turn as they are driven, and healthy ones."""
 
-from math import exp
+from math import exp, pi
 
 import pytest
 
@@ -9,17 +9,19 @@ from diffbotctl.engine.wheel_direction import Part, Subject, WheelDirections
 from diffbotctl.messages import Encoders
 from diffbotctl.time import SECOND
 
+PINS_B = [f"robot.drive.{side}.encoder.pin_b={pin}" for side, pin in (("left", 22), ("right", 23))]
 FRAME = SECOND // 40
-SIDE = load_robot("book_2wd").robot.drive.left
+ONE_CHANNEL = load_robot("book_2wd").robot.drive.left
+SIDE = load_robot("book_2wd", ["robot.drive.encoder.channels=2", *PINS_B]).robot.drive.left
 RADIUS, TRACK = 0.5 * SIDE.wheel.diameter, 0.125
-PITCH = 2 * 3.141592653589793 / SIDE.encoder.counts
+PITCH = 2 * pi / SIDE.encoder.counts
 
 
 class Motion:
     """Frames of a robot whose wheels turn at given speeds (rad/s)."""
 
-    def __init__(self):
-        self.directions = WheelDirections(SIDE, SIDE, TRACK)
+    def __init__(self, side=SIDE):
+        self.directions = WheelDirections(side, side, TRACK)
         self.time, self.angles, self.turn = 0, [0.0, 0.0], 0.0
         self.frame((0.0, 0.0))
 
@@ -113,3 +115,38 @@ def test_a_robot_that_is_pushed_or_rolls_without_a_command_is_not_judged():
     for number in range(20):  # rolls on when the first command comes
         speed = -5 * exp(-number * 0.025 / 0.3)
         assert motion.go(0.025, (4, 4), (speed, speed)) is None
+
+
+@pytest.mark.parametrize(
+    ("direction", "share", "subject"),
+    [
+        (1, 2.0, Subject.LEFT_WHEEL),
+        (1, -2.0, Subject.RIGHT_WHEEL),
+        (-1, 2.0, Subject.RIGHT_WHEEL),
+        (1, 1.0, None),  # one wheel slips or stands, though it counts
+        (1, 0.1, None),
+    ],
+)
+def test_one_channel_and_a_gyro_show_a_motor_that_turns_a_straight_motion(
+    direction, share, subject
+):
+    speed = direction * 5.0
+    yaw = share * abs(speed) * RADIUS / TRACK
+    fault = Motion(ONE_CHANNEL).go(1.0, (speed, speed), (speed, speed), yaw)
+    assert (fault and fault.subject) is subject
+    assert fault is None or fault.part is Part.MOTOR
+
+
+def test_one_channel_robots_that_have_driven_straight_may_be_turned_by_hand():
+    motion = Motion(ONE_CHANNEL)
+    assert motion.go(1.0, (5, 5), (5, 5), 0.0) is None
+    assert motion.go(2.0, (5, 5), (5, 5), 2 * 5 * RADIUS / TRACK) is None
+
+
+def test_permission_to_move_in_motion_does_not_mistake_inertia():
+    motion = Motion()
+    assert motion.go(1.0, (6, 6), (6, 6)) is None
+    motion.directions.restart()
+    for number in range(30):
+        speed = 12 * exp(-number * 0.025 / 0.4) - 6
+        assert motion.go(0.025, (-6, -6), (speed, speed)) is None
