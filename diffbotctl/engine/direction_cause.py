@@ -52,7 +52,8 @@ def _reversed_motors(sides: dict[str, SideSection]) -> str:
     """The fix of motors that turn backward."""
     return "; ".join(
         f"the {name} motor is reversed: exchange its wires at {_outputs(side, name)} of the motor "
-        f"driver, or set drive.{name}.motor.reversed: {_yaml(not side.motor.reversed)}"
+        f"driver{_inputs(side)}, or set drive.{name}.motor.reversed: "
+        f"{_yaml(not side.motor.reversed)}"
         for name, side in sides.items()
     )
 
@@ -87,6 +88,12 @@ def _exchanged_encoders(sides: dict[str, SideSection]) -> str:
 def _outputs(side: SideSection, name: str) -> str:
     terminals = driver_names(side.motor.driver, name)
     return f"{terminals.first_output} and {terminals.second_output}"
+
+
+def _inputs(side: SideSection) -> str:
+    """The wires of two direction inputs, which may be exchanged as well."""
+    motor = side.motor
+    return "" if motor.in2 is None else f" (or those at pins {motor.in1} and {motor.in2})"
 
 
 def _pins(side: SideSection) -> str:

@@ -291,14 +291,15 @@ class WheelDirections:
         """Whether one wheel runs away while the other one stands; keeps whether a turn has shown
         that each wheel follows its own command."""
         excess, left, right = self._excess, self._left, self._right
-        if self._keeps_sides or excess.fastest < ANGLE_MIN + max(left.angle_min, right.angle_min):
+        resolution = max(left.angle_min, right.angle_min)
+        if self._keeps_sides or excess.fastest < ANGLE_MIN + resolution:
             return False
         least, most = sorted((excess.left, excess.right))
         is_turn = excess.difference >= TURN_SHARE_MIN * excess.fastest
         deviation = max(abs(least), abs(most))
         self._keeps_sides = is_turn and deviation <= OWN_SHARE * excess.difference
         limit = CROSSED_SHARE * excess.fastest
-        return least <= -limit and most >= limit
+        return least <= -limit and most >= limit + resolution
 
     def _other_is_open(self, subject: Subject) -> bool:
         """Whether the other wheel is driven, and has not shown its direction."""

@@ -89,6 +89,14 @@ def test_exchanged_encoders_stop_the_robot_in_its_first_turn(kit, words):
     assert all(word in stop.cause for word in words), stop.cause
 
 
+def test_with_one_channel_a_gyro_shows_the_reversed_motor():
+    sets = ["robot.imu.type=mpu6050", "robot.board.telemetry=30 Hz", "robot.simulation.wiring."]
+    sets[-1] += MOTOR_RIGHT
+    stop, seconds = first_stop("square", "book_2wd", sets)
+    assert stop.code == "wheel_direction" and seconds < 1.0
+    assert "by the IMU: the right motor is reversed" in stop.cause
+
+
 def test_the_firmware_of_a_mega_stops_with_a_reversed_motor():
     stop, seconds = kit_stop("ros_car", "goal", MOTOR_RIGHT, "emulated")
     assert stop.code == "wheel_direction" and seconds < 1.0
