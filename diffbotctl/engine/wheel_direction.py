@@ -79,19 +79,25 @@ class WheelDirection:
         self.radius = 0.5 * side.wheel.diameter
         self.angle_min = max(ANGLE_MIN, COUNTS_MIN * self.pitch)
         self._coasting_lag = COASTING_RATIO * max(LAG_MAX_S, 2.0 * side.motor.lag)
-        self.target = 0.0
         self._speed = 0.0  # measured
-        self._expected_speed = 0.0  # of a motor with the stated lag
-        self._rolling = 0.0  # speed that inertia explains since the last change of direction
-        self._inertia = 0.0  # angle that it explains and that was not turned yet
+        self._inertia = 0.0  # angle that inertia explains and that was not turned yet
         self.driven = self.expected = 0.0  # angle of a frame: without inertia, and as commanded
         self.judge_again()
 
     def judge_again(self) -> None:
         """Forget what it has shown; its motion goes on."""
+        self.target = 0.0
+        self._expected_speed = self._speed  # of a motor with the stated lag
+        self._rolling = self._speed  # that inertia explains since the last change of direction
         self._with_command = self._commanded = 0.0  # sums
         self.is_right = False
         """whether it has turned with its command"""
+
+    def measure(self, span: float, counts: int) -> float:
+        """Update the speed with `counts` in the last `span` (s); the angle turned."""
+        turned = counts * self.pitch
+        self._speed += (turned / span - self._speed) * (1.0 - exp(-span / SPEED_WINDOW_S))
+        return turned
 
     def update(self, span: float, counts: int, command: float, is_duty: bool) -> None:
         """Apply one frame: `counts` in the last `span` (s), and the command in force."""
@@ -103,8 +109,7 @@ class WheelDirection:
             if self.target and self.target * self._speed <= self.target * self.target:
                 self._rolling = self.target
         self.target = target
-        turned = counts * self.pitch
-        self._speed += (turned / span - self._speed) * (1.0 - exp(-span / SPEED_WINDOW_S))
+        turned = self.measure(span, counts)
         self._inertia += abs(self._rolling) * span
         self._rolling *= exp(-span / self._coasting_lag)
         coasted = min(abs(turned), self._inertia) if turned * self._rolling > 0.0 else 0.0
@@ -213,8 +218,12 @@ class WheelDirections:
         if not 0.0 < span <= GAP_MAX_S:
             return None
         left, right = self._left, self._right
-        is_duty = encoders.command_kind == "duty"
         steps = counts[0] - last.counts[0], counts[1] - last.counts[1]
+        if self._keeps_sides and (not self._has_directions or (left.is_right and right.is_right)):
+            left.measure(span, steps[0])
+            right.measure(span, steps[1])
+            return None
+        is_duty = encoders.command_kind == "duty"
         left.update(span, steps[0], encoders.left_command, is_duty)
         right.update(span, steps[1], encoders.right_command, is_duty)
         fastest = max(abs(left.target), abs(right.target))
