@@ -40,7 +40,8 @@ TURN_SHARE_MIN, OWN_SHARE = 0.7, 0.4
 GYRO_TURN_MIN = 0.17  # rad between both explanations
 GYRO_SHARE_MAX = 0.35  # of that by which the gyro may miss the explanation that is right
 # With one channel: a motion is straight up to this share; the turn (rad) of a reversed wheel in it.
-STRAIGHT_SHARE, STRAIGHT_TURN_MIN = 0.3, 0.5
+# Counts have the wrong sign while a wheel coasts with more than a share of its command.
+STRAIGHT_SHARE, STRAIGHT_TURN_MIN, COASTING_SHARE = 0.3, 0.5, 0.3
 WAIT_S = 0.4  # for the other wheel, and for the gyro
 
 
@@ -123,6 +124,11 @@ class WheelDirection:
             self._with_command = self._with_command * kept + sign * self.driven
             self._commanded = self._commanded * kept + max(sign * self.expected, 0.0)
             self.is_right = self.is_right or self._with_command >= self.angle_min
+
+    @property
+    def may_coast(self) -> bool:
+        """Whether inertia may explain much of its motion."""
+        return abs(self._rolling) > COASTING_SHARE * abs(self.target)
 
     @property
     def is_opposed(self) -> bool:
@@ -242,6 +248,8 @@ class WheelDirections:
         )
         if self._has_directions:
             return self._judge(span, has_gyro)
+        if left.may_coast or right.may_coast:
+            self._yaw = _Yaw()
         return self._judge_by_gyro() if has_gyro else None
 
     def _judge_by_gyro(self) -> DirectionFault | None:

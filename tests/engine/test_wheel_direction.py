@@ -143,6 +143,15 @@ def test_one_channel_robots_that_have_driven_straight_may_be_turned_by_hand():
     assert motion.go(2.0, (5, 5), (5, 5), 2 * 5 * RADIUS / TRACK) is None
 
 
+def test_one_channel_counts_a_coasting_wheel_with_the_wrong_sign():
+    """From a turn on the spot straight into a straight motion."""
+    motion, right = Motion(ONE_CHANNEL), -8.0
+    assert motion.go(1.0, (8, -8), (8, -8), -16.0 * RADIUS / TRACK) is None
+    for _ in range(40):
+        right += (8.0 - right) * 0.08
+        assert motion.go(0.025, (8, 8), (8, abs(right)), (right - 8.0) * RADIUS / TRACK) is None
+
+
 def test_permission_to_move_in_motion_does_not_mistake_inertia():
     motion = Motion()
     assert motion.go(1.0, (6, 6), (6, 6)) is None
