@@ -299,12 +299,13 @@ class GoalFollower(Block):
     def _count_time(
         self, pursuit: Pursuit, odometry: Odometry, stop: Stop | None, seconds: float
     ) -> Pursuit:
-        if stop is not None and stop.code:
-            return pursuit._replace(blocked_for=pursuit.blocked_for + seconds)
+        is_stopped = stop is not None and stop.code != ""
+        pursuit = pursuit.count_block(odometry, is_stopped, seconds)
+        if is_stopped:
+            return pursuit
         is_still = self._wheel_speed(odometry) <= STILL_SPEED_MAX and not self.wheels.has_counted
         is_idle = is_still and not pursuit.is_coasting
         return pursuit._replace(
-            blocked_for=0.0,
             elapsed=pursuit.elapsed + seconds,
             idle_for=pursuit.idle_for + min(seconds, GAP_MAX) if is_idle else 0.0,
         )

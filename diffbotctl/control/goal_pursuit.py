@@ -30,6 +30,8 @@ UNSURE_ASIDE_MAX = 0.1  # m, of that
 # m to the goal per metre of the radius of the first turn; from nearer, it would drive around it.
 TURN_WAY_RADII = 4.0
 
+PLACE_RADIUS = 0.05  # m; stops within it are one: more than a reading's noise, less than a robot
+
 Leg = Literal["turning", "driving", "aligning"]
 
 
@@ -143,9 +145,20 @@ class Pursuit(NamedTuple):
     elapsed: float = 0.0
     """s, not counting stops"""
     blocked_for: float = 0.0
-    """s"""
+    """s, of all stops at one place"""
+    blocked_at: tuple[float, float] | None = None
+    """m; the place of the first of them"""
     idle_for: float = 0.0
     """s of being driven without moving"""
+
+    def count_block(self, odometry: Odometry, is_stopped: bool, seconds: float) -> Pursuit:
+        """Count the time at stops. One that begins again at the same place goes on."""
+        at = self.blocked_at or (odometry.x, odometry.y)
+        if is_stopped:
+            return self._replace(blocked_for=self.blocked_for + seconds, blocked_at=at)
+        if hypot(odometry.x - at[0], odometry.y - at[1]) <= PLACE_RADIUS:
+            return self
+        return self._replace(blocked_for=0.0, blocked_at=None)
 
     def begin(
         self, odometry: Odometry, tolerance: float, may_reverse: bool, turn_radius: float

@@ -10,10 +10,9 @@ from __future__ import annotations
 from math import hypot
 from typing import Any, NamedTuple
 
+from diffbotctl.control.goal_pursuit import PLACE_RADIUS
 from diffbotctl.graph import Graph
 from diffbotctl.messages import Odometry, Stop
-
-PLACE_RADIUS = 0.05  # m; more than the noise of a reading, less than a robot
 
 
 def pose_wire(graph: Graph) -> str | None:

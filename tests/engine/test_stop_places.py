@@ -1,8 +1,12 @@
 """A stop that ends and begins again at the same place is one stop, for whoever reports stops."""
 
+import json
+
 import pytest
+from click.testing import CliRunner
 
 from diffbotctl.block import Block, In, Out
+from diffbotctl.cli.main import program
 from diffbotctl.drivers.goal_queue import Operator
 from diffbotctl.engine.event_log import EventLogger
 from diffbotctl.graph import Graph, Node
@@ -98,3 +102,17 @@ def test_the_state_between_two_instants_is_kept():
     assert logger.places.begins("guard", WALL)
     again.restore(logger.state())
     assert not again.places.begins("guard", WALL)
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_a_goal_behind_a_wall_is_given_up_after_the_patience(seed):
+    """The scanner's guard releases it and stops it again: the waits at one place are one."""
+    words = ["run", "goal", "--robot", "turtlebot3_burger", "--fast", "--json", "--goal", "2 0 0"]
+    wall = "world.walls=[{from: [0.8 m, -1 m], to: [0.8 m, 1 m]}]"
+    done = CliRunner().invoke(
+        program, [*words, "--seed", str(seed), "--set", wall], standalone_mode=False
+    )
+    result = json.loads(done.stdout)
+    assert result["exit_code"] == 1 and "blocked" in result["cause"]
+    assert [stop["code"] for stop in result["stops"]] == ["obstacle"]
+    assert result["duration"] < 3.7 + 4.5 + 1.5  # it stands there after 3.7 s
