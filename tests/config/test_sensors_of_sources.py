@@ -60,7 +60,10 @@ def test_a_lidar_that_a_source_reads_guards_a_robot_with_a_board(write, sets, re
 def test_a_lidar_without_its_place_is_refused_not_left_out(write):
     files = write("", LIDAR, "blocks: {scan_guard: {in: {scan: laser.scan}}}")
     [problem] = errors(files)
-    assert problem.code == "E-SENSOR-UNKNOWN" and "`sensors: {scan: {type: ..." in problem.fix
+    assert (
+        problem.code == "E-SENSOR-UNKNOWN"
+        and "`sensors: {scan: {type: lds01, pin: none" in problem.fix
+    )
 
 
 def test_a_guard_that_is_not_wired_to_its_source_is_refused(write):

@@ -79,10 +79,12 @@ def _check_sensor(context: CheckContext, sensor: str, place: Place) -> None:
     fix = (
         f"did you mean {near}?" if near else f"its sensors: {join_words(sensors, 'and') or 'none'}"
     )
-    if any(use.kind in SENSOR_MESSAGES.values() for use in context.inputs.values()):
+    given = {use.kind for use in context.inputs.values()}
+    types = [kind for kind, message in SENSOR_MESSAGES.items() if message in given]
+    if types:
         fix += (
             "; for one that a source reads, add type and place to the robot file: "
-            f"`sensors: {{{sensor}: {{type: ..., pin: none, at: {{x: ...}}}}}}`"
+            f"`sensors: {{{sensor}: {{type: {types[-1]}, pin: none, at: {{x: ...}}}}}}`"
         )
     context.error("E-SENSOR-UNKNOWN", place, f"the robot has no sensor '{sensor}'", fix)
 

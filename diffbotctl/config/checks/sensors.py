@@ -115,7 +115,8 @@ def _check_pinless(context: CheckContext, read: Mapping[str, SensorSection]) -> 
             fix = f"wire '{node}' to {join_words(given)}"
             if not given:
                 fix = f"add a source that reads it, such as `sources: {{{name}: {{driver: ...}}}}`"
-                fix += ", and wire it" + (", or set its pin" if _pin_keys(sensor) else "")
+                fix += f", and wire '{node}' to it; `diffbotctl blocks` lists the drivers"
+                fix += "; or set its pin" if _pin_keys(sensor) else ""
             if context.real:
                 cause += f": '{node}' would have no data"
                 context.error("E-BOARD-SENSOR", source.place, cause, fix)
