@@ -14,12 +14,20 @@ from typing import Any, TextIO
 CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]")
 STYLE = re.compile("\x1b\\[[0-9;]*m")
 REPLACEMENT = "\N{MIDDLE DOT}"
+NAME_LENGTH_MAX = 60
 HANG = 2  # columns by which the rest of a folded line is indented
 
 
 def printable(text: str) -> str:
     """`text` with a middle dot for each control character; tabs and newlines stay."""
     return CONTROL.sub(REPLACEMENT, text)
+
+
+def shortened(text: str, length: int = NAME_LENGTH_MAX) -> str:
+    """`text` with its middle left out if it is longer: a name that a file may have given."""
+    if len(text) <= length:
+        return text
+    return f"{text[: length // 2 - 2]}...{text[-(length - length // 2 - 1) :]}"
 
 
 def printable_values(value: Any) -> Any:

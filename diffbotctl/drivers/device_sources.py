@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import errno
 import os
+import select
 import time
 from collections.abc import Sequence
 from contextlib import suppress
@@ -63,9 +64,12 @@ class DeviceSource:
     def open(self, now: int) -> None:
         """Open the device. Raises DeviceError."""
         try:
-            self.file = self.driver.open()
+            file = self.driver.open()
+            if file is not None:
+                _require_events(file)
         except OSError as error:
             raise DeviceError(_os_cause(error), _os_fix(error)) from error
+        self.file = file
         self.is_open = True
         self.is_starting = not self.driver.is_on_demand
         self.poll_due = NEVER if self.driver.poll_period is None else now
@@ -128,6 +132,15 @@ class DeviceSource:
             cause = f"output {port}: the time {message.time} ns is not between 0 and {now} ns"
             raise DeviceError(cause, "correct the driver: `now`, or earlier")
         return Reading(port, message)
+
+
+def _require_events(file: int) -> None:
+    """Raise DeviceError unless the loop can wait for data of this file; OSError if it is closed."""
+    with select.epoll() as poll:
+        try:
+            poll.register(file)
+        except PermissionError as error:  # a folder, a plain file, or a device such as /dev/null
+            raise DeviceError("it is no device that sends data", "correct its path") from error
 
 
 class DeviceSourcesDriver:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import fcntl
 import os
+import stat
 import struct
 from pathlib import Path
 from typing import Literal
@@ -108,7 +109,10 @@ class Joystick(DeviceDriver):
     def open(self) -> int:
         """Open the event device; nothing is held."""
         self.path = find_joystick(Path("/dev/input")) if self.device == "auto" else self.device
-        self.file = os.open(self.path, os.O_RDONLY | os.O_NONBLOCK)
+        self.file = os.open(self.path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY)
+        if not has_events(self.file):
+            fix = "name an event device, such as `device: /dev/input/event5`"
+            raise DeviceError("it is not an input device", fix)
         self.ranges = {axis: axis_range(self.file, axis) for axis in AXES.values()}
         self.rest, self.is_held, self.publish_due = b"", False, 0
         self.values.clear()
@@ -179,6 +183,17 @@ def find_joystick(folder: Path) -> str:
         fix = "plug one in, or name its device: `device: /dev/input/event5`"
         raise DeviceError(f"there is no joystick below {folder}", fix)
     return str(found[0])
+
+
+def has_events(file: int) -> bool:
+    """Whether it has a version of evdev (EVIOCGVERSION), or is a pipe of recorded events."""
+    if stat.S_ISFIFO(os.fstat(file).st_mode):
+        return True
+    try:
+        fcntl.ioctl(file, 2 << 30 | 4 << 16 | ord("E") << 8 | 0x01, bytes(4))
+    except OSError:
+        return False
+    return True
 
 
 def axis_range(file: int, axis: int) -> tuple[int, int]:

@@ -219,7 +219,8 @@ class ViewerConnection(WebSocketConnection):
     # Requests to the engine.
 
     def _start(self, work: Coroutine[Any, Any, None]) -> None:
-        self.start(self._guard(work))
+        # Closed, one that is cancelled before it begins causes no warning on the terminal.
+        self.start(self._guard(work)).add_done_callback(lambda _: work.close())
 
     async def _guard(self, work: Coroutine[Any, Any, None]) -> None:
         try:

@@ -110,6 +110,9 @@ class ProgramLink:
             wire, parse = self.outputs[port]
             if not isinstance(values, dict):
                 raise RefusalError("E-PROGRAM", f"{port} is not an object")
+            if "time" in values:
+                cause = f"{port} has a `time` of its own: leave it out, the engine stamps messages"
+                raise RefusalError("E-PROGRAM", cause)
             try:
                 deliveries.append(Delivery(wire, parse(values, now)))
             except MessageError as error:

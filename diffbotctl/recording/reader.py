@@ -10,6 +10,7 @@ from diffbotctl.config.yaml_reader import open_regular
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.message_types import type_name
 from diffbotctl.messages import BUILT_IN, Message
+from diffbotctl.printable import shortened
 from diffbotctl.recording.json_codec import message_decoder
 from diffbotctl.recording.message_schema import message_class
 from diffbotctl.recording.run_metadata import check_end, check_run
@@ -75,7 +76,7 @@ class RecordingReader:
             try:
                 message = decoders[channel.id](record.data)
             except (ValueError, RecursionError) as error:
-                cause = f"a message of {channel.topic} cannot be read: {error}"
+                cause = f"a message of {shortened(channel.topic)} cannot be read: {error}"
                 raise self._malformed(self._place, cause) from error
             yield RecordedMessage(
                 self.time(record),
@@ -131,7 +132,7 @@ class RecordingReader:
                 if origin in ("driver", "block"):
                     kind = self._message_class(record, name)
                     if self.wires.setdefault(record.topic, (name, origin)) != (name, origin):
-                        cause = f"{record.topic} has messages of two classes or origins"
+                        cause = f"{shortened(record.topic)} has messages of two classes or origins"
                         raise self._malformed(self._place, cause)
                     self.kinds.setdefault(record.topic, kind)
 
@@ -147,7 +148,8 @@ class RecordingReader:
             if (name, schema) not in self._recorded_classes:
                 self._recorded_classes[name, schema] = message_class(name, schema)
         except ValueError as error:
-            cause = f"{channel.topic} has messages of an unknown class '{name[:40]}': {error}"
+            topic = shortened(channel.topic)
+            cause = f"{topic} has messages of an unknown class '{name[:40]}': {error}"
             raise self._malformed(self._place, cause) from error
         return self._recorded_classes[name, schema]
 

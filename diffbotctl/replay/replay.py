@@ -16,6 +16,7 @@ from diffbotctl.errors import Problem, RunError, UserError
 from diffbotctl.graph import Graph, Sink
 from diffbotctl.message_types import type_name
 from diffbotctl.params import declared
+from diffbotctl.printable import shortened
 from diffbotctl.processes import screen
 from diffbotctl.processes.child_process import wait_for_exit
 from diffbotctl.processes.screen import RunSnapshot, ScreenFeed
@@ -211,7 +212,8 @@ class _ReplayRun:
         first = -1 if self.run.state is None else self.start
         for item in RecordingReader(self.run.path, self.graph.kinds).messages():
             if item.from_driver and self.graph.kinds.get(item.wire) is not type(item.message):
-                cause = f"its pipeline has no input {item.wire} for {type_name(type(item.message))}"
+                names = (item.wire, type_name(type(item.message)))
+                cause = f"its pipeline has no input {' for '.join(map(shortened, names))}"
                 raise RunError(Problem("E-RECORDING", str(self.run.path), cause))
             if item.time > first:
                 yield item

@@ -182,7 +182,7 @@ def serving_viewers(folder: Path, *words: str) -> Iterator[FoxgloveProcess]:
     finally:
         process.kill()
         rest = process.communicate()[0]
-        assert "Traceback" not in rest, rest
+        assert "Traceback" not in rest and "never awaited" not in rest, rest
 
 
 async def _work(address: str, task: str) -> None:

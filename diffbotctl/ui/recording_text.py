@@ -6,11 +6,13 @@ import json
 from collections.abc import Iterator
 from datetime import UTC, datetime
 
+from diffbotctl.printable import shortened
 from diffbotctl.recording.comparison import TopicDifference
 from diffbotctl.recording.metrics import Metrics
 from diffbotctl.recording.reader import RecordingInfo
 from diffbotctl.time import SECOND
 
+TEXT_LENGTH_MAX = 1000
 INPUTS = "black box recording, inputs only; `diffbotctl replay` computes the rest;"
 # States of a recording of the black box.
 FLIGHTS = {
@@ -46,7 +48,7 @@ def info_lines(info: RecordingInfo) -> Iterator[str]:
     yield f"pipeline   {about.get('pipeline', 'unknown')}"
     yield f"robot      {about.get('robot') or 'none'} on {port}"
     if overrides:
-        yield f"set        {', '.join(overrides)}"
+        yield f"set        {shortened(', '.join(overrides), TEXT_LENGTH_MAX)}"
     yield f"version    {about.get('version', 'unknown')}"
     yield f"ended      {_end(info)}"
     yield f"file is    {_state(info)}"
@@ -56,7 +58,8 @@ def info_lines(info: RecordingInfo) -> Iterator[str]:
     yield f"{'topic':26} {'type':23} {'messages':>8} {'rate':>10}  from"
     for topic in info.topics:
         rate = "" if topic.rate is None else f"{topic.rate:.2f} Hz"
-        yield f"{topic.name:26} {topic.kind:23} {topic.messages:8d} {rate:>10}  {topic.origin}"
+        name, kind, origin = map(shortened, (topic.name, topic.kind, topic.origin))
+        yield f"{name:26} {kind:23} {topic.messages:8d} {rate:>10}  {origin}"
 
 
 def difference_lines(topics: list[TopicDifference], names: tuple[str, str]) -> Iterator[str]:
@@ -66,7 +69,8 @@ def difference_lines(topics: list[TopicDifference], names: tuple[str, str]) -> I
         if topic.place is None:
             equal.append(topic)
             continue
-        yield f"{topic.name}: message {topic.place + 1} differs, at {topic.time / SECOND:.6f} s"
+        name, time = shortened(topic.name), topic.time / SECOND
+        yield f"{name}: message {topic.place + 1} differs, at {time:.6f} s"
         for name, message in zip(names, (topic.one, topic.other), strict=True):
             text = "nothing" if message is None else f"{message[0] / SECOND:.6f} s {message[1]}"
             yield f"  {name}  {text}"
@@ -102,7 +106,8 @@ def _value(value: float | None, scale: float, unit: str, sign: str = "") -> str:
 def _end(info: RecordingInfo) -> str:
     if info.end is None:
         return "unknown: the recording has no end record"
-    cause, code = info.end.get("cause", "unknown"), info.end.get("code", "")
+    cause = shortened(info.end.get("cause", "unknown"), TEXT_LENGTH_MAX)
+    code = shortened(info.end.get("code", ""))
     return f"{cause} (exit code {code})" if code else f"the run continued after: {cause}"
 
 

@@ -63,11 +63,12 @@ class WebSocketConnection(ABC):
         await self.socket.close()
         return self.socket
 
-    def start(self, work: Coroutine[Any, Any, None]) -> None:
+    def start(self, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
         """Do `work` beside; the end of the connection cancels it."""
         task = asyncio.create_task(work)
         self.tasks.add(task)
         task.add_done_callback(self.tasks.discard)
+        return task
 
     def disconnect(self) -> None:
         """Disconnect at once one that reads nothing, or is gone."""

@@ -144,6 +144,16 @@ def test_an_unplugged_joystick_is_an_error(pad, joystick):
         joystick.read(10 * MS)
 
 
+@pytest.mark.parametrize("name", ["/", "/dev/null", "/dev/full", "/dev/urandom", "a file"])
+def test_what_is_no_input_device_is_refused(tmp_path, name):
+    path = tmp_path / "file"
+    path.write_bytes(bytes(24))
+    joystick = Joystick(device=name if name.startswith("/") else str(path))
+    with pytest.raises(DeviceError, match="not an input device"):
+        joystick.open()
+    joystick.close()
+
+
 def test_a_joystick_is_found_by_its_udev_name(tmp_path):
     with pytest.raises(DeviceError) as told:
         find_joystick(tmp_path)

@@ -9,7 +9,7 @@ from diffbotctl.block import In, Out
 from diffbotctl.config.configuration import InputUse, SourceUse
 from diffbotctl.config.load import check, load
 from diffbotctl.device import DeviceDriver, DeviceError, Reading
-from diffbotctl.drivers.device_sources import DeviceSourcesDriver
+from diffbotctl.drivers.device_sources import DeviceSource, DeviceSourcesDriver
 from diffbotctl.drivers.goal_queue import Operator
 from diffbotctl.drivers.input_leases import InputLeases
 from diffbotctl.errors import RunError
@@ -195,6 +195,19 @@ def test_a_slow_read_is_reported_three_times(system):
     for number in range(1, 6):
         driver.deliver(number * S)
     assert sum("it must not wait" in text for text in texts(operator)) == 3
+
+
+@pytest.mark.parametrize("path", ["/", "/dev/null", "/dev/full", __file__])
+def test_a_file_that_sends_nothing_is_refused_when_it_is_opened(path):
+    class Opened(Scripted):
+        def open(self):
+            return os.open(path, os.O_RDONLY)
+
+    use = SourceUse("device", Opened, {}, {"device.twist": Twist}, 0.5, "test.yaml:1:1")
+    source = DeviceSource(use)
+    with pytest.raises(DeviceError, match="no device that sends data"):
+        source.open(0)
+    assert source.file is None
 
 
 def test_a_driver_without_outputs_or_with_inputs_is_refused():
