@@ -25,6 +25,7 @@
     (BIT(CAPABILITY_EDGE_TIMES) | BIT(CAPABILITY_CAPTURE) | BIT(CAPABILITY_STORMS) \
      | BIT(CAPABILITY_BATTERY_STOP) | BIT(CAPABILITY_QUADRATURE) | BIT(CAPABILITY_ENABLE_IN1_IN2) \
      | BIT(CAPABILITY_ENABLE_DIRECTION) | BIT(CAPABILITY_TWO_PWM) | BIT(CAPABILITY_STANDBY) \
+     | BIT(CAPABILITY_PULSED_INPUTS) \
      | BIT(CAPABILITY_ANALOG_RANGE) | BIT(CAPABILITY_ECHO_RANGE) | BIT(CAPABILITY_SEVERAL_RANGES) \
      | BIT(CAPABILITY_LEVELS) | BIT(CAPABILITY_MPU6050) | BIT(CAPABILITY_LSM6) | BIT(CAPABILITY_GRAVITY) \
      | (BOARD_EVERY_EDGE ? BIT(CAPABILITY_EVERY_EDGE) : 0))
@@ -307,6 +308,8 @@ static void loop(void)
         speed_edges(speed, edges, last);
         if (deadman.mode == MODE_SPEED)
             speed_step(speed, board_now());
+        if (rest == REST_PERIODS)
+            wheel->motor.held = false;
         motors_set(&wheel->motor, speed->duty);
         if (edges != 0 || speed->duty != 0)
             rest = 0;

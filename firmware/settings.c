@@ -22,6 +22,7 @@ static const uint8_t motor_roles[][3] PROGMEM = {
     [DRIVER_ENABLE_IN1_IN2] = {PWM_PIN, PLAIN_PIN, PLAIN_PIN},
     [DRIVER_ENABLE_DIRECTION] = {PWM_PIN, PLAIN_PIN, NO_PIN},
     [DRIVER_TWO_PWM] = {NO_PIN, PWM_PIN, PWM_PIN},
+    [DRIVER_PULSED_INPUTS] = {PLAIN_PIN | OPTIONAL, PWM_PIN, PWM_PIN},
 };
 
 /* Minimum and maximum of the numbers of the settings frame, in its order from telemetry on; the last
@@ -93,10 +94,10 @@ static uint8_t check_pins(const uint8_t *wanted, uint8_t driver, uses_t *uses, u
     for (uint8_t i = 0; i < PINS; i++) {
         uint8_t role = pgm_read_byte(&roles[i]), pin = wanted[i];
         *field = (uint8_t)(FIELD_LEFT_ENABLE + i);
-        if (pin == PIN_NONE && role & OPTIONAL)
-            continue;
         if (role == MOTOR_PIN)
             role = pgm_read_byte(&motor_roles[driver][i % PINS_OF_WHEEL]);
+        if (pin == PIN_NONE && role & OPTIONAL)
+            continue;
         if (role == NO_PIN) {
             if (pin != PIN_NONE)
                 return REFUSAL_RANGE;
@@ -182,7 +183,7 @@ uint8_t settings_check(const settings_t *settings, uint8_t *field)
     uint8_t index;
     const uint8_t *pins = (const uint8_t *)settings + offsetof(settings_t, left_enable);
     *field = FIELD_DRIVER;
-    if (settings->driver > DRIVER_TWO_PWM)
+    if (settings->driver > DRIVER_PULSED_INPUTS)
         return REFUSAL_UNKNOWN;
     uses_t uses = {.count = 0};
     uint8_t refusal = check_pins(pins, settings->driver, &uses, field);

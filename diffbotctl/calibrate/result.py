@@ -10,6 +10,8 @@ from typing import NamedTuple
 from diffbotctl.config import robot_tree
 from diffbotctl.config.checks.calibration import found_by
 from diffbotctl.config.configuration import RobotFile
+from diffbotctl.config.motor_pulses import DEPENDS_ON_PULSES
+from diffbotctl.config.robot import PulsedPins
 from diffbotctl.params import with_unit
 
 RIGHT_DIAMETER, LEFT_DIAMETER = "drive.right.wheel.diameter", "drive.left.wheel.diameter"
@@ -59,6 +61,8 @@ class Provenance(NamedTuple):
     """hash of the recording"""
     simulated: bool = False
     """whether the robot was a simulated one"""
+    pulses: PulsedPins | None = None
+    """where the motors got their pulses"""
 
 
 def formatted_value(finding: Finding, origin: Provenance) -> str:
@@ -78,6 +82,8 @@ def formatted_value(finding: Finding, origin: Provenance) -> str:
     entries["volts"] = volts
     if origin.recording:
         entries["recording"] = json.dumps(origin.recording)
+    if origin.pulses and DEPENDS_ON_PULSES.fullmatch(finding.field):
+        entries["pulses"] = origin.pulses
     if origin.simulated:
         entries["simulated"] = "true"
     return "{" + ", ".join(f"{name}: {text}" for name, text in entries.items()) + "}"

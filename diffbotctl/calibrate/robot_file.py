@@ -26,6 +26,7 @@ from diffbotctl.config import lookup
 from diffbotctl.config.configuration import RobotFile
 from diffbotctl.config.editor_schemas import place_schemas
 from diffbotctl.config.load import load_robot
+from diffbotctl.config.motor_pulses import calibrated_pulses
 from diffbotctl.config.yaml_edit import reads_as, with_entry
 from diffbotctl.errors import ConfigurationError, Problem, RunError, UsageError
 
@@ -154,7 +155,7 @@ def plan_value_change(path: Path, keys: Sequence[str], value: str) -> FileChange
 
 def with_findings(file: RobotFile, findings: Sequence[Finding]) -> RobotFile:
     """The robot with `findings`; nothing is written. Raises as above."""
-    origin = Provenance("trial", "", None, None)
+    origin = Provenance("trial", "", None, None, pulses=calibrated_pulses(file.robot))
     _, changed = _plan(file.file, lambda text: _with_findings(text, findings, origin))
     return replace(changed, file=file.file, files=file.files)
 

@@ -27,6 +27,7 @@ from diffbotctl.calibrate.step import (
     StepProgress,
 )
 from diffbotctl.config.configuration import RobotFile
+from diffbotctl.config.motor_pulses import calibrated_pulses
 from diffbotctl.drivers.robot_ports import has_encoders, is_simulated_port
 from diffbotctl.drivers.serial_robot import open_serial_robot
 from diffbotctl.engine.clock import PacedClock
@@ -199,7 +200,10 @@ def save_result(step: Step, outcome: Outcome, session: RobotSession, folder: Pat
     except OSError as error:
         raise _unwritable(folder, error) from error
     taken_from, simulated = fingerprint([recording]), session.is_simulated
-    origin = Provenance(outcome.method, format_date(now), outcome.volts, taken_from, simulated)
+    pulses = calibrated_pulses(session.file.robot)
+    origin = Provenance(
+        outcome.method, format_date(now), outcome.volts, taken_from, simulated, pulses
+    )
     return StepDone(origin, files)
 
 

@@ -52,9 +52,23 @@ def check(
             click.echo(f"{file}: {_verdict(file_problems)}{above}")
             for omission in omissions:
                 click.echo(fold_text(f"  {omission.text()}", hang=4))
+            _tell_pulses(file, file_problems)
     if problems and not as_json:
         click.echo(f"`diffbotctl explain {problems[0].code}` explains more.")
     return 2 if any(problem.severity == "error" for problem in problems) else 0
+
+
+def _tell_pulses(file: str, problems: list[Problem]) -> None:
+    """Print where the pulses for the motors of a robot file are, and why, if it has a board."""
+    from diffbotctl.config.board_pins import BOARDS
+    from diffbotctl.config.load import load_robot, takes_robot
+    from diffbotctl.config.motor_pulses import pulses_text
+
+    if takes_robot(file) or any(problem.severity == "error" for problem in problems):
+        return
+    robot = load_robot(file).robot
+    if robot.board.type in BOARDS:
+        click.echo(pulses_text(robot))
 
 
 def _refuse_pipeline_options(file: str, robot: str | None, sets: tuple[str, ...]) -> None:

@@ -158,6 +158,7 @@ def blink(port: str, robot: str | None, times: int) -> None:
     from diffbotctl.board.jobs import blink
     from diffbotctl.cli.choose_port import choose_port
     from diffbotctl.config.load import load_robot
+    from diffbotctl.config.motor_pulses import pulses_text
     from diffbotctl.drivers.robot_link import diffbot_host
 
     device = choose_port(radio=True) if port == "auto" else port
@@ -165,3 +166,4 @@ def blink(port: str, robot: str | None, times: int) -> None:
     click.echo(f"robot {file.file}, port {device}")
     for said in blink(device, diffbot_host(file.robot, device), times):
         click.echo(said.text)
+    click.echo(pulses_text(file.robot))

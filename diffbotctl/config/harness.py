@@ -12,6 +12,7 @@ from typing import NamedTuple, assert_never
 from diffbotctl.config.board_pins import BOARDS, BoardPins
 from diffbotctl.config.imu_chips import IMU_CHIPS, imu_address
 from diffbotctl.config.motor_drivers import MotorDriverFacts, driver_facts, driver_names
+from diffbotctl.config.motor_pulses import motor_pulses, pulses_text
 from diffbotctl.config.robot import SIDES, Robot, SideSection, board_sensors
 from diffbotctl.errors import Problem, UsageError, join_words
 from diffbotctl.geometry.distance_sensors import ECHOES, is_analog
@@ -27,9 +28,9 @@ MEANINGS = {
     SUPPLY: "supply",
     GROUND: "ground",
     LOGIC: "supply, 3.3 V",
-    ENABLE: "speed, PWM",
-    FIRST: "direction 1",
-    SECOND: "direction 2",
+    ENABLE: "enable",
+    FIRST: "input 1",
+    SECOND: "input 2",
     ENCODER: "encoder",
     SENSOR: "sensor",
     BUTTON: "stop button",
@@ -127,8 +128,8 @@ def harness(robot: Robot) -> Harness:
         raise UsageError(Problem("E-WIRING-NONE", "wiring", cause, "name a robot with a board"))
     wires = [
         *_power(robot, board),
-        *_motor("left", robot.drive.left, board),
-        *_motor("right", robot.drive.right, board),
+        *_motor("left", robot, board),
+        *_motor("right", robot, board),
         *_radio(robot, board),
         *_encoder("left", robot.drive.left, board),
         *_encoder("right", robot.drive.right, board),
@@ -198,16 +199,17 @@ def _power(robot: Robot, board: BoardPins) -> Iterator[HarnessWire]:
         yield _wire(BOARD, pin, DRIVER, facts.always_high, STANDBY, "driver on, always")
 
 
-def _motor(name: str, side: SideSection, board: BoardPins) -> Iterator[HarnessWire]:
-    motor, key = side.motor, f"{name} motor"
+def _motor(name: str, robot: Robot, board: BoardPins) -> Iterator[HarnessWire]:
+    motor, key = getattr(robot.drive, name).motor, f"{name} motor"
     names = driver_names(motor.driver, name)
-    purpose = "direction" if names.enable else "PWM"
+    on_inputs = motor_pulses(robot).on == "inputs"
+    purpose = "PWM" if on_inputs else "direction"
     for pin, input_, colour, what in (
-        (motor.enable, names.enable, ENABLE, "speed (PWM)"),
+        (motor.enable, names.enable, ENABLE, "on" if on_inputs else "speed (PWM)"),
         (motor.in1, names.in1, FIRST, purpose),
         (motor.in2, names.in2, SECOND, purpose),
     ):
-        if input_ is not None:
+        if input_ is not None and pin is not None:
             yield _wire(BOARD, board.named(str(pin)), DRIVER, input_, colour, f"{key}: {what}")
     yield _wire(DRIVER, names.first_output, key, "+", SUPPLY, key)
     yield _wire(DRIVER, names.second_output, key, "-", GROUND, key)
@@ -339,13 +341,17 @@ def _parts(robot: Robot, board: BoardPins, wires: list[HarnessWire]) -> dict[str
     full = robot.battery.full
     remarks = {
         CELLS: "7 to 12 V" if full is None else f"{full:g} V full",
-        DRIVER: "ENA/ENB off" if facts.title == "L298N" else f"{facts.current:g} A",
+        DRIVER: _jumpers(robot) if facts.title == "L298N" else f"{facts.current:g} A",
         BOARD: {"vin": "VIN 7-12 V", "regulator": "5 V in", "usb": "USB power"}[robot.board.supply],
     }
     return {
         key: HarnessPart(key, titles.get(key, key), tuple(names), remarks.get(key, ""))
         for key, names in pins.items()
     }
+
+
+def _jumpers(robot: Robot) -> str:
+    return f"ENA/ENB {'on' if robot.drive.left.motor.enable is None else 'off'}"
 
 
 def _printed(robot: Robot, board: BoardPins) -> dict[str, str]:
@@ -401,8 +407,8 @@ def notes(robot: Robot) -> Iterator[str]:
             f"{board.volts:g} V destroys the pin."
         )
     yield (
-        f"10 kOhm {_floating_inputs(facts)} to GND keep the motors off while the board is flashed, "
-        "when its pins float."
+        f"10 kOhm {_floating_inputs(facts, robot)} to GND keep the motors off while the board is "
+        "flashed, when its pins float."
     )
     for name in SIDES:
         names = driver_names(robot.drive.left.motor.driver, name)
@@ -415,11 +421,16 @@ def notes(robot: Robot) -> Iterator[str]:
 
 def _motor_notes(robot: Robot, driver: str) -> Iterator[str]:
     """What the driver and its motors need."""
-    if driver == "L298N":
+    text = pulses_text(robot)
+    yield f"{text[0].upper()}{text[1:]}."
+    if driver == "L298N" and robot.drive.left.motor.enable is None:
+        yield "Leave the jumpers ENA and ENB on the L298N."
+    elif driver == "L298N":
         yield (
-            "Remove the jumpers ENA and ENB from the L298N: with them the motors run only at full "
-            "speed, and 5 V is applied to the PWM pins."
+            "Remove the jumpers ENA and ENB from the L298N: with them the board cannot release the "
+            "motors, and 5 V is applied to its pins."
         )
+    if driver == "L298N":
         if robot.board.supply == "regulator":
             yield "Keep the L298N's 5 V jumper: its regulator supplies the board. At most 12 V."
         else:
@@ -446,10 +457,11 @@ def _voltage_notes(robot: Robot, board: BoardPins) -> Iterator[str]:
         yield f"The cable to the computer goes to the {board.title}'s own USB socket."
 
 
-def _floating_inputs(facts: MotorDriverFacts) -> str:
+def _floating_inputs(facts: MotorDriverFacts, robot: Robot) -> str:
     """The inputs that switch the motors on, as a person lists them."""
     if facts.standby is not None:
         return f"from {facts.standby}"
     halves = (facts.left, facts.right)
-    inputs = [(half.enable,) if half.enable else (half.in1, half.in2) for half in halves]
+    has_enable = robot.drive.left.motor.enable is not None
+    inputs = [(half.enable,) if has_enable else (half.in1, half.in2) for half in halves]
     return join_words([f"from {name}" for names in inputs for name in names if name], "and")

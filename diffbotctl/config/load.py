@@ -34,6 +34,7 @@ from diffbotctl.config.configuration import (
     RobotFile,
 )
 from diffbotctl.config.declared_inputs import mark_motion, read_inputs, read_programs, read_sources
+from diffbotctl.config.motor_pulses import calibrated_pulses, fields_of_other_pulses
 from diffbotctl.config.named_robots import load_named_robots
 from diffbotctl.config.robot import (
     Robot,
@@ -361,7 +362,7 @@ class _Loader:
         tree = self._read_tree(file, source_tree.read_robot)
         if tree is None:
             return file
-        tree = robot_tree.spell_out_missing_encoders(tree)
+        tree = self._without_other_pulses(robot_tree.spell_out_missing_encoders(tree))
         calibrated = robot_tree.overlay_calibration(tree, self.problems)
         whole = robot_tree.copy_common_to_sides(calibrated)
         robot = read_section(whole, Robot, "the robot file", self.problems)
@@ -379,6 +380,30 @@ class _Loader:
             fill_bridge_share(self.context.nominal)
             fill_curves(self.context.nominal)
         return file
+
+    def _without_other_pulses(self, tree: Value) -> Value:
+        """The tree without the results of a calibration with other pulses of the motors."""
+        if "calibration" not in tree.entries:
+            return tree
+        stated = read_section(robot_tree.copy_common_to_sides(tree), Robot, "the robot file", [])
+        fields = fields_of_other_pulses(stated)
+        if fields:
+            entry = tree.at("calibration", fields[0])
+            now = "in1 and in2" if calibrated_pulses(stated) == "inputs" else "enable"
+            others = f" and {len(fields) - 1} more" if fields[1:] else ""
+            self.problems.append(
+                Problem(
+                    "W-CALIBRATION-PULSES",
+                    entry.name_place if entry is not None else "calibration",
+                    f"{fields[0]}{others}: measured with other pulses of the motors than those on "
+                    f"{now}, and not used",
+                    "run `diffbotctl calibrate motors` again, or set pulses as they were",
+                    "warning",
+                )
+            )
+        for field in fields:
+            tree = tree.with_entry(("calibration", field), None)
+        return tree
 
     def _use(self, name: str, entry: BlockEntry) -> BlockUse:
         context = self.context

@@ -90,6 +90,7 @@ class MotorDriverFacts(NamedTuple):
     logic_pin: str | None = None  # supplied with 5 V by the board
     standby: str | None = None
     always_high: str | None = None  # an input that has to be connected to the board's logic supply
+    follows_input_pulses: bool = False  # beside enable: in1 and in2 take pulses of 1 kHz
     other_names: tuple[str, ...] = ()
 
     @property

@@ -37,6 +37,7 @@ BaudRate = Literal[9600, 19200, 38400, 57600, 115200]
 Radio = Literal["hc05", "cable"]
 LevelShift = Literal["divider", "direct"]
 EchoLevel = Literal["direct", "divider"]
+PulsedPins = Literal["inputs", "enable"]
 IdleMode = Literal["coast", "brake"]
 Decay = Literal["slow", "fast"]
 CountedEdge = Literal["rising", "falling"]
@@ -229,6 +230,13 @@ class MotorSection(Section):
         none=True,
         default=None,
         help="Pin of its second direction input, or second PWM input; none: a driver with one.",
+    )
+    pulses: PulsedPins | None = Choice(
+        PulsedPins,
+        none=True,
+        default=None,
+        help="PWM on `inputs`, in1 and in2, so that the driver shorts the motor between the "
+        "pulses, or on `enable`; none: on the inputs where driver and pins allow it.",
     )
     standby: Pin | None = Param(
         Pin, none=True, default=None, help="Pin of the driver's standby input, for both motors."
@@ -648,6 +656,12 @@ class Calibrated(Section):
     )
     recording: str | None = Param(
         str, none=True, default=None, help="Hash of the recording it was taken from."
+    )
+    pulses: PulsedPins | None = Choice(
+        PulsedPins,
+        none=True,
+        default=None,
+        help="Of a motor: the pulses it was measured with, for which alone it is used.",
     )
     simulated = Param(
         bool,

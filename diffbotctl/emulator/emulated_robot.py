@@ -11,6 +11,7 @@ from collections import deque
 from math import degrees
 
 from diffbotctl.config.configuration import Configuration
+from diffbotctl.config.motor_drivers import driver_facts
 from diffbotctl.config.robot import Robot
 from diffbotctl.drivers.robot_link import board_settings
 from diffbotctl.emulator.process import (
@@ -20,6 +21,7 @@ from diffbotctl.emulator.process import (
     GYRO_FAULT,
     GYRO_ONE_G,
     GYRO_RATE_UNIT,
+    SHORTING,
     Emulator,
     GyroFault,
     MotorPins,
@@ -28,7 +30,7 @@ from diffbotctl.emulator.process import (
 )
 from diffbotctl.engine.driver import Delivery
 from diffbotctl.errors import Problem, RunError
-from diffbotctl.links.diffbot_frames import PIN_NONE
+from diffbotctl.links.diffbot_frames import PIN_NONE, DriverCode
 from diffbotctl.links.diffbot_host import DiffbotHost
 from diffbotctl.links.diffbot_settings import BoardSettings, RangeInput
 from diffbotctl.messages import Duty, Wheels
@@ -60,7 +62,7 @@ class EmulatedBoard:
         self.settings = settings
         self.sides = (settings.left, settings.right)
         self.duty = [0.0, 0.0]
-        self.shorted = [False, False]  # by the driver, at duty 0
+        self.shorted = [0.0, 0.0]  # share of each pulse for which the driver shorts the motor
         self.changed = [0, 0]  # ns at which each motor's duty last changed
         self.received: deque[tuple[int, int, bytes]] = deque()
         self.in_bootsel = False  # a Pico that waits for a program
@@ -100,7 +102,7 @@ class EmulatedBoard:
         for change in result.changes:
             sign = -1.0 if self.sides[change.motor].reversed else 1.0
             self.duty[change.motor] = sign * change.duty
-            self.shorted[change.motor] = change.brake
+            self.shorted[change.motor] = change.shorted
             self.changed[change.motor] = change.time
         for sent in result.sent:
             self.received.append((sent.time, sent.uart, bytes((sent.byte,))))
@@ -245,13 +247,14 @@ def emulated_board(
     """A board wired to its plant as the robot file states. Raises EmulatorError."""
     settings = board_settings(nominal)
     plant = draw_robot(nominal, nominal, seed, world)
-    return EmulatedBoard(plant, settings, emulator or board_emulator(settings))
+    driver = nominal.drive.left.motor.driver
+    return EmulatedBoard(plant, settings, emulator or board_emulator(settings, driver))
 
 
-def board_emulator(settings: BoardSettings) -> Emulator:
+def board_emulator(settings: BoardSettings, driver: str = "") -> Emulator:
     """An emulator with the board and the motors of these settings. Raises EmulatorError."""
     return Emulator(
-        motor_pins(settings),
+        motor_pins(settings, driver),
         board=settings.board,
         sonars=sonar_pins(settings),
         gyro=gyro_address(settings),
@@ -272,18 +275,32 @@ def sonar_pins(settings: BoardSettings) -> list[SonarPins]:
     return [SonarPins(_or_none(sensor.trigger), sensor.pin) for sensor in _sonars(settings)]
 
 
-def motor_pins(settings: BoardSettings) -> list[MotorPins]:
-    """The pins of the left and the right motor."""
+def motor_pins(settings: BoardSettings, driver: str = "") -> list[MotorPins]:
+    """The pins of the left and the right motor, and what their driver does.
+
+    `driver`: its name in robot files; default: a usual one with these inputs.
+    """
+    states = driver_facts(driver or usual_driver(settings)).states
+    shorts = sum(SHORTING[state] for state, effect in states.items() if effect == "shorted")
     return [
         MotorPins(
             _or_none(side.enable),
             side.in1,
             _or_none(side.in2),
-            settings.driver,
             _or_none(settings.standby),
+            shorts,
         )
         for side in (settings.left, settings.right)
     ]
+
+
+def usual_driver(settings: BoardSettings) -> str:
+    """A usual driver with the inputs that these settings state."""
+    if settings.left.enable is None:
+        return "drv8833"
+    if settings.driver == DriverCode.ENABLE_DIRECTION:
+        return "drv8838"
+    return "l298n" if settings.standby is None else "tb6612"
 
 
 def _or_none(pin: int | None) -> int:

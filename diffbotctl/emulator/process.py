@@ -35,6 +35,7 @@ GYRO_FAULT = FIRST_GYRO + 3  # channel of its fault, a GyroFault
 GYRO_RATE_UNIT = 0.02  # deg/s
 GYRO_ACCELERATION = FIRST_GYRO + 4  # channels of the accelerations along x, y and z, signed
 GYRO_ONE_G = 16384  # in these channels
+SHORTING = {"enable_low": 1, "both_low": 2, "both_high": 4}  # states of a driver's inputs
 EXIT_TIMEOUT_S = 5.0
 ANSWER_TIMEOUT_S = 30.0  # for a step, also on a busy computer; then it is suspended
 
@@ -47,7 +48,7 @@ _HEAD = struct.Struct("<cQHHHH")
 _TRANSITION = struct.Struct("<IBB")
 _ANALOG = struct.Struct("<BH")
 _REPLY = struct.Struct("<QHHB")
-_EVENT = struct.Struct("<IBhB")
+_EVENT = struct.Struct("<IBhh")
 _BYTE = struct.Struct("<IBB")
 
 
@@ -68,13 +69,17 @@ class GyroFault(IntEnum):
 
 
 class MotorPins(NamedTuple):
-    """The board's pins of one motor; 255 for an input that its driver does not have."""
+    """The board's pins of one motor; 255 for an input that its driver does not have.
+
+    `shorts`: bits of the states of its inputs in which the driver shorts the motor, a set of
+    `SHORTING`; in others it leaves it open. Default: an L298N.
+    """
 
     enable: int
     in1: int
     in2: int
-    driver: int = 0  # DriverCode
     standby: int = PIN_NONE
+    shorts: int = SHORTING["both_low"] | SHORTING["both_high"]
 
 
 class PinTransition(NamedTuple):
@@ -93,12 +98,12 @@ class SonarPins(NamedTuple):
 
 
 class MotorChange(NamedTuple):
-    """What a motor's bridge was switched to."""
+    """What a motor's driver does from now on, as shares of each pulse; for the rest it is open."""
 
     time: int  # ns of board time
     motor: int  # index in the list of motors passed to the emulator
     duty: float  # -1 to 1; positive when the first input is high and the second low
-    brake: bool  # true when the bridge shorts the motor, false when it leaves it open or drives it
+    shorted: float  # 0 to 1
 
 
 class SentByte(NamedTuple):
@@ -239,8 +244,8 @@ class Emulator:
         data = self._read(events * _EVENT.size + sent * _BYTE.size)
         split = events * _EVENT.size
         changes = [
-            MotorChange(began + after, motor, duty / DUTY_ONE, bool(brake))
-            for after, motor, duty, brake in _EVENT.iter_unpack(data[:split])
+            MotorChange(began + after, motor, duty / DUTY_ONE, shorted / DUTY_ONE)
+            for after, motor, duty, shorted in _EVENT.iter_unpack(data[:split])
         ]
         whole = [
             SentByte(began + after, uart, byte)

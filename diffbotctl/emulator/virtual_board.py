@@ -82,7 +82,7 @@ class VirtualBoard:
         Raises EmulatorError: what to install.
         """
         settings = board_settings(robot)
-        pins, board = motor_pins(settings), settings.board
+        pins, board = motor_pins(settings, robot.drive.left.motor.driver), settings.board
         emulator = Emulator(
             pins,
             board=board,

@@ -174,6 +174,7 @@ class CapabilityCode(ProtocolCode):
     ENABLE_DIRECTION = 9, "with a PWM input and one direction input, as a DRV8838"
     TWO_PWM = 10, "with two PWM inputs, as a DRV8833"
     STANDBY = 11, "standby input of the motor driver, as a TB6612 has"
+    PULSED_INPUTS = 12, "pulses on in1 and in2 that short the motor between them"
     ANALOG_RANGE = 16, "distance sensor with a voltage, as a Sharp"
     ECHO_RANGE = 17, "distance sensor with an echo, as an HC-SR04"
     SEVERAL_RANGES = 18, "up to four sensors in range frames, besides that of the state frame"
@@ -196,6 +197,7 @@ class DriverCode(ProtocolCode):
     ENABLE_IN1_IN2 = 0, "enable with PWM, in1, in2"
     ENABLE_DIRECTION = 1, "enable with PWM; in1 is the direction, in2 none"
     TWO_PWM = 2, "in1 and in2 with PWM, enable none"
+    PULSED_INPUTS = 3, "in1 and in2 with PWM, both high between the pulses; enable high or none"
 
 
 class EdgeCode(ProtocolCode):

@@ -11,8 +11,10 @@ from typing import assert_never
 
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.board_search import (
+    OLDER_PULSES,
     BaudSearch,
     other_board,
+    other_pulses,
     refused_setting,
     settings_timeout,
     wrong_version,
@@ -306,8 +308,13 @@ class DiffbotHost:
             return self._refuse(now, HostEvent.VERSION_DIFFERS, refusal)
         self._ask_at = NEVER
         restart = self._on_restart(now, hello) if self._boot not in (None, hello.boot) else ""
+        used = self.settings.for_firmware(hello.capabilities)
+        if used is not self.settings and self.settings.has_calibrated_pulses:
+            self._search.begin(now, self.baud)
+            return self._refuse(now, HostEvent.VERSION_DIFFERS, other_pulses())
         self._boot, self.hello = hello.boot, hello
-        self._settings_mark = self.settings.mark(hello.settings_size)
+        self._settings_frame = used.frame()
+        self._settings_mark = used.mark(hello.settings_size)
         if hello.settings == self._settings_mark:
             self._settings_at = NEVER
             return self._link_up(now, hello, restart)
@@ -330,7 +337,8 @@ class DiffbotHost:
         self._was_up = True
         self._gyro_due = now + GYRO_START_TIMEOUT
         self._commands.claim(now)  # a board without settings keeps no claim
-        text = "; ".join(filter(None, (restart, describe_board(hello))))
+        older = self.settings.for_firmware(hello.capabilities) is not self.settings
+        text = "; ".join(filter(None, (restart, describe_board(hello), OLDER_PULSES * older)))
         return [("text", Text(now, text)), *self._enter(now, HostEvent.SETTINGS_MATCH)]
 
     def _on_answer(

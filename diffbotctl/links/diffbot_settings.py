@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 from typing import NamedTuple
 
@@ -127,6 +127,8 @@ class BoardSettings:
     """whether frames carry the ages of the last edges"""
     driver: frames.DriverCode = frames.DriverCode.ENABLE_IN1_IN2
     """inputs of the motor driver"""
+    has_calibrated_pulses: bool = False
+    """true when the motors were calibrated with the pulses of `driver`, and need them"""
     standby: int | None = None
     """pin of its standby input"""
     brake: bool = False
@@ -157,6 +159,20 @@ class BoardSettings:
     """baud rate of UART1, or of the only UART"""
     shares_usb: bool = False
     """true when USB cable and radio module share the only UART, whose rate is `baud` then"""
+
+    def for_firmware(self, capabilities: int) -> BoardSettings:
+        """The settings for a firmware with these capabilities: an older one pulses other inputs."""
+        if (
+            self.driver is not frames.DriverCode.PULSED_INPUTS
+            or capabilities & 1 << frames.CapabilityCode.PULSED_INPUTS
+        ):
+            return self
+        has_enable = self.left.enable is not None and self.right.enable is not None
+        code = frames.DriverCode.ENABLE_IN1_IN2 if has_enable else frames.DriverCode.TWO_PWM
+        left, right = self.left, self.right
+        if not has_enable:
+            left, right = replace(left, enable=None), replace(right, enable=None)
+        return replace(self, driver=code, left=left, right=right)
 
     def frame(self) -> frames.SettingsFrame:
         """Settings frame, as it is sent and as the board stores it.

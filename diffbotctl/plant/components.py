@@ -95,9 +95,7 @@ def _draw_drive(
     battery = RecoveringBattery(simulation.battery, parameters.full, parameters.bridge)
     rng = Random(seeds[2] ^ 1)
     radii = (chassis.left_radius, chassis.right_radius)
-    setup = draw_setup(radii, chassis.track, parameters.brakes, rng)._replace(
-        bridge=parameters.bridge
-    )
+    setup = draw_setup(radii, chassis.track, rng)._replace(bridge=parameters.bridge)
     left, right = (
         TorqueWheel(draw_torque_motor(motor, rng), disc, Random(seed), falling)
         for motor, disc, seed in zip(motors, discs, seeds, strict=False)

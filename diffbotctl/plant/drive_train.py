@@ -73,8 +73,11 @@ class DriveTrain(Protocol):
         """
         ...
 
-    def set_shorted(self, left: bool, right: bool) -> None:
-        """Short the windings of each motor at duty 0 from now on, or leave them open."""
+    def set_shorted(self, left: float, right: float) -> None:
+        """Short each motor for this share of the time without drive from now on; else it is open.
+
+        The time without drive is that between two pulses, and all of it at duty 0.
+        """
         ...
 
     def set_drag(self, left: float, right: float) -> None:
@@ -106,7 +109,7 @@ class ExponentialDrive:
         left, right = self.wheels
         return left.advance(until, duties[0]), right.advance(until, duties[1])
 
-    def set_shorted(self, left: bool, right: bool) -> None:
+    def set_shorted(self, left: float, right: float) -> None:
         """No effect; see the class."""
 
     def set_drag(self, left: float, right: float) -> None:

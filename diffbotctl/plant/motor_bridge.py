@@ -12,7 +12,7 @@ time constant is no figure of a data sheet but an estimate for a small package o
 
 from __future__ import annotations
 
-from math import exp, sqrt
+from math import copysign, exp, log1p, sqrt
 from typing import NamedTuple
 
 from diffbotctl.config.motor_drivers import BridgeFigures
@@ -22,11 +22,20 @@ HEAT_TIME_S = 10.0
 SHUTDOWN_RISE, RESTART_RISE = 1.2, 1.04
 
 
+# The pulses of our firmware, and the current of usual motors in them: the inductance of a small
+# motor over its resistance is 0.2 to 1 ms.
+PULSE_S = 1 / 977
+ELECTRICAL_TIME_S = 0.0004
+
+
 class BridgeModel(NamedTuple):
-    """Both bridges of a driver, as the plant needs them."""
+    """Both bridges of a driver, as the plant needs them.
+
+    Currents are over the stall current, voltages over that of the motors at the full battery,
+    speeds over the no-load speed, positive in the direction of the duty.
+    """
 
     threshold: float = 0.0  # share of the full battery's voltage
-    opens: bool = True  # between two pulses the motor's terminals are open
     stall_load: float | None = None  # stall current over the continuous one; None: unknown
     shuts_down: bool = False  # when it is too hot
 
@@ -34,15 +43,39 @@ class BridgeModel(NamedTuple):
         """Share of the full voltage at the motor, for that of the battery."""
         return max(share - self.threshold, 0.0) / (1.0 - self.threshold)
 
-    def current(self, duty: float, supply: float, speed: float) -> float:
-        """Root mean square of the current over the stall current.
+    def mean_current(self, duty: float, supply: float, speed: float, shorted: float) -> float:
+        """Mean of the current over a pulse, which is the torque over the stall torque.
 
-        `speed`: over the no-load speed, positive in the direction of the duty.
+        `duty` is not negative; `shorted`: share of the pulse for which the bridge shorts the motor.
+        While it is open no current flows. Shorted through a threshold, the current of the pulse
+        flows until it has died, and then that of a motor above the threshold, which brakes; the
+        next pulse begins against it, through the diodes.
         """
-        size = abs(duty)
-        if self.opens:
-            return sqrt(size) * max(supply - speed, 0.0)
-        return abs(size * supply - speed)
+        driven = duty * (supply - speed)
+        if not self.threshold or not shorted:
+            return driven - shorted * speed
+        drop = self.threshold / (1.0 - self.threshold)
+        against, falling = drop + speed, 0.0
+        if driven > 0.0:
+            peak = (supply - speed) * (1.0 - exp(-duty * PULSE_S / ELECTRICAL_TIME_S))
+            falling = shorted
+            if against > 0.0:
+                falling = min(shorted, ELECTRICAL_TIME_S / PULSE_S * log1p(peak / against))
+        braking = copysign(max(abs(speed) - drop, 0.0), speed)
+        mean = driven - falling * against - (shorted - falling) * braking
+        if driven > 0.0 and braking > 0.0:
+            back = braking * (1.0 - exp(-(shorted - falling) * PULSE_S / ELECTRICAL_TIME_S))
+            reverse = ELECTRICAL_TIME_S / PULSE_S * log1p(back / (supply + 2.0 * drop - speed))
+            mean += 2.0 * drop * min(reverse, duty)
+        return mean
+
+    def current(self, duty: float, supply: float, speed: float, shorted: float) -> float:
+        """Root mean square of the current; see `mean_current`."""
+        closed = abs(duty) + shorted
+        if not closed:
+            return 0.0
+        mean = abs(duty) * supply / closed - speed
+        return sqrt(closed) * (abs(mean) if shorted else max(mean, 0.0))
 
 
 # What a robot without a driver has: the motors follow the duty.
@@ -53,7 +86,6 @@ def bridge_model(figures: BridgeFigures, full: float, stall_current: float | Non
     """The bridges at a battery of `full` V, for motors with this stall current (A)."""
     return BridgeModel(
         figures.threshold_share(full),
-        figures.off_state == "open",
         None if stall_current is None else stall_current / figures.current,
         figures.has_thermal_shutdown,
     )

@@ -4,8 +4,11 @@ from typing import NamedTuple
 
 from diffbotctl.config.board_pins import SIMULATED
 from diffbotctl.config.motor_drivers import MOTOR_DRIVERS
+from diffbotctl.config.motor_pulses import driver_code
 from diffbotctl.config.robot import USUAL_BATTERY, Robot, measured_lag
 from diffbotctl.control.speed_loop import SpeedGains, speed_gains
+from diffbotctl.links.diffbot_frames import DriverCode
+from diffbotctl.plant.driver_pulses import firmware_levels, pulse_shares
 from diffbotctl.plant.imu_mounting import (
     UP,
     Direction,
@@ -57,7 +60,9 @@ class PlantParameters(NamedTuple):
     built_divider: float = 1.0  # nominal
     low: float = 0.0  # V
     full: float = USUAL_BATTERY  # V; nominal, at which the motors reach their rated speed
-    brakes: bool = False  # the motors' windings are shorted at duty 0
+    # Share of the time without drive for which the motors are shorted, between pulses and at rest.
+    shorted_between: float = 0.0
+    shorted_at_rest: float = 0.0
     bridge: BridgeModel = IDEAL_BRIDGE  # of the motor driver
     has_encoders: bool = True
     is_skid_steered: bool = False  # four wheels, which slide in turns
@@ -112,7 +117,8 @@ def plant_parameters(
         built_divider=nominal.battery.divider or 1.0,
         low=battery.low,
         full=nominal.battery.full or USUAL_BATTERY,
-        brakes=left.motor.idle == "brake",
+        shorted_between=2.0 * _shorted(robot, 0.5),
+        shorted_at_rest=_shorted(robot, 0.0),
         bridge=_bridge(nominal),
         has_encoders=bool(left.encoder.channels),
         is_skid_steered=built.wheelbase is not None,
@@ -138,6 +144,20 @@ def _bridge(nominal: Robot) -> BridgeModel:
         return IDEAL_BRIDGE
     full = nominal.battery.full or USUAL_BATTERY
     return bridge_model(facts.bridge, full, motor.stall_current)
+
+
+def _shorted(robot: Robot, duty: float) -> float:
+    """Share of each pulse for which the motors are shorted at this duty.
+
+    At rest after pulses on the inputs our firmware brakes, and releases the motors when they have
+    stood for a while, which makes no difference to them.
+    """
+    motor, code = robot.drive.left.motor, driver_code(robot)
+    facts = MOTOR_DRIVERS.get(motor.driver)
+    is_held = motor.idle == "brake" or code is DriverCode.PULSED_INPUTS
+    if facts is None:
+        return float(is_held and not duty)
+    return pulse_shares(facts.states, firmware_levels(code, duty, is_held)).shorted
 
 
 def _assignment(left_pin: object, built_left: object, built_right: object) -> tuple[int, int]:

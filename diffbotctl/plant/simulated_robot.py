@@ -97,7 +97,7 @@ class SimulatedRobot:
         self._output_duties = (0.0, 0.0)  # of the board, whichever it is
         self._bridge_heat = BridgeHeat(parameters.bridge)
         self._heated_at = 0
-        self._shorted = (parameters.brakes, parameters.brakes)  # outputs at duty 0
+        self._shorted = (0.0, 0.0)  # share of the time without drive, each output
         self._is_capturing = False
         # what the board has captured, until it is taken
         self.captured_edges: list[CapturedEdge] = []
@@ -223,19 +223,23 @@ class SimulatedRobot:
         ]
 
     def advance_with_duties(
-        self, until: int, left: float, right: float, shorted: tuple[bool, bool] | None = None
+        self, until: int, left: float, right: float, shorted: tuple[float, float] | None = None
     ) -> list[CapturedEdge]:
         """Let time pass for everything but the board, whose outputs are `left`, `right` (duty).
 
-        `shorted`: whether each output shorts its motor at duty 0; None: as the robot file states.
+        `shorted`: share of a pulse for which each output shorts its motor; None: as our firmware
+        and the driver of the robot file do.
         Returns the changes of the encoders' pins, in order: `capture` must be on. For a board that
         is not simulated here; not to be mixed with `advance`.
         """
         if self.now >= self._disturbances.due:
             self._disturb(self.now)
-        if shorted is not None and shorted != self._shorted:
-            self._shorted = shorted
-            self._update_shorted()
+        if shorted is None:
+            self._short_between(left, right)
+        else:
+            shares = zip(shorted, (left, right), strict=True)
+            a, b = (share / (1.0 - abs(duty)) if share else 0.0 for share, duty in shares)
+            self._set_shorted(a, b)
         self._motor_duties = self._duties_of(left, right)
         if self.now - self._heated_at >= ROLL_PERIOD:
             self._heat_bridge(self.now)
@@ -400,6 +404,7 @@ class SimulatedRobot:
 
     def _update_motor_duties(self) -> None:
         (a, b), sides = self.parameters.channels, self.board.sides
+        self._short_between(sides[a].duty, sides[b].duty)
         self._motor_duties = self._duties_of(sides[a].duty, sides[b].duty)
 
     def _heat_bridge(self, now: int) -> None:
@@ -409,19 +414,33 @@ class SimulatedRobot:
             return
         was_off, bridge = self._bridge_heat.is_off, self.parameters.bridge
         left, right = (
-            bridge.current(duty, 1.0, copysign(1.0, duty) * wheel.speed / motor.no_load_speed)
+            bridge.current(
+                duty,
+                1.0,
+                copysign(1.0, duty) * wheel.speed / motor.no_load_speed,
+                (1.0 - abs(duty)) * shorted,
+            )
             if duty
             else 0.0
-            for duty, wheel, motor in zip(self._motor_duties, self.wheels, self.motors, strict=True)
+            for duty, shorted, wheel, motor in zip(
+                self._motor_duties, self._shorted, self.wheels, self.motors, strict=True
+            )
         )
         self._bridge_heat.update((left, right), seconds)
         if self._bridge_heat.is_off is not was_off:
-            self._update_shorted()
+            self._set_shorted(*self._shorted)
             self._update_motor_duties()
 
-    def _update_shorted(self) -> None:
-        """Pass the state of the outputs at duty 0 to the motors on them."""
-        left, right = self._shorted if not self._bridge_heat.is_off else (False, False)
+    def _short_between(self, left: float, right: float) -> None:
+        """Short the motors between the pulses of these duties, and at rest, as the driver does."""
+        between, at_rest = self.parameters.shorted_between, self.parameters.shorted_at_rest
+        self._set_shorted(between if left else at_rest, between if right else at_rest)
+
+    def _set_shorted(self, left: float, right: float) -> None:
+        """Short outputs for these shares of the time without drive, and so the motors on them."""
+        self._shorted = (left, right)
+        if self._bridge_heat.is_off:
+            left = right = 0.0
         (_, is_crossed), _ = self._wiring.outputs
         self.drive.set_shorted(*((right, left) if is_crossed else (left, right)))
 

@@ -6,15 +6,15 @@ stall torque, is
 
     duty * (supply - speed / no-load speed)
 
-While the driver is open no current brakes the wheel. So it settles at `no-load speed * (supply -
+While the driver is open no current brakes the wheel, so it settles at `no-load speed * (supply -
 friction / duty)`, slowly at a low duty, and without drive only friction stops it. A driver that
 shorts the motor between two pulses (slow decay) lets the current go on, and the speed is linear in
 the duty:
 
     duty * supply - speed / no-load speed
 
-At duty 0 a driver leaves the motor open or shorts it; through a bipolar bridge only the voltage
-above its threshold brakes.
+Through a bipolar bridge the current of a shorted motor loses the threshold, and only the voltage
+above it brakes; see `BridgeModel.mean_current`.
 
 Friction is static, then falls to the sliding friction (Stribeck); the teeth cog; the wheels feel
 each other through mass and inertia of the chassis, and both a caster that has to swivel when the
@@ -74,7 +74,6 @@ class DriveSetup(NamedTuple):
     turning: float  # acceleration by opposite torques over that by equal ones
     dead_time: int  # steps from a duty to its torque
     caster: Caster
-    brakes: bool  # shorted windings at duty 0
     bridge: BridgeModel = IDEAL_BRIDGE
 
     @property
@@ -104,10 +103,10 @@ def draw_torque_motor(motor: MotorModel, rng: Random) -> TorqueMotor:
     )
 
 
-def draw_setup(radii: tuple[float, float], track: float, brakes: bool, rng: Random) -> DriveSetup:
+def draw_setup(radii: tuple[float, float], track: float, rng: Random) -> DriveSetup:
     """Inertia, dead time and caster."""
     caster = Caster(-rng.uniform(0.5, 0.9) * track, 0.02, rng.uniform(0.005, 0.03))
-    return DriveSetup(*radii, track, rng.uniform(0.9, 1.6), rng.randint(2, 15), caster, brakes)
+    return DriveSetup(*radii, track, rng.uniform(0.9, 1.6), rng.randint(2, 15), caster)
 
 
 class TorqueWheel(EncoderWheel):
@@ -170,10 +169,11 @@ class TorqueDrive:
     ) -> None:
         self.wheels, self.setup, self._battery = wheels, setup, battery
         self._own, self._other = setup.own, setup.other
-        self._shorted = (setup.brakes, setup.brakes)  # at duty 0, each motor
+        self._shorted = (0.0, 0.0)  # share of the time without drive, each motor
         self._now = 0
-        self._torque_duties: deque[tuple[float, float]] = deque(
-            [(0.0, 0.0)] * setup.dead_time, maxlen=setup.dead_time + 1
+        # Duties, and shares of the time for which the motors are shorted.
+        self._torque_pulses: deque[tuple[float, float, float, float]] = deque(
+            [(0.0, 0.0, 0.0, 0.0)] * setup.dead_time, maxlen=setup.dead_time + 1
         )
         self._duties = (0.0, 0.0)
         self._caster_angle = pi  # direction of the trail in base_link, rad
@@ -208,8 +208,8 @@ class TorqueDrive:
         """See `DriveTrain`."""
         return self.setup.dead_time * STEP
 
-    def set_shorted(self, left: bool, right: bool) -> None:
-        """Short the motors at duty 0, or leave them open; see `DriveTrain`."""
+    def set_shorted(self, left: float, right: float) -> None:
+        """Short the motors while they are not driven, or leave them open; see `DriveTrain`."""
         self._shorted = (left, right)
 
     def _is_at_rest(self, duties: tuple[float, float]) -> bool:
@@ -224,14 +224,17 @@ class TorqueDrive:
 
     def _step(self, duties: tuple[float, float]) -> None:
         left, right = self.wheels
-        self._torque_duties.append(duties)
-        left_duty, right_duty = self._torque_duties[0]
+        (left_duty, right_duty), (left_share, right_share) = duties, self._shorted
+        left_short = (1.0 - abs(left_duty)) * left_share
+        right_short = (1.0 - abs(right_duty)) * right_share
+        self._torque_pulses.append((left_duty, right_duty, left_short, right_short))
+        left_duty, right_duty, left_short, right_short = self._torque_pulses[0]
         if self._steps % SLOW_STEPS == 0:
-            self._update_slow_parts(left_duty, right_duty)
+            self._update_slow_parts((left_duty, left_short), (right_duty, right_short))
         self._steps += 1
         start, loads = self._now, self._loads
-        left_torque, left_net = self._torques(left, left_duty, loads[0], self._shorted[0])
-        right_torque, right_net = self._torques(right, right_duty, loads[1], self._shorted[1])
+        left_torque, left_net = self._torques(left, left_duty, loads[0], left_short)
+        right_torque, right_net = self._torques(right, right_duty, loads[1], right_short)
         own, other = self._own, self._other
         # A wheel that friction holds feels no torque from the other one.
         if left.speed or left_net:
@@ -247,18 +250,14 @@ class TorqueDrive:
         self._now = start + STEP
 
     def _torques(
-        self, wheel: TorqueWheel, duty: float, load: float, is_shorted: bool
+        self, wheel: TorqueWheel, duty: float, load: float, shorted: float
     ) -> tuple[float, float]:
         """The torque on a wheel without friction, and with it."""
-        motor, speed, bridge = wheel.motor, wheel.speed, self.setup.bridge
-        size = duty if duty >= 0.0 else -duty
-        back = speed / motor.speed
-        torque = duty * self._battery.motor_share + load - motor.viscous * back
-        if size == 0.0:
-            if is_shorted:
-                torque -= copysign(max(abs(back) - bridge.threshold, 0.0), back)
-        else:
-            torque -= size * back if bridge.opens else back
+        motor, speed = wheel.motor, wheel.speed
+        size, sign = (duty, 1.0) if duty >= 0.0 else (-duty, -1.0)
+        back, supply = speed / motor.speed, self._battery.motor_share
+        current = self.setup.bridge.mean_current(size, supply, sign * back, shorted)
+        torque = sign * current + load - motor.viscous * back
         if motor.cog and size:
             torque += motor.cog * size * sin(COG_CYCLES * wheel.angle + motor.cog_phase)
         if speed == 0.0:
@@ -272,15 +271,16 @@ class TorqueDrive:
             force += (motor.static - motor.sliding) * exp(-ratio * ratio)
         return torque, torque - force if speed > 0.0 else torque + force
 
-    def _update_slow_parts(self, left_duty: float, right_duty: float) -> None:
+    def _update_slow_parts(
+        self, left_pulse: tuple[float, float], right_pulse: tuple[float, float]
+    ) -> None:
+        """Load the battery, which only the pulses do, and swivel the caster."""
         left, right = self.wheels
         current = 0.0
-        for wheel, duty in ((left, left_duty), (right, right_duty)):
+        for wheel, (duty, shorted) in ((left, left_pulse), (right, right_pulse)):
             if duty:
                 back = copysign(wheel.speed / wheel.motor.speed, wheel.speed * duty)
-                supply = self._battery.motor_share
-                if not self.setup.bridge.opens:
-                    supply *= abs(duty)
+                supply = self._battery.motor_share * abs(duty) / (abs(duty) + shorted)
                 current += abs(duty) * max(supply - back, 0.0)
         self._battery.load(0.5 * current, SLOW_STEPS * STEP_S)
         self._update_caster(

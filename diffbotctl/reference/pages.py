@@ -75,10 +75,13 @@ def motor_drivers() -> str:
         if bridge.threshold:
             lost = f"{bridge.threshold:g} V + {lost}"
         rest = "`idle`" if len(facts.rests) > 1 else bridge.off_state
+        between: str = "shorted" if facts.mode == "two_pwm" else bridge.off_state
+        if facts.follows_input_pulses:
+            between = "shorted; on enable: open"
         hot = "off until it cools" if bridge.has_thermal_shutdown else "not protected"
         lines.append(
             f"| `{name}` | {', '.join(facts.inputs())} | {bridge.current:g} A | {lost} | "
-            f"{bridge.off_state} | {rest} | {hot} | {bridge.source} |"
+            f"{between} | {rest} | {hot} | {bridge.source} |"
         )
     return "\n".join(lines)
 

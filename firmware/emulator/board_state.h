@@ -33,7 +33,7 @@ typedef struct {
     const char *hex, *boot, *eeprom;
     bool pty;
     unsigned motors;
-    uint8_t motor[MOTORS][5]; /* pins of enable, in1, in2; kind of driver; pin of standby; 255: none */
+    uint8_t motor[MOTORS][5]; /* pins of enable, in1, in2, standby, 255: none; what shorts the motor */
     unsigned sonars;
     uint8_t sonar[SONARS][2]; /* pins of trigger and echo */
     unsigned gyro;            /* I2C address; 0: none */
@@ -41,8 +41,8 @@ typedef struct {
 
 typedef struct {
     uint64_t time; /* ns */
-    uint8_t motor, brake;
-    int16_t duty;
+    uint8_t motor;
+    int16_t duty, shorted; /* shares of a pulse, of 32767 */
 } event_t;
 
 typedef struct {
@@ -138,8 +138,7 @@ struct board {
     uint32_t dirty_writes;
     uint16_t ram_end; /* last address of the chip's memory */
     uint8_t flags;
-    int16_t duty[MOTORS];
-    uint8_t brake[MOTORS];
+    int16_t duty[MOTORS], shorted[MOTORS];
     uint64_t eeprom_saved;
 };
 

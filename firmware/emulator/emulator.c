@@ -1,7 +1,7 @@
 /* An Arduino Mega 2560, Uno or Nano on simavr: runs a real image in lockstep with requests on standard
    input, or paced to real time, with its UARTs as messages or as pseudo-terminals.
 
-   emulator [--chip NAME] [--hex FILE] [--boot FILE] [--eeprom FILE] [--pty] [--paced] [--motor EN,IN1,IN2,KIND,STANDBY]...
+   emulator [--chip NAME] [--hex FILE] [--boot FILE] [--eeprom FILE] [--pty] [--paced] [--motor EN,IN1,IN2,STANDBY,SHORTS]...
             [--sonar TRIGGER,ECHO]... [--gyro ADDRESS]
 
    Requests (little-endian), one reply each:
@@ -11,7 +11,8 @@
          echoes, 0: it does not answer, 65535: it does not end; from channel 160 on the inputs of
          the gyro), bytes for UART0, bytes for UART1
      reply: u64 now_ns, u16 motor events, u16 bytes, u8 flags (1: reset, 2: crashed), then
-         events of (u32 ns since the step began, u8 motor, i16 duty of 32767, u8 brake),
+         events of (u32 ns since the step began, u8 motor, i16 duty of 32767, i16 share
+            of a pulse for which its driver shorts it),
          bytes of (u32 ns since the step began, at its stop bit, u8 uart, u8 byte)
      'R' u8 MCUSR bits: reset.    'H': the program hangs from now on.
      'Q': reply 4096 bytes of EEPROM.    'W' 4096 bytes: set the EEPROM.
@@ -85,7 +86,7 @@ static void put(uint8_t **at, uint64_t value, unsigned size)
 
 static void answer_step(uint64_t began)
 {
-    static uint8_t out[16 + 8 * EVENTS + 6 * BYTES];
+    static uint8_t out[16 + 9 * EVENTS + 6 * BYTES];
     uint8_t *at = out;
     put(&at, board_now(&board), 8);
     put(&at, board.event_count, 2);
@@ -96,7 +97,7 @@ static void answer_step(uint64_t began)
         put(&at, event->time - began, 4);
         put(&at, event->motor, 1);
         put(&at, (uint16_t)event->duty, 2);
-        put(&at, event->brake, 1);
+        put(&at, (uint16_t)event->shorted, 2);
     }
     for (unsigned i = 0; i < board.byte_count; i++) {
         put(&at, board.bytes[i].time - began, 4);
@@ -252,7 +253,7 @@ static const chip_t *chip_named(const char *name)
 static void usage(void)
 {
     fprintf(stderr, "emulator [--chip NAME] [--hex FILE] [--boot FILE] [--eeprom FILE] [--pty] [--paced] "
-                    "[--motor EN,IN1,IN2,KIND,STANDBY]... [--sonar TRIGGER,ECHO]... "
+                    "[--motor EN,IN1,IN2,STANDBY,SHORTS]... [--sonar TRIGGER,ECHO]... "
                     "[--gyro ADDRESS]\n");
     exit(2);
 }

@@ -5,7 +5,10 @@
 
 #define FULL 32767
 #define NO_PIN 255
-enum { ENABLE_IN1_IN2, ENABLE_DIRECTION, TWO_PWM }; /* kinds of drivers */
+#define STEPS 255 /* of a pulse */
+enum { OPEN = 0, SHORTED = 2 }; /* besides 1 and -1: driven */
+/* In what states of the inputs the driver shorts the motor; in others it leaves it open. */
+enum { ENABLE_LOW = 1, BOTH_LOW = 2, BOTH_HIGH = 4 };
 
 /* simavr has no signal for the third PWM channel of a timer and none for phase-correct PWM, so duty
    is read from the registers: it works for every channel. */
@@ -16,54 +19,60 @@ static int level(const board_t *board, uint8_t pin)
     return (in[1] & in[2]) >> place.bit & 1; /* 1 for an output that is high */
 }
 
-static int enabled(const board_t *board, uint8_t pin)
+/* Steps of a pulse for which a pin is high, from its begin on. An input without a pin is wired high. */
+static int high(const board_t *board, uint8_t pin)
 {
+    if (pin == NO_PIN)
+        return STEPS;
     place_t place = pin_place(pin);
     const uint8_t *data = board->avr->data;
     bool output = data[pin_address(place.port) + 1] >> place.bit & 1;
     if (!output)
         return 0;
     if (!place.control || !(data[place.control] >> place.connect & 1))
-        return level(board, pin) ? FULL : 0;
-    int duty = data[place.compare] * FULL / 255;
+        return level(board, pin) ? STEPS : 0;
     bool inverting = data[place.control] >> (place.connect - 1) & 1;
-    return inverting ? FULL - duty : duty;
+    return inverting ? STEPS - data[place.compare] : data[place.compare];
 }
 
-/* Truth tables of the drivers' data sheets. Duty, positive when the first input drives. */
-static int driven(const board_t *board, const uint8_t *pins, uint8_t *brake)
+/* What a driver does to its motor, by the truth tables of the data sheets; 1 when its first input drives. */
+static int effect(uint8_t shorts, bool has_direction, bool enabled, bool first, bool second)
 {
-    uint8_t kind = pins[3], standby = pins[4];
-    *brake = 0;
-    if (standby != NO_PIN && !level(board, standby))
-        return 0;
-    if (kind == TWO_PWM) {
-        int first = enabled(board, pins[1]), second = enabled(board, pins[2]);
-        *brake = first == FULL && second == FULL;
-        return first - second;
-    }
-    int duty = enabled(board, pins[0]);
-    if (kind == ENABLE_DIRECTION) {
-        *brake = duty == 0;
-        return level(board, pins[1]) ? duty : -duty;
-    }
-    int first = level(board, pins[1]), second = level(board, pins[2]);
-    /* A TB6612, which has a standby input, brakes with both inputs high; an L298N when they are equal. */
-    *brake = first == second && duty != 0 && (first || standby == NO_PIN);
-    return (first - second) * duty;
+    if (has_direction)
+        second = !first;
+    if (!enabled && !(shorts & ENABLE_LOW))
+        return OPEN;
+    if (first == second)
+        return shorts & (first ? BOTH_HIGH : BOTH_LOW) ? SHORTED : OPEN;
+    return enabled ? first - second : SHORTED;
 }
 
 static void measure(board_t *board, unsigned motor)
 {
-    uint8_t brake;
-    int16_t duty = (int16_t)driven(board, board->options.motor[motor], &brake);
-    if (duty == board->duty[motor] && brake == board->brake[motor])
+    const uint8_t *pins = board->options.motor[motor];
+    int highs[3], driven = 0, shorted = 0, next;
+    for (unsigned i = 0; i < 3; i++)
+        highs[i] = high(board, pins[i]);
+    bool awake = pins[3] == NO_PIN || level(board, pins[3]);
+    for (int at = 0; awake && at < STEPS; at = next) {
+        next = STEPS;
+        for (unsigned i = 0; i < 3; i++)
+            if (highs[i] > at && highs[i] < next)
+                next = highs[i];
+        int does = effect(pins[4], pins[2] == NO_PIN, highs[0] > at, highs[1] > at, highs[2] > at);
+        if (does == SHORTED)
+            shorted += next - at;
+        else
+            driven += does * (next - at);
+    }
+    int16_t duty = (int16_t)(driven * FULL / STEPS), short_share = (int16_t)(shorted * FULL / STEPS);
+    if (duty == board->duty[motor] && short_share == board->shorted[motor])
         return;
     board->duty[motor] = duty;
-    board->brake[motor] = brake;
+    board->shorted[motor] = short_share;
     if (board->event_count < EVENTS)
         board->events[board->event_count++] =
-            (event_t){board_now(board), (uint8_t)motor, brake, duty};
+            (event_t){board_now(board), (uint8_t)motor, duty, short_share};
 }
 
 void motors_poll(board_t *board)

@@ -19,6 +19,9 @@ def own_cache(tmp_path_factory, monkeypatch):
 
 def test_check_finds_nothing_in_the_shipped_files():
     code, output = invoke(check.check, "goal", "square", "hello", "book_2wd", "book_2wd_counts")
+    pulses = (
+        "the pulses for the motors are on in1 and in2: the driver shorts the motors between them"
+    )
     assert code == 0
     left_out = "  left out: scan_guard (no sensor of the robot and no source gives a scan)"
     assert output.splitlines() == [
@@ -28,7 +31,9 @@ def test_check_finds_nothing_in_the_shipped_files():
         left_out,
         "hello: no errors",
         "book_2wd: no errors",
+        pulses,
         "book_2wd_counts: no errors",
+        pulses,
     ]
 
 

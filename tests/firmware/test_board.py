@@ -139,7 +139,7 @@ def test_duty_of_a_command_is_the_feed_forward():
         assert bench.duty == pytest.approx([0.530, -0.315], abs=0.004)
 
 
-@pytest.mark.parametrize(("brake", "expected"), [(False, False), (True, True)])
+@pytest.mark.parametrize(("brake", "expected"), [(False, 0.0), (True, 1.0)])
 def test_coast_or_brake_at_standstill(brake, expected):
     with BoardBench(settings=replace(BOOK, brake=brake)) as bench:
         bench.ready()
@@ -149,7 +149,7 @@ def test_coast_or_brake_at_standstill(brake, expected):
         bench.send(RADIO, frames.StopFrame(2))
         bench.wait(20)
         assert bench.duty == [0.0, 0.0]
-        assert [change.brake for change in bench.changes[-2:]] == [expected] * 2
+        assert [change.shorted for change in bench.changes[-2:]] == [expected] * 2
 
 
 def test_raw_duty():
@@ -356,7 +356,7 @@ def test_the_light():
             frame = encode(frames.ActionFrame(0, how))
             lit += emulator.step(emulator.now + 20 * MS, received=(frame, b"")).changes
         # The emulator reports the enable pin with both inputs low as braking.
-        assert [change.brake for change in lit] == [True, False, True, False]
+        assert [change.shorted for change in lit] == [1.0, 0.0, 1.0, 0.0]
 
 
 def test_the_emulator_compiles_without_a_cache(tmp_path):

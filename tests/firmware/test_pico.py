@@ -87,7 +87,7 @@ def test_each_driver_is_driven():
             bench.send(RADIO, frames.StopFrame(2))
             bench.wait(30)
             assert bench.duty == [0.0, 0.0]
-            assert [change.brake for change in bench.changes[-2:]] == [True, True]
+            assert [change.shorted for change in bench.changes[-2:]] == [1.0, 1.0]
 
 
 @pytest.mark.parametrize("role", ["pwm", "interrupt", "digital"])

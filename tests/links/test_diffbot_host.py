@@ -1,5 +1,7 @@
 """The host side of our protocol: states of the link, with hand-written frames of a board."""
 
+from dataclasses import replace
+
 import pytest
 
 from diffbotctl.links import diffbot_frames as frames
@@ -65,6 +67,38 @@ def test_a_board_with_other_settings_is_sent_ours(host):
     assert frame == BOOK.frame()
     answer = encode(frames.AnswerFrame(frames.RefusalCode.NONE, 0, BOOK.mark()))
     assert links(host.receive(2 * MILLISECOND, answer)) == ["up"]
+
+
+@pytest.mark.parametrize("is_calibrated", [False, True])
+@pytest.mark.parametrize("has_enable", [True, False])
+def test_older_firmware_pulses_other_inputs_unless_the_motors_are_calibrated(
+    has_enable, is_calibrated
+):
+    left, right = BOOK.left, BOOK.right
+    if not has_enable:
+        left, right = replace(left, enable=None), replace(right, enable=None)
+    code = frames.DriverCode
+    settings = replace(
+        BOOK,
+        left=left,
+        right=right,
+        driver=code.PULSED_INPUTS,
+        has_calibrated_pulses=is_calibrated,
+    )
+    new, old = DiffbotHost(settings), DiffbotHost(settings)
+    for host, capabilities in ((new, 1 << frames.CapabilityCode.PULSED_INPUTS), (old, 0)):
+        host.opened(0)
+        host.receive(MILLISECOND, hello(123, capabilities=capabilities))
+    assert FrameDecoder().feed(new.send(MILLISECOND)) == [settings.frame()]
+    if is_calibrated:
+        assert old.refusal.code == "E-BOARD-PULSES"
+        return
+    older = replace(settings, driver=code.ENABLE_IN1_IN2 if has_enable else code.TWO_PWM)
+    assert FrameDecoder().feed(old.send(MILLISECOND)) == [older.frame()]
+    answer = encode(frames.AnswerFrame(frames.RefusalCode.NONE, 0, older.mark()))
+    output = old.receive(2 * MILLISECOND, answer)
+    assert links(output) == ["up"]
+    assert any("flash firmware" in message.text for port, message in output if port == "text")
 
 
 def test_another_version_is_refused_while_searching(host):

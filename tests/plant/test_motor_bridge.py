@@ -1,7 +1,7 @@
 """The motor driver of the plant: drop, decay, rest and heat, by hand."""
 
 import ast
-from math import exp
+from math import copysign, exp
 from pathlib import Path
 from random import Random
 
@@ -12,8 +12,10 @@ from diffbotctl.config.simulation import BatteryTruth, Disturbance, MotorTruth
 from diffbotctl.messages import Duty
 from diffbotctl.plant.battery import RecoveringBattery
 from diffbotctl.plant.motor_bridge import (
+    ELECTRICAL_TIME_S,
     HEAT_TIME_S,
     IDEAL_BRIDGE,
+    PULSE_S,
     BridgeHeat,
     BridgeModel,
     bridge_model,
@@ -24,20 +26,21 @@ from tests.plant.test_simulated_robot import driven, robot
 from tests.plant.test_torque_drive import FIRM, IDEAL, MOTOR, SETUP
 
 PACKAGE = Path(__file__).parents[2] / "diffbotctl"
-SHORTS = IDEAL_BRIDGE._replace(opens=False)
 BIPOLAR = BridgeModel(threshold=0.2)
 
 
-def drive(bridge, truth=FIRM):
+def drive(bridge, truth=FIRM, shorted=0.0):
     wheels = tuple(TorqueWheel(MOTOR, IDEAL, Random(1)) for _ in range(2))
     battery = RecoveringBattery(truth, 8.0, bridge)
-    return TorqueDrive(wheels, SETUP._replace(bridge=bridge), battery)
+    made = TorqueDrive(wheels, SETUP._replace(bridge=bridge), battery)
+    made.set_shorted(shorted, shorted)
+    return made
 
 
 @pytest.mark.parametrize("duty, speed", [(1.0, 18.0), (0.5, 8.0), (0.2, 2.0), (-0.5, -8.0)])
 def test_slow_decay_is_linear_in_the_duty(duty, speed):
     # w0 (duty - friction) = 20 (duty - 0.1)
-    made = drive(SHORTS)
+    made = drive(IDEAL_BRIDGE, shorted=1.0)
     made.advance(10 * SECOND, (duty, duty))
     assert [wheel.speed for wheel in made.wheels] == pytest.approx([speed, speed], abs=0.01)
 
@@ -74,8 +77,34 @@ def test_a_bipolar_bridge_does_not_brake_below_its_threshold():
         until = 10 * SECOND + 105_000_000  # 5 ms of dead time, then 0.1 s
         made.advance(until, (0.0, 0.0))
         speeds.append(made.wheels[0].speed)
-    # Friction alone: 20 rad/s2. Braked: v' = -20 - 10 (v - 4), so v = 2 + 16 exp(-10 t).
-    assert speeds == pytest.approx([16.0, 2 + 16 * exp(-1)], abs=0.1)
+    # The threshold is a quarter of the voltage at the motors: 5 rad/s.
+    # Friction alone: 20 rad/s2. Braked: v' = -20 - 10 (v - 5), so v = 3 + 15 exp(-10 t).
+    assert speeds == pytest.approx([16.0, 3 + 15 * exp(-1)], abs=0.1)
+
+
+@pytest.mark.parametrize("speed", [-0.3, 0.05, 0.2, 0.5, 0.9])
+@pytest.mark.parametrize("duty", [0.05, 0.2, 0.5, 0.9])
+@pytest.mark.parametrize("threshold", [0.0, 0.18])
+def test_the_mean_current_is_that_of_a_pulse(threshold, duty, speed):
+    """Integrated in steps of 2 us, with the current dying in transistors and diodes."""
+    drop, step = threshold / (1.0 - threshold), 2e-6
+    current = mean = 0.0
+    pulse = round(PULSE_S / step)
+    for number in range(20 * pulse):
+        if number % pulse < duty * pulse:  # driven; a current against it returns through the diodes
+            voltage = 1.0 + (2.0 * drop if current < 0.0 else 0.0)
+        elif current:
+            voltage = -copysign(drop, current)
+        else:
+            voltage = max(-drop, min(drop, speed))
+        before = current
+        current += (voltage - speed - current) * step / ELECTRICAL_TIME_S
+        if before * current < 0.0:
+            current = 0.0
+        if number >= 19 * pulse:
+            mean += current / pulse
+    found = BridgeModel(threshold).mean_current(duty, 1.0, speed, 1.0 - duty)
+    assert found == pytest.approx(mean, abs=0.02)
 
 
 def test_the_heat_of_a_stall_and_its_end():
@@ -101,28 +130,28 @@ def test_what_does_not_switch_off(stall_load, shuts_down):
 
 
 @pytest.mark.parametrize(
-    ("bridge", "duty", "speed", "current"),
+    ("shorted", "duty", "speed", "current"),
     [
-        (IDEAL_BRIDGE, 1.0, 0.0, 1.0),
-        (IDEAL_BRIDGE, 0.25, 0.5, 0.25),  # half the stall current, a quarter of the time
-        (SHORTS, 0.25, 0.0, 0.25),
-        (SHORTS, 0.25, 0.5, 0.25),  # it brakes
+        (0.0, 1.0, 0.0, 1.0),
+        (0.0, 0.25, 0.5, 0.25),  # half the stall current, a quarter of the time
+        (0.75, 0.25, 0.0, 0.25),
+        (0.75, 0.25, 0.5, 0.25),  # it brakes
     ],
 )
-def test_currents(bridge, duty, speed, current):
-    assert bridge.current(duty, 1.0, speed) == pytest.approx(current)
+def test_currents(shorted, duty, speed, current):
+    assert IDEAL_BRIDGE.current(duty, 1.0, speed, shorted) == pytest.approx(current)
 
 
 @pytest.mark.parametrize("equations", ["exponential", "torque"])
 def test_a_blocked_robot_loses_its_motors_for_a_while(equations):
     """The stock board has no speed loop that would notice the stall before."""
-    hot = BridgeModel(opens=False, stall_load=2.0, shuts_down=True)
+    hot = BridgeModel(stall_load=2.0, shuts_down=True)
     made = robot(
         "stock",
         equations=equations,
         motor=MotorTruth(gain_spread=0.0, ripple=0.0),
         disturbances=[Disturbance(left_drag=5.0)],
-        machine={"bridge": hot},
+        machine={"bridge": hot, "shorted_between": 1.0},
     )
     driven(made, 3.0, 1.0, 1.0, Duty)
     assert made.truth().right_speed > 8.0

@@ -26,7 +26,7 @@ PITCH = 2 * pi / 20
 IDEAL = EncoderDisc(tuple(k * PITCH / 2 for k in range(40)), 0.0, 0.0)
 # 20 rad/s without friction; 200 rad/s2: a time constant of 0.1 s at full duty.
 MOTOR = TorqueMotor(20.0, 200.0, 0.15, 0.1, 0.0, 0.5, 0.0, 0.0)
-SETUP = DriveSetup(0.03, 0.03, 0.12, 1.3, 5, Caster(-0.08, 0.02, 0.0), brakes=False)
+SETUP = DriveSetup(0.03, 0.03, 0.12, 1.3, 5, Caster(-0.08, 0.02, 0.0))
 FIRM = BatteryTruth(sag=0.0)
 
 
@@ -64,7 +64,8 @@ def test_only_friction_stops_a_wheel_without_drive():
 
 
 def test_shorted_windings_brake():
-    made = drive(setup=SETUP._replace(brakes=True))
+    made = drive()
+    made.set_shorted(1.0, 1.0)
     made.advance(10 * SECOND, (1.0, 1.0))
     before = made.wheels[0].angle
     made.advance(11 * SECOND, (0.0, 0.0))
@@ -118,7 +119,7 @@ def test_a_drawn_motor_reaches_the_stated_speed_at_full_duty(seed):
     motor = draw_torque_motor(model, Random(seed))
     made = drive(
         motor=motor,
-        setup=draw_setup((0.03, 0.03), 0.12, False, Random(seed))._replace(
+        setup=draw_setup((0.03, 0.03), 0.12, Random(seed))._replace(
             caster=Caster(-0.08, 0.02, 0.0)
         ),
     )

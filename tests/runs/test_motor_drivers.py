@@ -82,8 +82,12 @@ def test_directions_rest_and_restart(tmp_path, driver, board):
         bench.send(1, frames.StopFrame(1))
         bench.wait(40)
         assert bench.duty == [0.0, 0.0]
-        rests = {change.motor: change.brake for change in bench.changes}
-        assert set(rests.values()) == {facts.rests == ("brake",)}
+        always = facts.rests == ("brake",)
+        brakes = settings.driver is frames.DriverCode.PULSED_INPUTS or always
+        assert {change.motor: change.shorted for change in bench.changes} == {0: brakes, 1: brakes}
+        bench.wait(400)  # at rest for 0.3 s
+        assert {change.motor: change.shorted for change in bench.changes} == {0: always, 1: always}
+        bench.claim()  # the dead-man's time has passed
         bench.send(1, frames.DutyFrame(5, 20_000, 20_000))
         bench.wait(40)
         assert all(bench.duty)
@@ -103,9 +107,9 @@ def test_brake_at_rest(tmp_path, driver):
         bench.changes.clear()
         bench.send(1, frames.StopFrame(2))
         bench.wait(40)
-        assert {change.motor: (change.duty, change.brake) for change in bench.changes} == {
-            0: (0.0, True),
-            1: (0.0, True),
+        assert {change.motor: (change.duty, change.shorted) for change in bench.changes} == {
+            0: (0.0, 1.0),
+            1: (0.0, 1.0),
         }
 
 

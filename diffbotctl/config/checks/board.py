@@ -128,6 +128,7 @@ def check_driver(context: CheckContext) -> None:
         cause = f"{facts.with_article} with its pin {facts.standby} open keeps the motors off"
         fix = f"connect {facts.standby} to a pin and write standby: 4, or to 5 V: standby: none"
         context.warn("W-DRIVER-STANDBY", place, cause, fix)
+    _check_pulses(context, facts)
     idle = context.values("drive.left.motor.idle")
     if idle is not None and idle[0] not in facts.rests:
         place = context.error_place("drive.left.motor.idle", "drive.left.motor.driver")
@@ -139,6 +140,33 @@ def check_driver(context: CheckContext) -> None:
         place = context.error_place("board.supply")
         cause = f"{facts.with_article} has no 5 V regulator for the board"
         context.error("E-DRIVER", place, cause, "set supply: vin, or usb")
+
+
+def _check_pulses(context: CheckContext, facts: MotorDriverFacts) -> None:
+    """Refuse pulses where the driver or the board cannot have them, and an enable without need."""
+    both = [getattr(context.robot.drive, side).motor for side in SIDES] if context.robot else []
+    place = context.error_place("drive.left.motor.pulses", "drive.left.motor.driver")
+    if len({motor.pulses for motor in both}) > 1:
+        cause = "the pulses of both motors must be on the same inputs"
+        context.error("E-DRIVER", place, cause, "state pulses once, in the section drive.motor")
+        return
+    pulses = context.pulses
+    if pulses is None:
+        return
+    if not pulses.is_possible:
+        cause = f"the pulses cannot be on {both[0].pulses}: {pulses.why}"
+        context.error("E-DRIVER", place, cause, f"set pulses: {pulses.on}, or remove it")
+    if pulses.on == "inputs" and facts.mode == "enable_in1_in2":
+        without = [name for name, motor in zip(SIDES, both, strict=True) if motor.enable is None]
+        idle = context.values("drive.left.motor.idle")
+        if len(without) == 1:
+            cause = f"enable of the {without[0]} motor has no pin, that of the other motor has one"
+            place = context.error_place(f"drive.{without[0]}.motor.enable")
+            context.error("E-DRIVER", place, cause, "wire both alike: two jumpers, or two pins")
+        elif without and idle == ("coast",):
+            place = context.error_place("drive.left.motor.idle", "drive.left.motor.enable")
+            cause = f"{facts.with_article} that is always enabled shorts the motors at rest"
+            context.error("E-DRIVER", place, cause, "set idle: brake")
 
 
 def check_stall_current(context: CheckContext) -> None:

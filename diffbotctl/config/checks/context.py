@@ -9,6 +9,7 @@ from typing import Any
 from diffbotctl.block import Block
 from diffbotctl.config.board_pins import BOARDS, BoardPins
 from diffbotctl.config.configuration import InputUse, Omission, Pipeline, ProgramUse, SourceUse
+from diffbotctl.config.motor_pulses import MotorPulses, motor_pulses
 from diffbotctl.config.robot import Robot, field_value
 from diffbotctl.config.yaml_tree import Value
 from diffbotctl.errors import Place, Problem
@@ -83,6 +84,15 @@ class CheckContext:
         """What the table says of the robot's board; None for none, or where it is not readable."""
         (kind,) = self.values("board.type") or (None,)
         return BOARDS.get(kind) if isinstance(kind, str) else None
+
+    @property
+    def pulses(self) -> MotorPulses | None:
+        """Where the motor drivers get their pulses; None where that cannot be read."""
+        paths = ("board.type", "link.protocol", "drive.left.motor.driver")
+        inputs = ("drive.left.motor.in1", "drive.right.motor.in1")
+        if self.robot is None or self.values(*paths, *inputs) is None:
+            return None
+        return motor_pulses(self.robot)
 
     def nominal_values(self, *paths: str) -> tuple[Any, ...] | None:
         """As `values`, before calibration: what was measured with a ruler."""

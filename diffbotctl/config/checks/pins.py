@@ -67,12 +67,19 @@ def _check_required(context: CheckContext) -> None:
     ]
     for side in SIDES:
         paths += [("drive", side, "motor", name) for name in _motor_inputs(context, side)]
+    pulses = context.pulses
+    if pulses is not None and pulses.on == "inputs":  # without a pin it is wired high
+        paths = [steps for steps in paths if steps[-1] != "enable"]
     for steps in paths:
         value = context.robot_value(*steps)
         if value is not None and value.data in (None, "none"):
+            code = "E-BOARD-PIN"
             cause = "only a robot that exists just in the simulator can omit this pin"
             fix = "set the pin number, or board: {type: simulated}"
-            context.error("E-BOARD-PIN", value.place, cause, fix)
+            if steps[-1] == "enable" and pulses is not None:
+                code, cause = "E-DRIVER", f"the pulses are on enable: {pulses.why}"
+                fix = "remove the jumper, wire a pin with PWM to enable, and set its number"
+            context.error(code, value.place, cause, fix)
 
 
 def _motor_inputs(context: CheckContext, side: str) -> tuple[str, ...]:
@@ -103,16 +110,18 @@ def _pins_in_use(context: CheckContext, board: BoardPins) -> Iterator[PinUse]:
         for line, label in zip(board.i2c, ("data line", "clock line"), strict=True):
             yield PinUse(line, "digital", f"imu's {label}", context.robot_place("imu", "type"))
     pins: list[tuple[PinRole, str, str]] = []
+    on_inputs = context.pulses is not None and context.pulses.on == "inputs"
+    role: PinRole = "pwm" if on_inputs else "digital"
+    enable: PinRole = "digital" if on_inputs else "pwm"
     for side in SIDES:
         inputs = _motor_inputs(context, side)
         for name in ("in1", "in2"):
             if name in inputs:
-                role: PinRole = "digital" if "enable" in inputs else "pwm"
                 label = f"{side} direction input" if "enable" in inputs else f"{side} motor {name}"
                 pins.append((role, label, f"drive.{side}.motor.{name}"))
     for side in SIDES:
         if "enable" in _motor_inputs(context, side):
-            pins.append(("pwm", f"{side} motor enable", f"drive.{side}.motor.enable"))
+            pins.append((enable, f"{side} motor enable", f"drive.{side}.motor.enable"))
     pins.append(("digital", "driver's standby", "drive.left.motor.standby"))
     pins += [("interrupt", f"{side} encoder", f"drive.{side}.encoder.pin") for side in SIDES]
     second: PinRole = "interrupt" if board.counts_of_slot > 1 else "digital"

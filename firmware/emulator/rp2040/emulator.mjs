@@ -4,7 +4,7 @@
 // Two requests are of this board alone: L with a rate and a flag opens or closes the USB port, U with a UF2 file
 // copies it onto the drive of BOOTSEL. The flag 4 of a reply tells that the board shows that drive.
 //
-//   node emulator.mjs --image FILE.uf2 [--motor EN,IN1,IN2,KIND,STANDBY]... [--sonar TRIGGER,ECHO]...
+//   node emulator.mjs --image FILE.uf2 [--motor EN,IN1,IN2,STANDBY,SHORTS]... [--sonar TRIGGER,ECHO]...
 //        [--gyro ADDRESS]
 
 import { readFileSync, readSync, writeSync } from "node:fs";
@@ -37,7 +37,7 @@ function reply(bytes) {
 }
 
 function answerStep(board, began) {
-  const out = Buffer.alloc(13 + 8 * board.events.length + 6 * board.sent.length);
+  const out = Buffer.alloc(13 + 9 * board.events.length + 6 * board.sent.length);
   out.writeBigUInt64LE(BigInt(board.now), 0);
   out.writeUInt16LE(board.events.length, 8);
   out.writeUInt16LE(board.sent.length, 10);
@@ -47,8 +47,8 @@ function answerStep(board, began) {
     out.writeUInt32LE(event.time - began, at);
     out.writeUInt8(event.motor, at + 4);
     out.writeInt16LE(event.duty, at + 5);
-    out.writeUInt8(event.brake, at + 7);
-    at += 8;
+    out.writeInt16LE(event.shorted, at + 7);
+    at += 9;
   }
   for (const { time, uart, byte } of board.sent) {
     out.writeUInt32LE(time - began, at);
