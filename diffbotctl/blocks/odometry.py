@@ -11,14 +11,13 @@ from diffbotctl.estimation.directed_wheel import DirectedWheelOdometer
 from diffbotctl.estimation.explained_lost_edges import ExplainedLostEdges
 from diffbotctl.estimation.fine_wheel import FineWheelOdometer
 from diffbotctl.estimation.geometry_deviation import (
-    LEFT_DIAMETER,
-    RIGHT_DIAMETER,
     CalibratedValue,
     geometry_deviations,
+    may_have_wrong_slots,
 )
 from diffbotctl.estimation.gyro_heading import SCALE_SD, GyroHeading
 from diffbotctl.estimation.gyro_pose_filter import GyroPoseFilter
-from diffbotctl.estimation.lost_edges import BOTH_TEXTS, LostEdges, PossibleFaults
+from diffbotctl.estimation.lost_edges import LostEdges, PossibleFaults
 from diffbotctl.estimation.pin_level import COUNTED_LEVELS
 from diffbotctl.estimation.pose_filter import PoseFilter
 from diffbotctl.estimation.pulse_width import PulseWidth
@@ -105,9 +104,8 @@ class OdometryBlock(Block):
         self.timestamps = TimestampFilter(self.stamp_jitter, self.telemetry)
         self.wheels: tuple[Wheel, Wheel] | None = None
         sides = self.left_side, self.right_side
-        # Diameters that were measured by counting edges have the true slots in them.
-        may_have_wrong_slots = not {LEFT_DIAMETER, RIGHT_DIAMETER} <= self.calibration.keys()
-        self.lost_by_gains = LostEdges(may_have_wrong_slots)
+        may_be_wrong = may_have_wrong_slots(self.calibration)
+        self.lost_by_gains = LostEdges(may_be_wrong)
         self.pulse_widths = PulseWidth(), PulseWidth()
         self.counted_levels = [
             COUNTED_LEVELS.get(side.encoder.edge) if side.encoder.channels == 1 else None
@@ -117,9 +115,9 @@ class OdometryBlock(Block):
         # Of two channels an encoder with every second pulse missing, or doubled, counts none or
         # both ways: only the robot file may be wrong.
         has_one = 1 in channels
-        self.possible_faults = PossibleFaults(has_one, has_one or may_have_wrong_slots)
+        self.possible_faults = PossibleFaults(has_one, has_one or may_be_wrong)
         self.lost_by_edges = (
-            ExplainedLostEdges(*sides, may_have_wrong_slots)
+            ExplainedLostEdges(*sides, may_be_wrong)
             if 0 not in channels and any(self.possible_faults)
             else None
         )
@@ -347,7 +345,7 @@ def warning(left: Wheel, right: Wheel) -> str:
     left_fault, right_fault = left.fault, right.fault
     if not left_fault and not right_fault:
         return ""
-    if left_fault == right_fault and left_fault.endswith(BOTH_TEXTS):
+    if left_fault == right_fault:
         return f"left and right wheel: {left_fault}"
     faults = (("left", left_fault), ("right", right_fault))
     return "; ".join(f"{side} wheel: {fault}" for side, fault in faults if fault)

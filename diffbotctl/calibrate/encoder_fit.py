@@ -155,8 +155,8 @@ def _debounced(edges: Sequence[RawEdge], glitch: float) -> Iterator[RawEdge]:
 def count_slots(rolls: Mapping[str, Sequence[int]], turns: int, robot: Robot) -> PartResult:
     """The number of slots from the counts of each roll of `turns` turns, by side.
 
-    A roll that differs from the others is left out. Slots that differ from the stated number become
-    findings.
+    A roll that differs from the others is left out. The slots become findings, those as stated too:
+    from then on they are known to be right.
     """
     result = PartResult([], [], [])
     encoders = {side: section.encoder for side, section in drive_sides(robot).items()}
@@ -175,9 +175,9 @@ def count_slots(rolls: Mapping[str, Sequence[int]], turns: int, robot: Robot) ->
             f"the discs have {slots['left']} and {slots['right']} slots, but the board supports "
             "only one number for both: fit two equal discs"
         )
-    elif numbers and not numbers & set(stated.values()):
+    elif numbers:
         # A wheel that could not be counted has the same disc as the other.
-        value = numbers.pop()
+        value = (numbers & set(stated.values()) or numbers).pop()
         result.findings.extend(Finding(f"drive.{side}.encoder.slots", value) for side in stated)
     return result
 

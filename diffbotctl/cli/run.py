@@ -313,6 +313,8 @@ def _print_header(configuration: Configuration, port: str, seed: int) -> None:
     click.echo(fold_text(f"{configuration.file}{robot}: {kind}", hang=2))
     for omission in configuration.all_omissions():
         click.echo(fold_text(f"  {omission.text()}", hang=4))
+    if configuration.has_unverified_slots():
+        click.echo("  counts not verified: `diffbotctl calibrate encoders` counts the slots")
 
 
 def screen(

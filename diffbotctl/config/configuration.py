@@ -11,6 +11,7 @@ from diffbotctl.config.node_ports import SENSOR_MESSAGES
 from diffbotctl.config.robot import Robot
 from diffbotctl.device import DeviceDriver
 from diffbotctl.errors import Place, Problem
+from diffbotctl.estimation.geometry_deviation import may_have_wrong_slots
 from diffbotctl.messages import Range, Scan
 from diffbotctl.params import Choice, Param, Section
 from diffbotctl.units import POSE_MAX
@@ -312,6 +313,15 @@ class Configuration:
             if name not in wires.values() and SENSOR_MESSAGES[section.type] in (Range, Scan):
                 wires[f"robot.{name}"] = name
         return wires
+
+    def has_unverified_slots(self) -> bool:
+        """Whether nothing has measured the slots of an encoder of its robots."""
+        robots = (self.robot, *(part.robot for part in self.robots.values()))
+        return any(
+            may_have_wrong_slots(robot.calibration)
+            for robot in robots
+            if robot is not None and robot.drive.left.encoder.channels
+        )
 
     def all_omissions(self) -> tuple[Omission, ...]:
         """The blocks that are left out, of several robots with the name of theirs."""

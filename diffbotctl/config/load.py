@@ -39,7 +39,7 @@ from diffbotctl.config.named_robots import load_named_robots
 from diffbotctl.config.robot import (
     Robot,
     field_value,
-    fill_bridge_share,
+    fill_bridge,
     fill_counts,
     fill_curves,
     fill_glitch,
@@ -368,7 +368,7 @@ class _Loader:
         robot = read_section(whole, Robot, "the robot file", self.problems)
         fill_glitch(robot)
         fill_counts(robot)
-        fill_bridge_share(robot)
+        fill_bridge(robot)
         fill_curves(robot)
         self.context.robot_tree, self.context.robot = whole, robot
         self.context.nominal = robot
@@ -377,7 +377,7 @@ class _Loader:
             self.context.nominal = read_section(stated, Robot, "the robot file", [])
             fill_glitch(self.context.nominal)
             fill_counts(self.context.nominal)
-            fill_bridge_share(self.context.nominal)
+            fill_bridge(self.context.nominal)
             fill_curves(self.context.nominal)
         return file
 

@@ -289,7 +289,9 @@ class MotorSection(Section):
     loop = Param(SpeedLoopSection, default=SpeedLoopSection(), help="Speed loop of the wheel.")
     bridge_share = 0.0
     """share of the full battery's voltage that the driver's transistors take from a shorted motor;
-    `fill_bridge_share` sets it"""
+    `fill_bridge` sets it"""
+    is_shorted = False
+    """whether the driver shorts the windings between two pulses; `fill_bridge` sets it"""
 
 
 class EncoderSection(Section):
@@ -735,10 +737,11 @@ def fill_counts(robot: Robot) -> None:
             continue
 
 
-def fill_bridge_share(robot: Robot) -> None:
-    """Set the voltage of each motor's driver, as its data sheet has it, over that of the battery.
+def fill_bridge(robot: Robot) -> None:
+    """Set what the data sheet of each motor's driver tells: its voltage over that of the battery,
+    and what it does between two pulses.
 
-    Values that could not be read leave it at 0.
+    Values that could not be read leave 0 and False.
     """
     for side in SIDES:
         try:
@@ -749,6 +752,7 @@ def fill_bridge_share(robot: Robot) -> None:
             continue
         if facts is not None:
             motor.bridge_share = facts.bridge.threshold_share(full)
+            motor.is_shorted = facts.bridge.off_state == "shorted"
 
 
 def fill_curves(robot: Robot) -> None:

@@ -27,6 +27,8 @@ UNSURE_RATIO = 3.0
 UNSURE_ASIDE_RATIO = 1.5
 UNSURE_ASIDE_MAX = 0.1  # m, of that
 
+STRAIGHT_ANGLE = 180.0  # deg
+
 # m to the goal per metre of the radius of the first turn; from nearer, it would drive around it.
 TURN_WAY_RADII = 4.0
 
@@ -321,7 +323,8 @@ class PoseSd(NamedTuple):
         if self.position > tolerance:
             known.append(f"the position is known to {length_text(self.position)}")
         if self.heading > heading_tolerance:
-            known.append(f"the heading is known to {degrees(self.heading):.1f} deg")
+            turn = min(degrees(self.heading), STRAIGHT_ANGLE)  # a larger one means as little
+            known.append(f"the heading is known to {turn:.1f} deg")
         return f"{' and '.join(known)} (standard deviation)" if known else ""
 
 

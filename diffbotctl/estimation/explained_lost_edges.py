@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from diffbotctl.estimation.count_mismatch import CountMismatch, is_linear
 from diffbotctl.estimation.edge_ratio_steps import EdgeRatioSteps
 from diffbotctl.estimation.edge_residual import (
     GAIN_SD,
@@ -66,6 +67,8 @@ class ExplainedLostEdges(LostEdges):
         is_measured = left.motor.decay is not None and right.motor.decay is not None
         self.motors = MEASURED_MOTORS if is_measured else MOTORS
         self.steps = EdgeRatioSteps(self.motors)
+        motors = left.motor, right.motor
+        self.mismatch = CountMismatch(all(map(is_linear, motors)))
         self.compared = 0.0  # s of driving of both wheels, at the last comparison
         self.are_even = False
         """whether both wheels count as many edges as is explained, or both wrong alike"""
@@ -97,6 +100,18 @@ class ExplainedLostEdges(LostEdges):
         if driven >= self.compared + COMPARE_S:
             self.compared = driven
             self._compare_edges()
+            self._compare_levels()
+
+    def _compare_levels(self) -> None:
+        """Suspect the slots where neither motor can have made its edges."""
+        left, right = self.left.state.whole, self.right.state.whole
+        if not (self.may_have_wrong_slots and self.possible.of_both):
+            return
+        if min(left.explained, right.explained) < EVEN_MIN:
+            return
+        mismatch = self.mismatch.compare(left, right)
+        if mismatch.probability:
+            self.present = self.lasting = mismatch
 
     def _compare_edges(self) -> None:
         left, right = self.left.state, self.right.state

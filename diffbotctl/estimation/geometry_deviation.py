@@ -8,7 +8,7 @@ covariance (propagation of errors, J P J').
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from math import sqrt
 from typing import Any, NamedTuple, Protocol
 
@@ -29,6 +29,16 @@ UNSEEN_RATIO = 0.5  # of the share of faults of the other encoder, at least
 TRACK = "drive.track"
 LEFT_DIAMETER, RIGHT_DIAMETER = "drive.left.wheel.diameter", "drive.right.wheel.diameter"
 GEOMETRY = frozenset((TRACK, LEFT_DIAMETER, RIGHT_DIAMETER))
+SLOTS = "drive.left.encoder.slots", "drive.right.encoder.slots"
+
+
+def may_have_wrong_slots(calibration: Container[str]) -> bool:
+    """Whether nothing has measured the slots: neither turns by hand, nor edges on a known way,
+    whose diameters have the true slots in them."""
+    return not any(
+        all(field in calibration for field in fields)
+        for fields in (SLOTS, (LEFT_DIAMETER, RIGHT_DIAMETER))
+    )
 
 
 class CalibratedValue(Protocol):

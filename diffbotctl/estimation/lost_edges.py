@@ -73,7 +73,6 @@ BOTH_TWICE = BOTH_TEXT.format(
     slots="twice",
     supply="the motors are much faster than `rated`",
 )
-BOTH_TEXTS = (BOTH_LOST, BOTH_TWICE)
 
 
 class FaultProbabilities(NamedTuple):

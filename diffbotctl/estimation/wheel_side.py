@@ -12,7 +12,7 @@ from diffbotctl.control.speed_loop import MotorSettings
 class MotorConfig(MotorSettings, Protocol):
     """The motor section of a side; `lag` in s, `idle` coast or brake, `decay` slow, fast or None,
     `friction` and `breakaway` duties or None, `bridge_share` a share of the full battery's
-    voltage."""
+    voltage, `is_shorted` whether the driver shorts the windings between two pulses."""
 
     lag: float
     idle: str
@@ -20,6 +20,7 @@ class MotorConfig(MotorSettings, Protocol):
     friction: float | None
     breakaway: float | None
     bridge_share: float
+    is_shorted: bool
 
 
 class WheelConfig(Protocol):

@@ -286,7 +286,7 @@ def test_a_robot_that_is_pushed_may_have_moved_either_way(kind, period):
         pose, _ = odometry.react(time, frame_message)
     back = before.x - pushed * PITCH
     assert sqrt(pose.covariance[0]) > 0.4 * (pose.x - back) > 0.05
-    assert "left wheel: turned by 12 edges without a command" in pose.warning
+    assert "left and right wheel: turned by 12 edges without a command" in pose.warning
     assert "counted twice" not in pose.warning
     # 12 edges of each wheel the one way or the other, twice as far apart.
     assert pose.pushed_heading_sd == pytest.approx(2 * pushed * PITCH / odometry.track, rel=0.01)

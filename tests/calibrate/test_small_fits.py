@@ -20,7 +20,7 @@ ROBOT = load_robot("book_2wd").robot  # 20 slots
 @pytest.mark.parametrize(
     "rolls, findings, fault",
     [
-        ({"left": [200, 201, 200], "right": [199, 200, 200]}, {}, ""),
+        ({"left": [200, 201, 200], "right": [199, 200, 200]}, {"left": 20, "right": 20}, ""),
         # 24 slots on both; the third roll of the left wheel was one turn too many
         ({"left": [240, 241, 264], "right": [240, 240, 239]}, {"left": 24, "right": 24}, ""),
         # the right encoder is dead, and its disc is taken to be like the other

@@ -119,6 +119,35 @@ def test_four_wheels_never_claim_a_goal_behind_a_turn(seed):
     assert straight.go().reached == 1
 
 
+@pytest.mark.parametrize("slots", [1496, 187, 94])
+def test_slots_that_the_motors_cannot_explain_are_named(slots):
+    """The car's discs have 374; without its IMU nothing else shows the error."""
+    new_robot("--kit", "ros_car")
+    file = load_robot("ros_car").file
+    file.write_text(re.sub(r"(?m)^imu:.*\n", "", file.read_text()))
+    sets = [f"robot.drive.encoder.slots={slots}", "robot.simulation.encoder.slots=374"]
+    for goal in (Goal(0, 1, 1.0, 0.5, 1.57), Goal(0, 1, 0.0, 0.0, -2.97)):
+        configuration = load("goal", "ros_car", ["world.walls=[]", *sets])
+        run = Run(configuration, RunOptions(goals=(goal,), seed=1, fast=True))
+        result = run.go()
+        assert (result.reached, run.operator.reached_unsure) == (0, 1)
+        assert "slots or motor" in result.ending.cause
+        assert "calibrate encoders" in result.ending.cause
+
+
+@pytest.mark.parametrize("field", ["encoder.slots: {value: 146", "wheel.diameter: {value: 60 mm"])
+def test_a_run_says_that_counts_are_not_verified_until_they_are(field):
+    new_robot("--kit", "xrp")
+    file = load_robot("xrp").file
+    line = "  counts not verified: `diffbotctl calibrate encoders` counts the slots"
+    words = ["run", "goal", "--robot", "xrp", "--fast", "--for", "0.1 s"]
+    assert diffbotctl(*words)[1].splitlines().count(line) == 1
+    entries = ", ".join(f"drive.{side}.{field}}}" for side in ("left", "right"))
+    text = file.read_text().replace("calibration: {}", f"calibration: {{{entries}}}")
+    file.write_text(text)
+    assert line not in diffbotctl(*words)[1]
+
+
 def test_a_calibrated_track_of_four_wheels_is_believed():
     new_robot("--kit", "four_wheels")
     file = load_robot("four_wheels").file

@@ -1,0 +1,78 @@
+"""Counts that the motors cannot have made: wrong `slots`, or motors unlike their `rated` speed.
+
+A motor turns no faster than its rated speed allows at the duty in force, and a legitimate one no
+slower than half of it, after what a heavy robot takes. Counts beyond that are made by a disc with
+other slots than the robot file states, or by another motor; no encoder shows which of the two.
+
+What a duty allows is only known of windings that are shorted between two pulses. With open ones a
+motor is several times as fast at small duties, by as much as its friction leaves.
+"""
+
+from __future__ import annotations
+
+from math import log, sqrt
+
+from diffbotctl.estimation.edge_residual import EdgeLogRatio, residual
+from diffbotctl.estimation.explained_edges import EdgeRatio
+from diffbotctl.estimation.lost_edges import NO_SUSPICION, Suspicion
+from diffbotctl.estimation.wheel_side import MotorConfig
+
+# Logarithms of the edges counted over those explained: of motors at half of their rated speed, and
+# of half of the slots with motors 30 % below it. Healthy simulated robots reach 1.2.
+LEAST, MOST = log(0.5), log(1.4)
+HEAVY_LOAD = 0.2  # duty that moving the robot takes of both motors
+UNTIMED_MAX = 0.5  # of the edges; the duty of a board's loop is not known from edges without times
+SURE_SDS = 0.3  # of the logarithm of the ratio
+COMPARISONS_MIN = 2  # in a row
+# Of wrong slots rather than a motor: the goal is not given up, but never sure.
+PROBABILITY = 0.4
+TEXT = (
+    "slots or motor: {edges} `rated` allows at the duty in force; `diffbotctl calibrate encoders` "
+    "counts the slots"
+)
+FEW = TEXT.format(edges="less than half of the edges that")
+MANY = TEXT.format(edges="far more edges than")
+
+
+class CountMismatch:
+    """Whether both wheels count edges that their motors cannot explain."""
+
+    def __init__(self, is_linear: bool) -> None:
+        """`is_linear`: whether the speed of both motors is linear in the duty."""
+        self.is_linear = is_linear
+        self.text, self.comparisons = "", 0  # in a row, that show the same
+
+    def compare(self, left: EdgeRatio, right: EdgeRatio) -> Suspicion:
+        """What the sums of both wheels over the last seconds of driving show."""
+        text = ""
+        if max(each.untimed / each.explained for each in (left, right)) <= UNTIMED_MAX:
+            if self.is_linear and min(_beyond_most(left), _beyond_most(right)) > 0.0:
+                text = MANY
+            elif max(_beyond_least(left), _beyond_least(right)) < 0.0:
+                text = FEW
+        self.comparisons = self.comparisons + 1 if text == self.text else 1
+        self.text = text
+        if not text or self.comparisons < COMPARISONS_MIN:
+            return NO_SUSPICION
+        return Suspicion(PROBABILITY, (_share(left), _share(right)), (text, text))
+
+
+def is_linear(motor: MotorConfig) -> bool:
+    """Whether its speed is linear in the duty, as measured or by its driver's data sheet."""
+    return motor.decay == "slow" or (motor.decay is None and motor.is_shorted)
+
+
+def _beyond_most(edges: EdgeRatio) -> float:
+    """Logarithm by which the edges counted exceed those of a motor at its rated speed."""
+    ratio = EdgeLogRatio.of(edges)
+    return ratio.value - SURE_SDS * sqrt(ratio.variance) - MOST
+
+
+def _beyond_least(edges: EdgeRatio) -> float:
+    """Logarithm by which the edges counted exceed those of a weak motor of a heavy robot."""
+    return residual([EdgeLogRatio.of(edges)], 0.0, HEAVY_LOAD).value - LEAST
+
+
+def _share(edges: EdgeRatio) -> float:
+    """Standard deviation of the travel, relative to it."""
+    return sqrt(PROBABILITY) * abs(edges.explained / max(edges.counted, 1.0) - 1.0)
