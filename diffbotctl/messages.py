@@ -183,7 +183,12 @@ class Odometry(NamedTuple):
         ),
     ] = 0.0
     geometry_heading_sd: Annotated[
-        float, Field("rad", "The same part of the heading's standard deviation.")
+        float,
+        Field(
+            "rad",
+            "The same part of the heading's standard deviation, with that of a gyro's scale that "
+            "is not calibrated.",
+        ),
     ] = 0.0
     coast_time: Annotated[
         float,

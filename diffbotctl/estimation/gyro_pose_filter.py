@@ -8,7 +8,7 @@ which acts on the time since the last standstill.
 from __future__ import annotations
 
 from collections import deque
-from math import cos, pi, sin, sqrt
+from math import cos, hypot, pi, sin, sqrt
 from typing import Literal, NamedTuple
 
 from diffbotctl.estimation.geometry_deviation import GeometryDeviation, PoseDeviation
@@ -199,7 +199,10 @@ class GyroPoseFilter(PoseFilter):
         if around:
             xx, xy, xh, yy, yh, hh = covariance
             covariance = (xx + around, xy, xh, yy + around, yh, hh)
-        return message._replace(covariance=covariance)
+        # A scale that is not calibrated is as little known as the geometry by a ruler.
+        of_scale = 0.0 if self._is_calibrated else self.scale_sd * self._of_scale.heading
+        heading_sd = hypot(message.geometry_heading_sd, of_scale)
+        return message._replace(covariance=covariance, geometry_heading_sd=heading_sd)
 
     def _heading_variance(self, variance: float) -> float:
         return super()._heading_variance(variance) if self.step is None else 0.0

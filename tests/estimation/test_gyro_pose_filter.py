@@ -54,6 +54,14 @@ def test_without_a_step_it_is_the_filter_of_the_wheels():
     assert one.message(0, *wheels) == two.message(0, *wheels)
 
 
+@pytest.mark.parametrize("is_calibrated", [True, False])
+def test_a_scale_that_is_not_calibrated_is_a_part_of_its_own_of_the_heading(is_calibrated):
+    pose = GyroPoseFilter(TRACK, SLIP, (), 0.03, is_calibrated)
+    message = pose.message(0, *drive(pose, 100, -0.001, 0.001, angle=0.03))
+    assert sd(message, 5) == pytest.approx(0.03 * 3.0, rel=0.01)
+    assert message.geometry_heading_sd == pytest.approx(0.0 if is_calibrated else 0.09, rel=0.01)
+
+
 def test_the_turn_is_the_gyro_s_and_the_way_the_wheels():
     """The wheels would turn the robot by 4.6 deg in each of the frames."""
     pose = GyroPoseFilter(TRACK, SLIP, (), 0.003)
