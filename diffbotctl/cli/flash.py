@@ -164,6 +164,8 @@ def blink(port: str, robot: str | None, times: int) -> None:
     device = choose_port(radio=True) if port == "auto" else port
     file = load_robot(robot)
     click.echo(f"robot {file.file}, port {device}")
-    for said in blink(device, diffbot_host(file.robot, device), times):
+    host = diffbot_host(file.robot, device)
+    for said in blink(device, host, times):
         click.echo(said.text)
-    click.echo(pulses_text(file.robot))
+    if not host.has_older_pulses:  # else its description tells it
+        click.echo(pulses_text(file.robot))

@@ -206,6 +206,12 @@ class DiffbotHost:
         """State frames a second; nan before there were two."""
         return self._telemetry.rate
 
+    @property
+    def has_older_pulses(self) -> bool:
+        """True when the board's firmware cannot pulse the inputs that the settings ask for."""
+        hello, settings = self.hello, self.settings
+        return hello is not None and settings.for_firmware(hello.capabilities) is not settings
+
     def _enter(self, now: int, event: HostEvent, cause: str = "") -> LinkOutput:
         """Change the state; the message that shows it."""
         self.state, self.cause = TRANSITIONS[self.state][event], cause
@@ -337,8 +343,8 @@ class DiffbotHost:
         self._was_up = True
         self._gyro_due = now + GYRO_START_TIMEOUT
         self._commands.claim(now)  # a board without settings keeps no claim
-        older = self.settings.for_firmware(hello.capabilities) is not self.settings
-        text = "; ".join(filter(None, (restart, describe_board(hello), OLDER_PULSES * older)))
+        older = OLDER_PULSES if self.has_older_pulses else ""
+        text = "; ".join(filter(None, (restart, describe_board(hello), older)))
         return [("text", Text(now, text)), *self._enter(now, HostEvent.SETTINGS_MATCH)]
 
     def _on_answer(
