@@ -171,7 +171,7 @@ class _Reader:
                 return base.__new__(kind, base(values[0]))
         if issubclass(kind, tuple):
             return tuple.__new__(kind, _checked_fields(kind, values))
-        made = object.__new__(kind)
+        made = kind.__new__(kind)  # a compiled class refuses object.__new__
         for attribute, value in _pairs(values):
             if attribute.startswith("__"):
                 raise StateError(f"it sets {attribute[:40]} of a {name[:80]}")
