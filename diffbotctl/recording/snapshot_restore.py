@@ -28,6 +28,7 @@ PLAIN_MODULES = (
     "diffbotctl.params",
     "diffbotctl.engine.overspeed",
     "diffbotctl.engine.safety_gate",
+    "diffbotctl.engine.wheel_direction",
 )
 
 
