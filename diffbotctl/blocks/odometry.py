@@ -7,9 +7,10 @@ from math import hypot, radians, sqrt
 
 from diffbotctl.block import Block, In, Out, action
 from diffbotctl.estimation.commanded_wheel import CommandedWheelOdometer
+from diffbotctl.estimation.count_mismatch import is_linear
 from diffbotctl.estimation.directed_wheel import DirectedWheelOdometer
-from diffbotctl.estimation.explained_lost_edges import ExplainedLostEdges
-from diffbotctl.estimation.fine_wheel import FineWheelOdometer
+from diffbotctl.estimation.encoder_faults import EncoderFaults, PossibleFaults
+from diffbotctl.estimation.fine_wheel import CountWheelOdometer, FineWheelOdometer
 from diffbotctl.estimation.geometry_deviation import (
     CalibratedValue,
     geometry_deviations,
@@ -17,18 +18,12 @@ from diffbotctl.estimation.geometry_deviation import (
 )
 from diffbotctl.estimation.gyro_heading import SCALE_SD, GyroHeading
 from diffbotctl.estimation.gyro_pose_filter import GyroPoseFilter
-from diffbotctl.estimation.lost_edges import LostEdges, PossibleFaults
 from diffbotctl.estimation.pin_level import COUNTED_LEVELS
 from diffbotctl.estimation.pose_filter import PoseFilter
 from diffbotctl.estimation.pulse_width import PulseWidth
 from diffbotctl.estimation.slot_errors import LEARNABLE_SLOTS_MAX
 from diffbotctl.estimation.timestamp_filter import TimestampFilter
-from diffbotctl.estimation.wheel_odometer import (
-    CountWheelOdometer,
-    WheelOdometer,
-    compare_gains,
-    share_response,
-)
+from diffbotctl.estimation.wheel_odometer import WheelOdometer, share_response
 from diffbotctl.estimation.wheel_side import LinkTiming, SideConfig
 from diffbotctl.messages import Encoders, Imu, Odometry
 from diffbotctl.params import FromRobot, Param
@@ -105,7 +100,8 @@ class OdometryBlock(Block):
         self.wheels: tuple[Wheel, Wheel] | None = None
         sides = self.left_side, self.right_side
         may_be_wrong = may_have_wrong_slots(self.calibration)
-        self.lost_by_gains = LostEdges(may_be_wrong)
+        linear = all(is_linear(side.motor) for side in sides)
+        self.encoder_faults = EncoderFaults(may_be_wrong, linear)
         self.pulse_widths = PulseWidth(), PulseWidth()
         self.counted_levels = [
             COUNTED_LEVELS.get(side.encoder.edge) if side.encoder.channels == 1 else None
@@ -116,19 +112,12 @@ class OdometryBlock(Block):
         # both ways: only the robot file may be wrong.
         has_one = 1 in channels
         self.possible_faults = PossibleFaults(has_one, has_one or may_be_wrong)
-        self.lost_by_edges = (
-            ExplainedLostEdges(*sides, may_be_wrong)
-            if 0 not in channels and any(self.possible_faults)
-            else None
-        )
 
     @action(x="m", y="m", heading="rad")
     def set_pose(self, now: int, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> None:
         """Set the pose: x and y in m, heading in rad; default: the origin."""
         self.pose.set_pose(x, y, heading)
-        self.lost_by_gains.pose_is_set()
-        if self.lost_by_edges is not None:
-            self.lost_by_edges.pose_is_set()
+        self.encoder_faults.pose_is_set()
         for wheel in self.wheels or ():
             wheel.pose_is_set()
 
@@ -185,24 +174,13 @@ class OdometryBlock(Block):
         if self.gyro is not None and self.gyro.warning:
             text = f"{self.gyro.warning}; {text}" if text else self.gyro.warning
         message = self.pose.message(time, left, right, text)
-        probability = self._lost_edges.probability
-        for wheel in (left, right):
-            if isinstance(wheel, FineWheelOdometer):
-                probability = max(probability, wheel.steps.probability)
+        probability = self.encoder_faults.probability
         pushed_sd = hypot(left.pushed_travel, right.pushed_travel) / self.track
         if pushed_sd:  # a gyro measures a push, but not one before its first rest
             pushed_sd = min(pushed_sd, sqrt(max(message.covariance[5], 0.0)))
         if not probability and not pushed_sd:
             return message
         return message._replace(lost_edges_probability=probability, pushed_heading_sd=pushed_sd)
-
-    @property
-    def _lost_edges(self) -> LostEdges:
-        """What is likelier: by the gains of the motors, or by the edges that they explain."""
-        by_gains, by_edges = self.lost_by_gains, self.lost_by_edges
-        if by_edges is None or by_gains.probability >= by_edges.probability:
-            return by_gains
-        return by_edges
 
     def _rolls_out(self, encoders: Encoders, last: Encoders) -> bool:
         """Whether a wheel may still roll since a restart of the board in motion."""
@@ -226,24 +204,15 @@ class OdometryBlock(Block):
         self._take_levels(encoders, left, right)
         left.set_other_driven(bool(encoders.right_command))
         right.set_other_driven(bool(encoders.left_command))
-        self.lost_by_gains.possible = self._possible_faults()
         left.update(time, encoders.left, encoders.left_edge, encoders.left_command, is_duty, since)
         right.update(
             time, encoders.right, encoders.right_edge, encoders.right_command, is_duty, since
         )
         if isinstance(left, WheelOdometer) and isinstance(right, WheelOdometer):
             share_response(left, right)
-            are_even = self.lost_by_edges is not None and self.lost_by_edges.are_even
-            compare_gains(self.lost_by_gains, left, right, are_even)
-        if (
-            self.lost_by_edges is not None
-            and isinstance(left, EncoderWheel)
-            and isinstance(right, EncoderWheel)
-        ):
-            duties = left.mirrored_duty, right.mirrored_duty
-            self.lost_by_edges.possible = self.lost_by_gains.possible
-            self.lost_by_edges.update(encoders, since, *duties)
-            self._lost_edges.tell(left, right)
+        if isinstance(left, EncoderWheel) and isinstance(right, EncoderWheel):
+            self.encoder_faults.possible = self._possible_faults()
+            self.encoder_faults.update(left, right)
         left.report()
         right.report()
         self.pose.move(left, right)
@@ -253,10 +222,10 @@ class OdometryBlock(Block):
         of_one, of_both = self.possible_faults
         if self.gyro is None or not self.gyro.is_used:
             return self.possible_faults
-        slide = self.gyro.slide
+        assert isinstance(self.pose, GyroPoseFilter)
         return PossibleFaults(
-            of_one and slide.agreed_path < AGREED_PATH_MIN,
-            of_both and slide.agreed_turn < AGREED_TURN_MIN,
+            of_one and self.pose.agreed_path < AGREED_PATH_MIN,
+            of_both and self.pose.agreed_turn < AGREED_TURN_MIN,
         )
 
     def _take_levels(self, encoders: Encoders, left: Wheel, right: Wheel) -> None:
@@ -276,10 +245,7 @@ class OdometryBlock(Block):
         time, (first, second) = encoders.time, self.pulse_widths
         first.update(time, encoders.left, encoders.left_edge, told[0])
         second.update(time, encoders.right, encoders.right_edge, told[1])
-        ratios = first.lost_log_ratio, second.lost_log_ratio
-        self.lost_by_gains.pulse_ratios = ratios
-        if self.lost_by_edges is not None:
-            self.lost_by_edges.pulse_ratios = ratios
+        self.encoder_faults.pulse_log_ratios = first.lost_log_ratio, second.lost_log_ratio
 
     def _bridge_silence(
         self, encoders: Encoders, wheels: tuple[Wheel, Wheel], is_continued: bool = False
@@ -309,8 +275,7 @@ class OdometryBlock(Block):
 
     def _start(self, encoders: Encoders) -> tuple[Wheel, Wheel]:
         time = encoders.time
-        if self.lost_by_edges is not None:
-            self.lost_by_edges.restart(encoders)
+        self.encoder_faults.restart()
         for width in self.pulse_widths:
             width.restart()
         timing = LinkTiming(

@@ -23,7 +23,7 @@ from diffbotctl.calibrate.motor_fit import (
     gather_edges,
     solve_lines,
 )
-from diffbotctl.estimation.predicted_wheel import LAG_DUTY
+from diffbotctl.control.motor_curve import LAG_DUTY
 
 # s, of a battery that drops by a tenth with both motors stalled; with its standard deviation. Of
 # simulated ones that drop by 8 and 20 %: 4 and 12 ms.

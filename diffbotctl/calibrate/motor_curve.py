@@ -32,7 +32,7 @@ import numpy as np
 
 from diffbotctl.calibrate.dead_reckoning import Floats
 from diffbotctl.config.robot import Decay
-from diffbotctl.estimation.predicted_wheel import LAG_DUTY
+from diffbotctl.control.motor_curve import LAG_DUTY
 
 # The parameter that both motors share: sag or viscous friction. Beyond these limits the motors
 # follow another law: a line is as good, unless the law of fast decay is far better even at a limit.
@@ -55,7 +55,7 @@ LOOP_LAG_S = 0.09
 CERTAIN_RATIO_MAX = 0.25
 
 
-class MotorCurve(NamedTuple):
+class FittedMotor(NamedTuple):
     """One motor, without the drop of the battery."""
 
     static: float
@@ -107,7 +107,7 @@ class _CurveFit(NamedTuple):
         return SHARED_MIN + SHARED_STEP / 2 < self.shared < SHARED_MAX - SHARED_STEP / 2
 
 
-def fit_curves(points: Mapping[str, Sequence[tuple[float, float]]]) -> dict[str, MotorCurve]:
+def fit_curves(points: Mapping[str, Sequence[tuple[float, float]]]) -> dict[str, FittedMotor]:
     """The curves of all motors, from (duty, rad/s) by motor, at equal duties of both.
 
     Empty if these motors follow another law, of which a line is as good a description.
@@ -129,7 +129,7 @@ def fit_curves(points: Mapping[str, Sequence[tuple[float, float]]]) -> dict[str,
     return dict(zip(points, curves, strict=True))
 
 
-def with_duty_sd(curve: MotorCurve, sd: float) -> MotorCurve:
+def with_duty_sd(curve: FittedMotor, sd: float) -> FittedMotor:
     """`curve` with what an error `sd` that all duties share adds to its standard deviations."""
     return curve._replace(
         static_sd=hypot(curve.static_sd, sd),
@@ -137,7 +137,7 @@ def with_duty_sd(curve: MotorCurve, sd: float) -> MotorCurve:
     )
 
 
-def _fast_curves(tables: Sequence[Floats]) -> list[MotorCurve]:
+def _fast_curves(tables: Sequence[Floats]) -> list[FittedMotor]:
     """Those for a usual drop of the battery; with none of it, and of each motor alone, they show
     what is not known."""
     loaded = _curves(tables, _best_fit(tables, "fast"), "fast")
@@ -149,19 +149,19 @@ def _fast_curves(tables: Sequence[Floats]) -> list[MotorCurve]:
     ]
 
 
-def _current(curve: MotorCurve) -> float:
+def _current(curve: FittedMotor) -> float:
     """Current over stall current that balances friction at full duty."""
     return curve.static + curve.viscous * (1 - curve.static) / (1 + curve.viscous)
 
 
-def _at_rest(curve: MotorCurve, supply: float) -> MotorCurve:
+def _at_rest(curve: FittedMotor, supply: float) -> FittedMotor:
     """`curve` at the battery's voltage at rest, of which it was measured at the share `supply`."""
     static = curve.static * supply
     rated = curve.rated / supply * (1 - static) / (1 - curve.static)
     return curve._replace(static=static, rated=rated, loaded=curve.rated)
 
 
-def _widened(curve: MotorCurve, others: Sequence[MotorCurve]) -> MotorCurve:
+def _widened(curve: FittedMotor, others: Sequence[FittedMotor]) -> FittedMotor:
     """`curve`, with its differences from other ones as parts of its standard deviations."""
     statics = (other.static - curve.static for other in others)
     rateds = (other.rated - curve.rated for other in others)
@@ -183,7 +183,7 @@ def _best_fit(tables: Sequence[Floats], decay: Decay) -> _CurveFit:
     return min(fits, key=lambda fit: fit.error)
 
 
-def _curves(tables: Sequence[Floats], fit: _CurveFit, decay: Decay | None) -> list[MotorCurve]:
+def _curves(tables: Sequence[Floats], fit: _CurveFit, decay: Decay | None) -> list[FittedMotor]:
     covariance = _covariance(tables, fit)
     full = 1.0 if fit.decay == "slow" else 1.0 + fit.shared
     curves = []
@@ -196,7 +196,7 @@ def _curves(tables: Sequence[Floats], fit: _CurveFit, decay: Decay | None) -> li
         by_static = np.array([0.0, offset / gain**2, -1 / gain])
         by_rated = np.array([0.0 if fit.decay == "slow" else -rated / full, 1 / full, 1 / full])
         curves.append(
-            MotorCurve(
+            FittedMotor(
                 -offset / gain,
                 rated,
                 float(np.sqrt(by_static @ block @ by_static)),

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diffbotctl.calibrate.dead_reckoning import Floats
-from diffbotctl.calibrate.motor_curve import MotorCurve
+from diffbotctl.calibrate.motor_curve import FittedMotor
 from diffbotctl.messages import Encoders
 
 NS = 1e-9  # s
@@ -90,10 +90,10 @@ class SpeedDutyLine(NamedTuple):
     points: tuple[tuple[float, float], ...] = ()
     """(duty, rad/s)"""
 
-    def curve(self) -> MotorCurve:
+    def curve(self) -> FittedMotor:
         """The line as the curve of a motor whose battery does not sag."""
         sd = self.rated * self.slope_sd / self.slope
-        return MotorCurve(self.static, self.rated, self.static_sd, sd)
+        return FittedMotor(self.static, self.rated, self.static_sd, sd)
 
     def slope_above(self, static: float) -> tuple[float, float]:
         """Duty per rad/s above `static` that fits the points best, and its standard deviation."""

@@ -20,7 +20,7 @@ from enum import StrEnum
 from math import copysign, exp, pi
 
 from diffbotctl.config.robot import SideSection
-from diffbotctl.estimation.wheel_side import settled_speed
+from diffbotctl.control.motor_curve import settled_speed
 from diffbotctl.messages import Encoders
 
 GAP_MAX_S = 0.3  # between two frames; what happened in a longer one is unknown

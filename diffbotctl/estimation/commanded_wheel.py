@@ -6,10 +6,10 @@ the motor itself decide it. It is carried as a share of the travel, like that of
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from math import pi
 
-from diffbotctl.estimation.wheel_side import LinkTiming, SideConfig, lagged_motion, settled_speed
+from diffbotctl.control.motor_curve import lagged_motion, settled_speed
+from diffbotctl.estimation.wheel_side import LinkTiming, SideConfig
 
 # Relative standard deviation of the speed. The motors of one kit differ by a tenth, a battery loses
 # a fifth of its voltage while it empties, and breakaway duties differ by a factor of two.
@@ -22,8 +22,6 @@ class CommandedWheelOdometer:
 
     end_variance = disagreement = variance = 0.0
     start_correction = added_variance = 0.0
-    late_corrections: Sequence[float] = ()
-    disagreement_frames = 0
     pushed_travel = 0.0
     fault_share = SPEED_SD
     fault = FAULT

@@ -1,119 +1,178 @@
-"""Faults of a fine encoder, from the regularity of its counts.
+"""Share of the edges that a fine encoder misses or counts twice, from the regularity of its counts.
 
 The speed of a wheel changes smoothly; a missed or an additional edge changes a count at once. The
-fourth difference of the counts in successive spans of time removes the smooth part: a wheel turns
-too steadily for anything else to remain than the faults and the rounding to whole edges. The
-variance that remains for each edge is the share of faults (variance of a Poisson process).
-
-Rounding depends on the rate: at nearly a whole number of edges in a span all counts are equal, at a
-whole number and a half every second one is rounded up. One variance for all rates would hide faults
-at the first, and take the second for faults. With faults the edges have another rate than the
-counts, which each hypothesis takes into account.
+fourth difference of the counts in five successive spans removes the smooth part. What remains is
+the rounding to whole edges, or the cut of the slots where edges have times, the jitter of the
+frames, an uneven motor, and the faults: their variance for each edge is their share (Poisson
+process).
 
 Whether edges were missing or counted twice would follow from the third moment, but on the few
-hundred spans of a drive its sign is too uncertain: a wrong correction of one wheel turned simulated
-robots by 30 degrees. So the share is taken as a standard deviation of the travel: the root of its
-mean square over what the share may be, since on a short drive no counts rule a few faults out.
+hundred spans of a drive its sign is too uncertain. So the share is taken as a standard deviation of
+the travel: the root of its mean square over what it may be, since on a short drive no counts rule a
+few faults out.
 """
 
 from __future__ import annotations
 
-from math import sqrt
+import sys
+from collections import Counter
+from math import exp, log, sqrt
 
-from diffbotctl.estimation.count_fault_shares import CountFaultShares
-from diffbotctl.estimation.count_spans import CountSpans, Deviation
-from diffbotctl.estimation.fault_share_priors import SHARE_UNKNOWN
-from diffbotctl.estimation.timed_fault_shares import TimedFaultShares
+from diffbotctl.estimation.count_spans import (
+    BOUNDARY_SQUARES,
+    SQUARES,
+    WEIGHTS,
+    CountSpans,
+    Deviation,
+)
+from diffbotctl.estimation.likelihood import normal_density
 
-# Without edge times, the rounding of the count at the end of a span hides much. Spans that end at
-# other frames are rounded otherwise: so many series of spans, each begun after so many edges.
-OFFSETS, OFFSET_EDGES = 4, 4
-# Successive deviations have four of five spans in common, and those of several series nearly all:
-# so many are worth one independent one, for each number of series.
-DEVIATIONS_PER_SAMPLE = (2.9, 2.9, 4.1, 5.1, 5.8)
-DEVIATIONS_MIN = 8  # before a fault is told
-# By which the remaining variance differs from what rounding causes, for a fault to be told, in
-# standard errors: one strange count is none. Successive deviations have four of five spans in
-# common, so that the true error is some 1.7 times larger.
-CERTAIN_ERRORS_MIN = 5.0
-SHARE_REPORTED = 0.004
-# Factor of the variance by rounding that an uneven motor explains, before a fault is told.
-UNEVEN_MAX = 2.0
+# Probability of faults and of each share, before anything was counted.
+FAULTY = 0.06
+SHARES = (
+    (0.003, 0.15),
+    (0.006, 0.15),
+    (0.0125, 0.15),
+    (0.025, 0.2),
+    (0.05, 0.2),
+    (0.1, 0.12),
+    (0.2, 0.03),
+)
+# Standard deviation of the mean speed in a span, relative to the speed, by which a motor turns
+# unevenly, with probabilities: gears, commutator and the loop of the board. Where edges have times,
+# spans are so short that a gear shows that cogs by 5 % of the stall torque: it reaches 0.1 where
+# the motor has hardly more torque than friction takes.
+UNEVENNESS = (0.0, 0.6), (0.003, 0.25), (0.006, 0.15)
+TIMED_UNEVENNESS = (0.0, 0.45), (0.006, 0.25), (0.025, 0.15), (0.05, 0.08), (0.1, 0.05), (0.2, 0.02)
+# A gear swings evenly, within limits, and never by a whole edge at once: a sine with the standard
+# deviation 1 takes the middles of its four quarters by value for equal times, and the values
+# scatter by about a quarter around each. It shows from SINE_MIN times the usual variance on.
+SINE_VALUES, SINE_SPREAD, SINE_MIN = (-1.307, -0.541, 0.541, 1.307), 0.0625, 4.0
+# What a single fault in one of five spans adds to the fourth difference, with probabilities.
+SINGLE_FAULTS = tuple(
+    (sign * weight, count / (2.0 * len(WEIGHTS)))
+    for weight, count in Counter(WEIGHTS).items()
+    for sign in (-1.0, 1.0)
+)
+# Share of the deviations in which the motion itself was not smooth, such as at a start or a seam of
+# the floor, and the change of the speed then, relative to it.
+ROUGH_SHARE, ROUGH_CHANGE = 0.01, 0.1
+SLOT_SD = 0.03  # pitches; cut of the slots, of edges with times
+RATE_VARIANCE = 0.02  # edges2 in a span; of the rate that is taken from five counts
+# Of the fourth difference by rounding, at a whole number of edges and a half in a span.
+ROUNDING_VARIANCE_MAX = 16.0 / 9.0
+# Successive deviations have four of five spans in common: every third one is taken, and so many of
+# those are worth one independent one.
+DEVIATIONS_TAKEN, DEVIATIONS_PER_SAMPLE = 3, 1.3
+FAULTY_MIN, SHARE_MIN = 0.95, 0.004  # probability and share from which on faults are reported
 
 
 class CountFaults:
     """Share of missed or additional edges of one encoder."""
 
-    def __init__(self, has_edge_times: bool, is_fine: bool = True) -> None:
-        """`is_fine`: edges come so densely that the speed changes little in the time of fifteen."""
+    def __init__(self, has_edge_times: bool, frame_time: float = 0.0) -> None:
+        """`frame_time`: standard deviation (s) of the times of frames, where edges have none."""
         self.has_edge_times = has_edge_times
-        may_be_short = has_edge_times and is_fine
-        offsets = 1 if has_edge_times else OFFSETS
-        self.spans = [CountSpans(has_edge_times, may_be_short) for _ in range(offsets)]
-        self.begun = 0  # of them, since the direction has changed
+        self.frame_time = 0.0 if has_edge_times else frame_time
+        self.spans = CountSpans(has_edge_times)
         self.direction = 0
-        self.edges = 0  # since then
-        self.number = 0
-        self.sum_squares = self.sum_fourths = 0.0
-        self.sum_noise = 0.0
-        self.shares = TimedFaultShares() if may_be_short else CountFaultShares(has_edge_times)
-        self.is_certain = False
+        self.unevenness = TIMED_UNEVENNESS if has_edge_times else UNEVENNESS
+        self.shares = ((0.0, 1.0 - FAULTY), *((share, FAULTY * part) for share, part in SHARES))
+        self.logs = [log(likely * part) for _, likely in self.unevenness for _, part in self.shares]
+        self.probability = FAULTY
+        """that there are faults"""
+        self.share = sqrt(FAULTY * sum((share * share * part for share, part in SHARES), 0.0))
+        """standard deviation: missed or additional edges per edge"""
 
     def add(self, seconds: float, edges: int, direction: int) -> None:
         """Take `edges` counted during `seconds` into account; direction 0: it is not known."""
         if direction != self.direction:
             self.direction = direction
-            self._restart()
-            return
-        if not direction:
-            return
-        spans, begun = self.spans, self.begun
-        # Those that begin a frame later than the others before, within the first span.
-        if begun < len(spans) and self.edges >= begun * OFFSET_EDGES and self.is_in_first_span:
-            self.begun = begun = begun + 1
-        self.edges += edges
-        for index in range(begun):
-            deviation = spans[index].add(seconds, edges)
-            if deviation is not None:
-                if index == 0:
-                    self._sum(deviation)
-                self.shares.add(deviation, DEVIATIONS_PER_SAMPLE[begun])
-
-    @property
-    def is_in_first_span(self) -> bool:
-        """Whether the first spans are not complete."""
-        return not self.spans[0].rates
-
-    def _restart(self) -> None:
-        self.begun = self.edges = 0
-        for spans in self.spans:
-            spans.restart()
-
-    def _sum(self, deviation: Deviation) -> None:
-        square = deviation.square
-        self.number += 1
-        self.sum_squares += square
-        self.sum_fourths += square * square
-        self.sum_noise += self.shares.noise(deviation.edges, deviation.slope)
-        excess = self.sum_squares - UNEVEN_MAX * self.sum_noise
-        error = sqrt(max(self.sum_fourths - self.sum_squares**2 / self.number, 0.0))
-        is_enough = self.number >= DEVIATIONS_MIN
-        is_clear = excess > CERTAIN_ERRORS_MIN * error
-        self.is_certain = is_enough and self.shares.shows_faults and is_clear
-
-    @property
-    def share(self) -> float:
-        """Standard deviation: missed or additional edges per edge."""
-        return sqrt(self.shares.mean_square)
-
-    @property
-    def shown_share(self) -> float:
-        """The share without what is only not known: what the counts show."""
-        return sqrt(max(self.share**2 - SHARE_UNKNOWN**2, 0.0))
+            self.spans.restart()
+        elif direction:
+            deviation = self.spans.add(seconds, edges)
+            if deviation is not None and self.spans.number % DEVIATIONS_TAKEN == 0:
+                self._take(deviation)
 
     @property
     def text(self) -> str:
         """What is wrong with the encoder, or an empty text."""
-        if self.share < SHARE_REPORTED or not self.is_certain:
+        if self.share < SHARE_MIN or self.probability < FAULTY_MIN:
             return ""
         return f"edges are missing or counted twice: about {100.0 * self.share:.1f} %"
+
+    def _take(self, deviation: Deviation) -> None:
+        square, edges, slope, seconds = deviation
+        jitter = BOUNDARY_SQUARES * (edges / seconds * self.frame_time) ** 2
+        usual = self._noise(edges, slope) + jitter
+        # Above 0: interference at a wheel that stands gives edges that nothing explains.
+        density = normal_density(square, usual + (ROUGH_CHANGE * edges) ** 2)
+        rough = ROUGH_SHARE * max(density, sys.float_info.min)
+        size, parts = sqrt(square), [_faults_in(edges * share) for share, _ in self.shares]
+        index = 0
+        for uneven, _ in self.unevenness:
+            motion = SQUARES * (uneven * edges) ** 2
+            noise = usual + motion
+            none = _density(size, usual, motion)
+            one = 0.0
+            for value, part in SINGLE_FAULTS:
+                one += part * _density(size - value, usual, motion)
+            for no_fault, one_fault, more, variance in parts:
+                likely = no_fault * none + one_fault * one
+                if more:
+                    likely += more * normal_density(square, noise + variance)
+                likely = rough + (1.0 - ROUGH_SHARE) * likely
+                self.logs[index] += log(likely) / DEVIATIONS_PER_SAMPLE
+                index += 1
+        self._weigh()
+
+    def _noise(self, edges: float, slope: float) -> float:
+        """Variance without faults, of spans with `edges` on average and `slope` more in each."""
+        if self.has_edge_times:
+            return BOUNDARY_SQUARES * SLOT_SD * SLOT_SD
+        first, last = edges - 1.4 * slope, edges + 1.4 * slope  # five numbers have this deviation
+        return 0.5 * (_rounding_variance(first) + _rounding_variance(last))
+
+    def _weigh(self) -> None:
+        best = max(self.logs)
+        total = faulty = mean_square = 0.0
+        number = len(self.shares)
+        for index, value in enumerate(self.logs):
+            share = self.shares[index % number][0]
+            weight = exp(value - best)
+            total += weight
+            if share:
+                faulty += weight
+                mean_square += weight * share * share
+        self.probability, self.share = faulty / total, sqrt(mean_square / total)
+
+
+def _rounding_variance(edges: float) -> float:
+    """Variance of the fourth difference by rounding the counts of spans with so many `edges`.
+
+    It grows from 0 at a whole number to 16/9 at a whole number and a half, nearly with the square
+    of the distance from it: 7/18 at 0.2, 1/2 at 0.25, 1 at 0.4.
+    """
+    square = (edges - round(edges)) ** 2 + RATE_VARIANCE
+    return ROUNDING_VARIANCE_MAX * min(4.0 * square, 1.0)
+
+
+def _density(value: float, usual: float, motion: float) -> float:
+    """Of a deviation with the variance `usual` and a motion with the variance `motion`."""
+    if motion < SINE_MIN * usual:
+        return normal_density(value * value, usual + motion)
+    sd, variance = sqrt(motion), usual + SINE_SPREAD * motion
+    densities = (normal_density((value - each * sd) ** 2, variance) for each in SINE_VALUES)
+    return sum(densities, 0.0) / len(SINE_VALUES)
+
+
+def _faults_in(faults: float) -> tuple[float, float, float, float]:
+    """Probabilities that five spans with `faults` in each on average have none, one and more (a
+    Poisson distribution), and the variance that those add."""
+    mean = len(WEIGHTS) * faults
+    none = exp(-mean)
+    one = mean * none
+    more = 1.0 - none - one
+    if more < 1e-9:
+        return none, one, 0.0, 0.0
+    return none, one, more, SQUARES / len(WEIGHTS) * (mean - one) / more

@@ -10,19 +10,21 @@ motor is several times as fast at small duties, by as much as its friction leave
 
 from __future__ import annotations
 
-from math import log, sqrt
+from math import exp, log, sqrt
 
-from diffbotctl.estimation.edge_residual import EdgeLogRatio, residual
 from diffbotctl.estimation.explained_edges import EdgeRatio
-from diffbotctl.estimation.lost_edges import NO_SUSPICION, Suspicion
 from diffbotctl.estimation.wheel_side import MotorConfig
 
 # Logarithms of the edges counted over those explained: of motors at half of their rated speed, and
 # of half of the slots with motors 30 % below it. Healthy simulated robots reach 1.2.
 LEAST, MOST = log(0.5), log(1.4)
 HEAVY_LOAD = 0.2  # duty that moving the robot takes of both motors
+SHARE_MIN = 0.1  # of the edges explained, left by the load
+EXPLAINED_MIN = 5.0  # edges
 UNTIMED_MAX = 0.5  # of the edges; the duty of a board's loop is not known from edges without times
-SURE_SDS = 0.3  # of the logarithm of the ratio
+# Standard deviation of the log of a ratio by the friction, relative to the edges that it takes, and
+# the number of them by which a ratio has to exceed MOST.
+FRICTION_SD, SURE_SDS = 0.4, 0.3
 COMPARISONS_MIN = 2  # in a row
 # Of wrong slots rather than a motor: the goal is not given up, but never sure.
 PROBABILITY = 0.4
@@ -40,21 +42,33 @@ class CountMismatch:
     def __init__(self, is_linear: bool) -> None:
         """`is_linear`: whether the speed of both motors is linear in the duty."""
         self.is_linear = is_linear
-        self.text, self.comparisons = "", 0  # in a row, that show the same
+        self.seen, self.comparisons = "", 0  # in a row, that show the same
+        self.text = ""
+        """what was found since the pose was set, or an empty text"""
+        self.shares = (0.0, 0.0)
+        """standard deviation of the travel of the left and the right wheel, relative to it"""
 
-    def compare(self, left: EdgeRatio, right: EdgeRatio) -> Suspicion:
-        """What the sums of both wheels over the last seconds of driving show."""
-        text = ""
-        if max(each.untimed / each.explained for each in (left, right)) <= UNTIMED_MAX:
-            if self.is_linear and min(_beyond_most(left), _beyond_most(right)) > 0.0:
-                text = MANY
-            elif max(_beyond_least(left), _beyond_least(right)) < 0.0:
-                text = FEW
-        self.comparisons = self.comparisons + 1 if text == self.text else 1
-        self.text = text
-        if not text or self.comparisons < COMPARISONS_MIN:
-            return NO_SUSPICION
-        return Suspicion(PROBABILITY, (_share(left), _share(right)), (text, text))
+    @property
+    def probability(self) -> float:
+        """That the pose is wrong by the slots."""
+        return PROBABILITY if self.text else 0.0
+
+    def compare(self, left: EdgeRatio, right: EdgeRatio) -> None:
+        """Take the sums of both wheels over the last seconds of driving."""
+        seen = self._seen(left, right)
+        self.comparisons = self.comparisons + 1 if seen == self.seen else 1
+        self.seen = seen
+        if seen and self.comparisons >= COMPARISONS_MIN:
+            self.text, self.shares = seen, (_share(left), _share(right))
+
+    def _seen(self, left: EdgeRatio, right: EdgeRatio) -> str:
+        if min(left.explained, right.explained) < EXPLAINED_MIN:
+            return ""
+        if max(each.untimed / each.explained for each in (left, right)) > UNTIMED_MAX:
+            return ""
+        if self.is_linear and min(_beyond_most(left), _beyond_most(right)) > 0.0:
+            return MANY
+        return FEW if max(_beyond_least(left), _beyond_least(right)) < 0.0 else ""
 
 
 def is_linear(motor: MotorConfig) -> bool:
@@ -64,15 +78,15 @@ def is_linear(motor: MotorConfig) -> bool:
 
 def _beyond_most(edges: EdgeRatio) -> float:
     """Logarithm by which the edges counted exceed those of a motor at its rated speed."""
-    ratio = EdgeLogRatio.of(edges)
-    return ratio.value - SURE_SDS * sqrt(ratio.variance) - MOST
+    friction = FRICTION_SD * edges.friction / edges.explained
+    return edges.log_ratio - SURE_SDS * friction - MOST
 
 
 def _beyond_least(edges: EdgeRatio) -> float:
     """Logarithm by which the edges counted exceed those of a weak motor of a heavy robot."""
-    return residual([EdgeLogRatio.of(edges)], 0.0, HEAVY_LOAD).value - LEAST
+    share = max(1.0 - HEAVY_LOAD * edges.load / edges.explained, SHARE_MIN)
+    return edges.log_ratio - log(share) - LEAST
 
 
 def _share(edges: EdgeRatio) -> float:
-    """Standard deviation of the travel, relative to it."""
-    return sqrt(PROBABILITY) * abs(edges.explained / max(edges.counted, 1.0) - 1.0)
+    return sqrt(PROBABILITY) * abs(exp(-edges.log_ratio) - 1.0)

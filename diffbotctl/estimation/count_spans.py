@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from operator import mul
 from typing import NamedTuple
 
@@ -14,6 +15,10 @@ TIMED_FIRST_EDGES_MIN, TIMED_SPAN_EDGES_MIN = 3, 1
 SPAN_SECONDS_MAX = 0.3
 WEIGHTS = (1.0 / 6.0, -4.0 / 6.0, 1.0, -4.0 / 6.0, 1.0 / 6.0)
 SQUARES = sum((weight**2 for weight in WEIGHTS), 0.0)
+# The same of an error at the boundary of two spans, which adds to one what it takes from the other.
+BOUNDARY_SQUARES = sum(
+    ((after - before) ** 2 for before, after in pairwise((0.0, *WEIGHTS, 0.0))), 0.0
+)
 EDGES_GAIN, EDGES_CHANGE_MAX = 0.3, 1.0
 SLOPE_MAX = 0.3  # of the mean speed in all spans; a faster change is not smooth enough
 
@@ -27,13 +32,15 @@ class Deviation(NamedTuple):
     """in a span, on average"""
     slope: float
     """edges by which a span has more than the one before"""
+    seconds: float
+    """of a span"""
 
 
 class CountSpans:
     """Successive spans of time, and the edges in them."""
 
-    def __init__(self, has_edge_times: bool, may_be_short: bool) -> None:
-        self.has_edge_times, self.may_be_short = has_edge_times, may_be_short
+    def __init__(self, has_edge_times: bool) -> None:
+        self.has_edge_times = has_edge_times
         self.rates: list[tuple[float, int]] = []  # edges/s and edges of the last spans
         self.seconds = 0.0
         self.edges = self.frames = 0
@@ -53,7 +60,7 @@ class CountSpans:
         self.frames += 1
         if not self._is_span_complete():
             return None
-        least = TIMED_SPAN_EDGES_MIN if self.may_be_short else SPAN_EDGES_MIN
+        least = TIMED_SPAN_EDGES_MIN if self.has_edge_times else SPAN_EDGES_MIN
         is_even = least <= self.edges <= SPAN_EDGES_RATIO_MAX * self.first_edges
         if not is_even or self.seconds > SPAN_SECONDS_MAX:
             self.restart()
@@ -72,9 +79,9 @@ class CountSpans:
         if self.rates:
             return self.frames >= self.first_frames
         self.first_edges = self.edges
-        if self.may_be_short:
+        if self.has_edge_times:
             return self.edges >= TIMED_FIRST_EDGES_MIN
-        is_slow = self.has_edge_times or self.seconds >= FIRST_SECONDS_MAX
+        is_slow = self.seconds >= FIRST_SECONDS_MAX
         return self.edges >= (SLOW_FIRST_EDGES_MIN if is_slow else FIRST_EDGES_MIN)
 
     def _deviation(self) -> Deviation | None:
@@ -93,4 +100,4 @@ class CountSpans:
         predicted = self.edges_mean + slope * scale
         is_new = self.number == 1 or abs(edges - predicted) > EDGES_CHANGE_MAX
         self.edges_mean = edges if is_new else predicted + EDGES_GAIN * (edges - predicted)
-        return Deviation(square, self.edges_mean, slope * scale)
+        return Deviation(square, self.edges_mean, slope * scale, scale)

@@ -6,8 +6,8 @@ hand, counts as it turns. The model of the motor is only used for the speed betw
 
 from __future__ import annotations
 
+from diffbotctl.control.motor_curve import settled_speed
 from diffbotctl.estimation.fine_wheel import FineWheelOdometer
-from diffbotctl.estimation.wheel_side import settled_speed
 
 
 class DirectedWheelOdometer(FineWheelOdometer):
@@ -39,6 +39,7 @@ class DirectedWheelOdometer(FineWheelOdometer):
             self.faults.add(edge_span, abs(steps), self.direction)
         commanded = speed * self.pitches_per_rad
         self.lost_since += self.gaps.update(span, abs(steps), commanded)
+        self._explain(time, steps, edge_time, span, command, is_duty, command_since)
         self._update_speed(predicted, mean, steps, abs(steps), span, edge_span)
         self._place_between_edges(time, steps, span)
 

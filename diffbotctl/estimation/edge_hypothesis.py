@@ -9,8 +9,7 @@ pitches.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from itertools import islice
+from dataclasses import dataclass, replace
 from math import exp, log, sqrt
 from typing import NamedTuple
 
@@ -25,12 +24,10 @@ from diffbotctl.estimation.edge_faults import NO_FAULTS, EdgeFaults
 from diffbotctl.estimation.edge_places import OPEN_SHARE, bounds, edge_place
 from diffbotctl.estimation.likelihood import normal_cdf
 from diffbotctl.estimation.pin_level import TurningLevel, place_by_level, update_by_level
-from diffbotctl.estimation.pose_history import FRAMES_MAX
 from diffbotctl.estimation.predicted_wheel import MotorKind
 from diffbotctl.estimation.wheel_frame import DriveChange, WheelFrame
 from diffbotctl.estimation.wheel_kalman import WheelKalman
 
-SAME = 1e-9  # pitches; a smaller difference is one of rounding
 LOG_RATIO_MAX = 8.0  # natural log; branches less likely than the best by more are not followed
 DIRECTION_PROBABILITY_MIN = 1e-6  # lower limit of the prior of a direction
 # Standard deviations of speed and lag up to which a wheel may roll on against its drive.
@@ -85,8 +82,6 @@ class EdgeHypothesis:
     # Largest speed (pitches/s) at which the wheel may still roll on against a reversed drive, which
     # only brakes it.
     coasting_speed: float = 0.0
-    # Travel (pitches) since the start, but for its phase, after each of the last frames.
-    travels: list[float] = field(default_factory=list)
 
     @property
     def last_edge(self) -> tuple[int, int, bool]:
@@ -105,32 +100,7 @@ class EdgeHypothesis:
 
     def copy(self) -> EdgeHypothesis:
         """An independent copy, for a split."""
-        return replace(self, motion=self.motion.copy(), travels=self.travels.copy())
-
-    def remember(self) -> None:
-        """Note the travel at the end of a frame."""
-        travels, motion = self.travels, self.motion
-        travels.append(motion.z - motion.z_shift)
-        if len(travels) >= 2 * FRAMES_MAX:
-            del travels[:FRAMES_MAX]
-
-    def frames_since(self, other: EdgeHypothesis) -> int:
-        """Frames since the travel of `other` had less than half of its present difference."""
-        limit = 0.5 * abs(other.travels[-1] - self.travels[-1])
-        pairs = zip(reversed(self.travels), reversed(other.travels), strict=False)
-        for frames, (own, its) in enumerate(islice(pairs, FRAMES_MAX)):
-            if -limit < its - own < limit:
-                return frames
-        return min(len(self.travels), len(other.travels), FRAMES_MAX)
-
-    def corrections(self, other: EdgeHypothesis) -> list[float]:
-        """What the travel of `other` exceeds the own one by (pitches) in each of the last frames,
-        from the first one in which they differ."""
-        own, its = self.travels[-FRAMES_MAX:], other.travels[-FRAMES_MAX:]
-        differences = [b - a for a, b in zip(own, its, strict=False)]
-        added = [b - a for a, b in zip([0.0, *differences], differences, strict=False)]
-        first = next((n for n, each in enumerate(added) if abs(each) > SAME), len(added))
-        return added[first:]
+        return replace(self, motion=self.motion.copy())
 
     @property
     def edge_place(self) -> float:
@@ -446,8 +416,6 @@ def update_all(hypotheses: list[EdgeHypothesis], frame: WheelFrame) -> list[Edge
     branches = []
     for hypothesis in hypotheses:
         branches += hypothesis.update(frame)
-    for branch in branches:
-        branch.remember()
     return branches
 
 

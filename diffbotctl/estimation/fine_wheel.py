@@ -8,15 +8,16 @@ turned. Lengths are pitches, times seconds.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from math import exp, pi, radians, sqrt
 
+from diffbotctl.control.motor_curve import settled_speed
+from diffbotctl.control.speed_loop import SpeedLoopMirror, speed_gains
 from diffbotctl.estimation.count_faults import CountFaults
 from diffbotctl.estimation.count_sign import CountSign
 from diffbotctl.estimation.edge_gaps import EdgeGaps
-from diffbotctl.estimation.rate_steps import RateSteps
-from diffbotctl.estimation.slot_errors import LEARNABLE_SLOTS_MAX
-from diffbotctl.estimation.wheel_side import LinkTiming, SideConfig, settled_speed
+from diffbotctl.estimation.explained_edges import ExplainedEdges
+from diffbotctl.estimation.undriven_edges import UndrivenEdges
+from diffbotctl.estimation.wheel_side import LinkTiming, SideConfig
 
 UNIFORM_VARIANCE = 1.0 / 12.0
 # Pitches2; after a reversal the next edge may be either edge of the slot.
@@ -33,31 +34,20 @@ ROUNDING_SD = 0.41  # pitches; of the difference of two counts
 EDGE_SD = 0.05  # pitches; the same with edge times
 HIDDEN_SDS = 2.0  # of the speed; fewer edges than its uncertainty explains have cancelled
 ROUNDING_MAX = 1.5  # edges; of two counts
-REST_S = 0.3  # without a drive and without an edge, after which a wheel is at rest
-# Edges and angle (rad) of a wheel at rest that are told: one that trembles, or rolls out slowly,
-# makes less. While the other wheel is driven, which may drag it along, fewer edges are told.
-PUSHED_EDGES_MIN, DRAGGED_EDGES_MIN, PUSHED_ANGLE_MIN = 3, 2, 0.1
 
 
 class FineWheelOdometer:
     """A wheel whose travel is its edges times the pitch."""
 
-    def __init__(
-        self,
-        side: SideConfig,
-        time: int,
-        count: int,
-        timing: LinkTiming,
-        finds_steps: bool = True,
-    ) -> None:
-        """Start at `time` (ns) with the board's `count`. `finds_steps`: whether somebody asks for
-        `steps`."""
+    def __init__(self, side: SideConfig, time: int, count: int, timing: LinkTiming) -> None:
+        """Start at `time` (ns) with the board's `count`."""
         motor, counts = side.motor, side.encoder.counts
         self.pitch = pi * side.wheel.diameter / counts
         self.pitches_per_rad = 0.5 * counts / pi
         self.rated, self.static, self.lag = motor.rated, motor.loop.static, motor.lag
         self.creep = CREEP * self.pitches_per_rad
-        self.time, self.count = time, count
+        self.time = time
+        self.count = self.reported_count = count
         self.edge_time = time  # ns, of the last edge
         self.has_edge_times = timing.has_edge_times
         self.direction = self.drive_direction = 0
@@ -66,13 +56,7 @@ class FineWheelOdometer:
         """whether edges of both signs may have been counted in the last frame"""
         self.span, self.decay = 0.0, 1.0  # s, of a frame; what remains of a speed after it
         self.rolled_for = 0.0  # s, against the drive
-        self.rested_for = REST_S  # s, without a drive and without an edge
-        self.pushed = 0  # edges without a drive, since the wheel was at rest
-        self.pushed_since = 0.0  # pitches2, their variance since the last report
-        self.pushed_in_all = 0  # edges, since the pose was set
-        self.dragged = 0  # of those, while the other wheel was driven
-        self.is_other_driven = False
-        """whether the other wheel has a command in the next frame"""
+        self.undriven = UndrivenEdges(self.pitches_per_rad)
         self.rate = self.rate_before = 0.0  # edges/s in the last frames
         self.edges_before = 0
         self.signed_speed = 0.0
@@ -85,16 +69,15 @@ class FineWheelOdometer:
         self.reversals = 0
         # Two to four edges of a slot are not at equal distances: their times show less.
         is_even = counts == side.encoder.slots
-        self.faults = CountFaults(timing.has_edge_times and is_even, counts > LEARNABLE_SLOTS_MAX)
-        self.steps, self.finds_steps = RateSteps(timing.has_edge_times), finds_steps
+        self.faults = CountFaults(timing.has_edge_times and is_even, timing.frame_time)
+        self.explained = ExplainedEdges(side)
+        self.mirror = SpeedLoopMirror(speed_gains(motor), counts, time)
+        self.skipped: tuple[int, float] | None = None  # command in the next frame: ns, value
         self.gaps = EdgeGaps(motor.rated * self.pitches_per_rad)
-        self.lost_since = self.lost_variance = 0.0  # pitches2, in gaps, until the last report
-        self.mirrored_duty = None  # that of a board's loop does not matter here
+        self.lost_since = 0.0  # pitches2, in gaps, since the last report
         self.travel = self.start_correction = 0.0
         self.lost_share, self.lost_text = 0.0, ""  # of every second edge
         self.disagreement = 0.0
-        self.late_corrections: Sequence[float] = ()
-        self.disagreement_frames = 0
 
     @property
     def speed(self) -> float:
@@ -124,44 +107,32 @@ class FineWheelOdometer:
     @property
     def fault_share(self) -> float:
         """Share of the edges that were missed or counted twice."""
-        return max(self.faults.share, self.lost_share, self.steps.share)
+        return max(self.faults.share, self.lost_share)
 
     @property
     def fault(self) -> str:
         """Why its travel is known less well than usual, or an empty text."""
-        gaps, steps = self.gaps.text, self.steps.text
-        texts = self.pushed_text, self.lost_text, gaps, steps, self.faults.text
+        texts = self.undriven.text, self.lost_text, self.gaps.text, self.faults.text
         return "; ".join(filter(None, texts))
-
-    @property
-    def pushed_text(self) -> str:
-        """That somebody has turned the wheel, or an empty text."""
-        edges = self.pushed_in_all
-        is_told = edges >= PUSHED_EDGES_MIN or self.dragged >= DRAGGED_EDGES_MIN
-        if not is_told or edges < PUSHED_ANGLE_MIN * self.pitches_per_rad:
-            return ""
-        return f"turned by {edges} edges without a command, its encoder does not show which way"
 
     def set_other_driven(self, is_driven: bool) -> None:
         """Whether the other wheel, which may drag this one, has a command in the next frame."""
-        self.is_other_driven = is_driven
+        self.undriven.is_other_driven = is_driven
 
     @property
     def pushed_travel(self) -> float:
-        """Standard deviation (m) of what somebody has turned it since the pose was set, if that is
-        told."""
-        if not self.pushed_text:
-            return 0.0
-        return sqrt(pushed_variance(0, self.pushed_in_all)) * self.pitch
+        """Standard deviation (m) of what it was turned without a command since the pose was set, if
+        that is reported."""
+        return self.undriven.sd * self.pitch
 
     def pose_is_set(self) -> None:
         """What happened before does not matter any more."""
-        self.pushed_in_all = self.dragged = 0
+        self.undriven.pose_is_set()
         self.gaps.pose_is_set()
-        self.steps.pose_is_set()
 
     def skipped_command(self, command: float, is_duty: bool, since: int) -> None:
-        """A command that was replaced in the next frame: the counts show what it did."""
+        """Take a command that was replaced in the next frame; in effect since `since` (ns)."""
+        self.skipped = since, command
 
     @property
     def coasting_travel(self) -> float:
@@ -197,16 +168,38 @@ class FineWheelOdometer:
         if edges or not self.has_edge_times:
             self.edge_time = edge
             self.faults.add(edge_span, edges, self.direction if self.rolled_for == 0.0 else 0)
-            if self.finds_steps and sign == self.direction and self.rolled_for == 0.0:
-                self.steps.add(edge_span, edges, speed * self.pitches_per_rad)
-            else:
-                self.steps.restart()
         commanded = 0.0 if self.rolled_for else speed * self.pitches_per_rad
         self.lost_since += self.gaps.update(span, edges, commanded)
+        self._explain(time, steps, edge_time, span, command, is_duty, command_since)
         self._update_speed(predicted, mean, net, edges, span, edge_span)
         self._place_between_edges(time, edges, span)
         self.edges_before, self.rate_before = edges, self.rate
         self.rate = edges / span if span > 0.0 else self.rate
+
+    def _explain(
+        self,
+        time: int,
+        steps: int,
+        edge_time: int | None,
+        span: float,
+        command: float,
+        is_duty: bool,
+        since: int,
+    ) -> None:
+        """Compare the edges of a frame with those that the duty of the motor explains."""
+        duty = command
+        if not is_duty:
+            changes = [(since, command)]
+            if self.skipped is not None:
+                changes.insert(0, self.skipped)
+            edge = edge_time
+            if edge is None:  # on average half of an interval ago
+                edge = time - int(0.5e9 * span / max(abs(steps), 1))
+            duty = self.mirror.update(time, steps, edge, changes)[-1]
+        self.skipped = None
+        if span > 0.0:
+            is_known = is_duty or edge_time is not None
+            self.explained.add(span, abs(steps), duty if command else 0.0, is_known)
 
     def _hidden_edges(self, edges: int, expected: float, span: float) -> int:
         """Edges that cancel in the board's count of a frame in which it has changed the sign."""
@@ -238,12 +231,9 @@ class FineWheelOdometer:
         self, edges: int, sign: int, span: float, predicted: float, is_signed_anew: bool
     ) -> float:
         """Signed travel of the edges of one frame."""
+        self.undriven.add(span, edges, is_driven=sign != 0)
         if sign:
-            self.drive_direction, self.pushed, self.rested_for = sign, 0, 0.0
-        elif edges:
-            self._add_undriven(edges)
-        else:
-            self.rested_for += span
+            self.drive_direction = sign
         if not self.direction:
             if not self.drive_direction:
                 return float(edges)
@@ -252,19 +242,6 @@ class FineWheelOdometer:
             self.rolled_for = 0.0
             return float(self.direction * edges)
         return self._net_against(edges, span, predicted, is_signed_anew)
-
-    def _add_undriven(self, edges: int) -> None:
-        """Take edges without a drive into account: a wheel that was at rest is pushed by somebody,
-        in either direction; any other one still rolls, perhaps from a kick against friction that
-        ended at once."""
-        if self.rested_for >= REST_S or self.pushed:
-            before, self.pushed = self.pushed, self.pushed + edges
-            self.pushed_since += pushed_variance(before, self.pushed)
-            self.pushed_in_all += edges
-            if self.is_other_driven:
-                self.dragged += edges
-        else:
-            self.rested_for = 0.0
 
     def _net_against(
         self, edges: int, span: float, predicted: float, is_signed_anew: bool
@@ -345,9 +322,8 @@ class FineWheelOdometer:
 
     def report(self) -> None:
         """Set `travel` to its value since the last call."""
-        added = self.added_since + self.pushed_since + self.lost_since
-        self.lost_variance = self.lost_since
-        self.added_since = self.pushed_since = self.lost_since = 0.0
+        added = self.added_since + self.undriven.take_variance() + self.lost_since
+        self.added_since = self.lost_since = 0.0
         self.added_variance = added * self.pitch * self.pitch
         self.reversal_variance += added
         place = self.position + self.beyond
@@ -355,15 +331,19 @@ class FineWheelOdometer:
         self.reported = place
 
 
-def pushed_variance(before: int, after: int) -> float:
-    """Variance (pitches2) that is added when the edges of a pushed wheel grow from `before` to
-    `after`: they are counted on in the last direction, and as probable the other way, twice as far
-    from there."""
-    return 2.0 * (after * after - before * before)
-
-
 def _net_share(share: float) -> float:
     """Net travel over path of a motion with constant acceleration that turns after `share` of the
     time."""
     forward, backward = share * share, (1.0 - share) ** 2
     return (forward - backward) / (forward + backward)
+
+
+class CountWheelOdometer(FineWheelOdometer):
+    """A wheel whose travel is the count of the board times the pitch, with the board's sign."""
+
+    def report(self) -> None:
+        """Set `travel` to its value since the last call."""
+        before = self.reported_count
+        super().report()
+        self.reported_count = self.count
+        self.travel = (self.count - before) * self.pitch

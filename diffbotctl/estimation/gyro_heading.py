@@ -7,7 +7,6 @@ from math import degrees, sqrt
 from diffbotctl.estimation.gyro_pose_filter import GyroPoseFilter
 from diffbotctl.estimation.gyro_turn import GyroTurn
 from diffbotctl.estimation.pose_filter import WheelTravel
-from diffbotctl.estimation.wheel_slide import WheelSlide
 from diffbotctl.messages import Encoders, Imu, ImuState
 
 # Time without edges and commands after which the wheels stand. With few slots they creep on unseen,
@@ -40,24 +39,19 @@ class GyroHeading:
         self.fault = ""
         self.news: list[str] = []
         self._pose = pose
-        self._was_at_rest = self._slides = self._has_begun = False
+        self._was_at_rest = self._has_begun = False
         self._waiting_since: int | None = None  # ns
+        self._was_sliding = False
         self.is_used = False
         """whether the heading comes from the gyro"""
         self._counts: tuple[int, int] | None = None
         self._still_since = 0
-        # Variances of the bias: as the robot left its last rest, and added until the next one.
-        self._zeroed_variance, self._walk = self.gyro.variance, 0.0
+        self._used_bias = 0.0  # rad/s, as the robot left its last rest
 
     @property
     def awaits_rest(self) -> bool:
         """True until the bias was measured at rest, or the robot was driven or the gyro failed."""
         return not (self.gyro.is_zeroed or self._has_begun or self.fault)
-
-    @property
-    def slide(self) -> WheelSlide:
-        """What the wheels have slid, while it is used."""
-        return self._pose.slide
 
     @property
     def warning(self) -> str:
@@ -66,7 +60,7 @@ class GyroHeading:
             return self.fault
         if self._has_begun and not self.is_used:
             return UNUSED
-        return SLID if self._pose.slide.has_slid else ""
+        return SLID if self._pose.has_slid else ""
 
     def restart(self) -> None:
         """The board has restarted: its sum begins again."""
@@ -83,30 +77,21 @@ class GyroHeading:
         if encoders.turn is None or encoders.turn_fault:
             return
         self.fault = ""
-        before, pose = self.gyro.bias, self._pose
-        if is_at_rest and not self._was_at_rest:
-            self._walk = max(self.gyro.variance - self._zeroed_variance, 0.0)
+        pose = self._pose
         step = self.gyro.update(encoders.time, encoders.turn, is_at_rest)
-        if is_at_rest:
-            share = 1.0 - 0.5 * self._walk / (self._zeroed_variance + self._walk)
-            pose.correct_bias(share * (self.gyro.bias - before))
-        elif self._was_at_rest:
+        if self._was_at_rest and not is_at_rest:
             self._leave_rest()
         self._was_at_rest = is_at_rest
         if not self.is_used and self.gyro.is_zeroed and is_at_rest and step is not None:
-            pose.use_gyro(*wheels)
-            self.is_used = True
+            pose.use_gyro(*wheels, self.gyro.variance)
+            self.is_used, self._used_bias = True, self.gyro.bias
             self.news.append(f"the heading comes from the IMU: {self.bias_text()}")
         pose.step = step if self.is_used else None
-        # What a walk of the bias leaves of itself when both its ends are known: a twelfth.
-        pose.bias_sd = sqrt(self.gyro.variance + (self._walk / 12.0 if is_at_rest else 0.0))
 
     def _leave_rest(self) -> None:
-        self._slides = False
-        self._pose.slide.compare_from_here()
-        self._pose.zeroed()
-        self._zeroed_variance = self.gyro.variance
         if self.is_used:
+            self._pose.zeroed(self.gyro.bias - self._used_bias, self.gyro.variance)
+            self._used_bias = self.gyro.bias
             self.news.append(f"IMU zeroed: {self.bias_text()}")
 
     def moved(self, encoders: Encoders, wheels: tuple[WheelTravel, WheelTravel]) -> None:
@@ -115,13 +100,13 @@ class GyroHeading:
         self._pose.compare_turns(bool(encoders.left_command or encoders.right_command))
         if self._pose.is_wrong and self.is_used:
             self._fail(MOUNTING_FAULTS[self._pose.mounting])
-        excess = self._pose.find_slide(*wheels)
-        if excess and not self._slides:
-            self._slides = True
-            self.news.append(
-                f"the turns by wheels and IMU differ by {abs(degrees(excess)):.0f} deg: the wheels "
-                f"slide on the floor{UNPROVEN if self._pose.mounting == 'unknown' else ''}"
+        if self._pose.has_slid and not self._was_sliding:
+            differ = (
+                f"the turns by wheels and IMU differ by {degrees(self._pose.slid_turn):.0f} deg"
             )
+            unproven = UNPROVEN if self._pose.mounting == "unknown" else ""
+            self.news.append(f"{differ}: the wheels slide on the floor{unproven}")
+        self._was_sliding = self._pose.has_slid
 
     def bias_text(self) -> str:
         """The bias with its standard deviation."""

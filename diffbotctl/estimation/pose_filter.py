@@ -5,7 +5,6 @@ Metres and radians, frame odom.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from math import cos, sin, sqrt
 from typing import Protocol
 
@@ -16,9 +15,12 @@ from diffbotctl.estimation.geometry_deviation import (
     combined,
     fault_effects,
 )
-from diffbotctl.estimation.pose_history import Correction, Pose, PoseHistory, turned
 from diffbotctl.messages import Odometry
 
+Pose = tuple[float, float, float]
+"""x, y (m) and heading (rad) in odom."""
+Correction = tuple[float, float]
+"""Way ahead (m) and turn (rad) in addition to those of one frame."""
 PoseCovariance = tuple[float, float, float, float, float, float]
 """Upper triangle of the covariance of (x, y, heading): xx xy xh yy yh hh."""
 # Mean square of the second-order term of a rotation, (angle^2 / 2)^2, over its variance^2: 3/4
@@ -38,11 +40,6 @@ class WheelTravel(Protocol):
     travel: float  # m, since the previous frame
     added_variance: float  # m2, of that travel
     start_correction: float  # m, added by a better estimate of the initial phase
-    disagreement_frames: int  # since when the hypotheses disagree
-
-    @property
-    def late_corrections(self) -> Sequence[float]:
-        """m, added by another hypothesis in each of the last frames, the newest last"""
 
     @property
     def speed(self) -> float:
@@ -88,7 +85,6 @@ class PoseFilter:
     def start(self) -> None:
         """Take the present pose as the point from which the wheels are counted."""
         self.start_x, self.start_y, self.start_heading = self.x, self.y, self.heading
-        self.history = PoseHistory()
 
     def set_pose(self, x: float, y: float, heading: float) -> None:
         """Set the pose (m, rad) with zero covariance; the starting point moves with it."""
@@ -96,7 +92,6 @@ class PoseFilter:
         moved = (x - self.x, y - self.y, heading - self.heading)
         start = (self.start_x, self.start_y, self.start_heading)
         self.start_x, self.start_y, self.start_heading = turned(start, moved, here)
-        self.history.move(moved, here)
         self.x, self.y, self.heading = x, y, heading
         self.slip_covariance = NO_COVARIANCE
         self.unit_effects = NO_EFFECTS
@@ -113,13 +108,6 @@ class PoseFilter:
             slip_variance * abs(left.travel) + left.added_variance,
             slip_variance * abs(right.travel) + right.added_variance,
         )
-        self.history.add((self.x, self.y, self.heading))
-        if left.late_corrections or right.late_corrections:
-            wheels = left.late_corrections, right.late_corrections
-            frames = max(map(len, wheels))
-            padded = ((*(0.0,) * (frames - len(each)), *each) for each in wheels)
-            corrections = [self._correction(*both) for both in zip(*padded, strict=True)]
-            self.x, self.y, self.heading = self.history.correct(corrections, self._start)
 
     @property
     def _start(self) -> Pose:
@@ -203,16 +191,11 @@ class PoseFilter:
         """The pose at `time` (ns) with both speeds and the covariance.
 
         The variance of a wheel's travel is treated as if all of it came from the initial phase, as
-        most of it does: it turns the whole path about the start. What the hypotheses disagree about
-        turns the path since then. The errors of the geometry are those of the path
-        since the last `set_pose`.
+        most of it does: it turns the whole path about the start. The errors of the geometry are
+        those of the path since the last `set_pose`.
         """
-        start = self._start
-        origins = [(start, left.variance + right.variance)]
-        for wheel in (left, right):
-            if wheel.disagreement:
-                origin = self.history.before(wheel.disagreement_frames, start)
-                origins.append((origin, wheel.disagreement))
+        travelled = left.variance + right.variance + left.disagreement + right.disagreement
+        origins = [(self._start, travelled)]
         end = left.end_variance + right.end_variance
         if end:
             origins.append(((self.x, self.y, self.heading), end))
@@ -282,3 +265,14 @@ def arc(
     chord = 0.5 * (left + right) * (sin(half) / half if half else 1.0)
     middle = heading + half
     return x + chord * cos(middle), y + chord * sin(middle), middle + half
+
+
+def turned(pose: Pose, moved: Pose, origin: Pose) -> Pose:
+    """A pose of a rigid path whose pose `origin` changes by `moved` (m, m, rad)."""
+    x, y = pose[0] - origin[0], pose[1] - origin[1]
+    c, s = cos(moved[2]), sin(moved[2])
+    return (
+        origin[0] + moved[0] + x * c - y * s,
+        origin[1] + moved[1] + x * s + y * c,
+        pose[2] + moved[2],
+    )

@@ -29,6 +29,7 @@ from enum import IntEnum
 from math import exp, inf, log, sqrt
 from typing import NamedTuple, Self
 
+from diffbotctl.control.motor_curve import LAG_DUTY, VISCOUS
 from diffbotctl.estimation.priors import WIDE_NOISE_RATIO, Priors
 from diffbotctl.estimation.slot_errors import SlotErrors, Slots, TransitionRows
 
@@ -50,9 +51,6 @@ ELAPSED_MIN = 0.005  # s; a motion does not change faster
 # probability, one in 4.5 (minus its log): friction lets it go at a duty that differs from start to
 # start, and on the floor, under the weight of the robot, at a higher one than with raised wheels.
 STARTING_EDGES, STARTING_CHANGE_COST = 4, 1.5
-# Free-wheeling motors: friction that grows with the speed, in stall torques at the no-load speed,
-# and the duty at which their lag is the stated one.
-VISCOUS, LAG_DUTY = 0.05, 0.6
 # Factor of the noise's variance of such a motor while its driver shorts it: its lag is then not the
 # one that was learnt from the drive, and the braking is known to a quarter.
 SHORTED_NOISE = 25.0

@@ -76,29 +76,23 @@ class WheelFilter:
         best = self.hypotheses[0]
         return best.motion.variance + best.faults.variance
 
-    def disagreement(self) -> tuple[float, int]:
+    @property
+    def disagreement(self) -> float:
         """Variance of the travel (pitches2) between the hypotheses: their differences from the best
-        one, weighted by their probabilities. And the frames since the best one differs from the one
-        that matters most else."""
+        one, weighted by their probabilities."""
         if len(self.hypotheses) == 1:
-            return 0.0, 0
-        best = other = self.hypotheses[0]
+            return 0.0
+        best = self.motion
         top = max(hypothesis.motion.log_likelihood for hypothesis in self.hypotheses)
-        travel, variance = best.motion.travel, best.motion.variance
+        travel, variance = best.travel, best.variance
         total = spread = 0.0
-        most = -1.0
         for hypothesis in self.hypotheses:
             motion = hypothesis.motion
             weight = exp(motion.log_likelihood - top)
             total += weight
-            if hypothesis is best:
-                continue
             difference = motion.travel - travel
-            square = difference * difference
-            spread += weight * (square + max(motion.variance - variance, 0.0))
-            if weight * square > most:
-                most, other = weight * square, hypothesis
-        return spread / total, best.frames_since(other)
+            spread += weight * (difference**2 + max(motion.variance - variance, 0.0))
+        return spread / total
 
     @property
     def is_unusual(self) -> bool:

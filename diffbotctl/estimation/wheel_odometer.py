@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from math import copysign, pi, sqrt
+from math import copysign, pi
 
+from diffbotctl.control.motor_curve import settled_speed
 from diffbotctl.control.speed_loop import SpeedLoopMirror, speed_gains
-from diffbotctl.estimation.edge_intervals import EdgeIntervals
-from diffbotctl.estimation.fine_wheel import (
-    PUSHED_EDGES_MIN,
-    FineWheelOdometer,
-    pushed_variance,
-)
-from diffbotctl.estimation.lost_edges import LostEdges, MotorGain
+from diffbotctl.estimation.count_sign import CountSign
+from diffbotctl.estimation.edge_gaps import EdgeGaps
+from diffbotctl.estimation.explained_edges import ExplainedEdges
 from diffbotctl.estimation.predicted_wheel import Response, no_load_speed
 from diffbotctl.estimation.priors import Priors
 from diffbotctl.estimation.slot_errors import EdgeErrors, SlotEstimate
+from diffbotctl.estimation.undriven_edges import UndrivenEdges
 from diffbotctl.estimation.wheel_filter import LOG_RATIO_MAX, WheelFilter
 from diffbotctl.estimation.wheel_frame import DriveChange, WheelFrame
-from diffbotctl.estimation.wheel_side import EncoderConfig, LinkTiming, SideConfig, settled_speed
+from diffbotctl.estimation.wheel_side import EncoderConfig, LinkTiming, SideConfig
 
-GAP_SDS = 3.0  # by which the model and the counts may differ
+UNIFORM_VARIANCE = 1.0 / 12.0  # pitches2; of a place within a slot
 DRY = Response(is_free_wheeling=False, is_dry=True)
 DRY_LOG_COST = 1.0  # natural log of the ratio of motors that coast with their lag to such
 # Pitches, for each reversal: how a motor that free-wheels between the pulses breaks loose depends
@@ -28,8 +26,7 @@ FREE_WHEELING_REVERSAL_SD = 0.15
 # The same where the level of the pin tells on which side of an edge the wheel has stopped; and of a
 # motor of an unusual kind.
 LEVEL_REVERSAL_SD, UNUSUAL_LEVEL_REVERSAL_SD = 0.1, 0.2
-COMPARED_EDGES_MIN = 12.0  # from the start on, of both wheels whose gains are compared
-ONE_EDGE_SD = 0.5  # pitches, of a wheel at rest that gives one edge
+UNUSUAL_REVERSAL_SD = 0.5  # the next edge may be either edge of the slot
 MEASURED_OPEN_SHARE_SD = 0.01  # pitches; it differs a little with the speed
 
 
@@ -43,7 +40,7 @@ class WheelOdometer:
         self.pitches_per_rad = 0.5 * slots / pi
         self.rated = motor.rated
         self.static = motor.loop.static if motor.friction is None else motor.friction
-        self.count = self.first_count = count
+        self.time, self.count = time, count
         friction = self.static / (1.0 - self.static) * motor.rated
         brakes = motor.idle == "brake"
         priors = Priors(
@@ -68,12 +65,13 @@ class WheelOdometer:
         edges = known_edges(side.encoder, priors)
         self.filter = WheelFilter(priors, time, count, slots, edges)
         self.mirror = SpeedLoopMirror(speed_gains(motor), slots, time)
-        # Without edge times the filter estimates them, as nobody else does.
-        self.shares_mirror = timing.has_edge_times and slots == side.encoder.counts
-        self.mirrored_duty: float | None = None
-        """at the end of the last frame, where it follows from the frames alone"""
-        self.counting = FineWheelOdometer(side, time, count, timing, finds_steps=False)
-        self.intervals = EdgeIntervals()
+        self.explained = ExplainedEdges(side)
+        self.count_sign = CountSign(timing.command_time, timing.is_published_firmware)
+        self.undriven = UndrivenEdges(self.pitches_per_rad)
+        self.gaps = EdgeGaps(motor.rated * self.pitches_per_rad)
+        self.lost_variance = 0.0  # pitches2, in gaps, since the last report
+        self.drive_direction = 0
+        self.reversals = self.reported_reversals = 0
         self.skipped: tuple[int, float] | None = None  # command in the next frame: ns, value
         self.has_levels = False  # whether the board tells those of the pin
         self.has_counted_level: bool | None = None  # in the next frame
@@ -82,17 +80,10 @@ class WheelOdometer:
         # present position in the slot, which the model of a usual motor includes; and between the
         # hypotheses.
         self.added_variance = self.variance = self.end_variance = self.disagreement = 0.0
-        self.fault_share = 0.0
-        """share of the edges that were missed or counted twice, and are no hypotheses"""
-        self.lost_share, self.lost_text = 0.0, ""  # the same of every second edge
+        self.lost_share, self.lost_text = 0.0, ""  # of every second edge
         self.start_correction = 0.0  # m, added by a better estimate of the initial phase
-        # m, added by another hypothesis in each of the last frames
-        self.late_corrections: list[float] = []
-        self.disagreement_frames = 0
-        self.reported_pushed = self.reported_reversals = 0  # edges; reversals
         self.reported_travel = 0.0  # pitches
         self.reported_start = self.filter.motion.start
-        self.reported_hypothesis = self.filter.hypotheses[0]
 
     @property
     def speed(self) -> float:
@@ -107,27 +98,31 @@ class WheelOdometer:
     @property
     def fault(self) -> str:
         """Why its travel is known less well than usual, or an empty text."""
-        pushed, faults = self.counting.pushed_text, self.filter.hypotheses[0].faults
-        gaps = self.counting.gaps.text
-        if not pushed and not self.lost_text and not gaps:
-            return faults.text or (self.intervals.text if self.filter.is_unusual else "")
+        pushed, faults = self.undriven.text, self.filter.hypotheses[0].faults
         # The edges of a push look like edges in excess to the model of a motor without power.
-        if pushed and faults.missed <= faults.extra <= self.counting.pushed_in_all:
-            return pushed
-        return "; ".join(filter(None, (pushed, self.lost_text, gaps, faults.text)))
+        is_of_push = pushed and faults.missed <= faults.extra <= self.undriven.edges_in_all
+        texts = pushed, self.lost_text, self.gaps.text, "" if is_of_push else faults.text
+        return "; ".join(filter(None, texts))
+
+    @property
+    def fault_share(self) -> float:
+        """Share of the edges that were missed or counted twice, and are no hypotheses."""
+        return self.lost_share
 
     @property
     def pushed_travel(self) -> float:
-        """Standard deviation (m) of what somebody has turned it since the pose was set."""
-        return self.counting.pushed_travel
+        """Standard deviation (m) of what it was turned without a command since the pose was set, if
+        that is reported."""
+        return self.undriven.sd * self.pitch
 
     def set_other_driven(self, is_driven: bool) -> None:
         """Whether the other wheel, which may drag this one, has a command in the next frame."""
-        self.counting.is_other_driven = is_driven
+        self.undriven.is_other_driven = is_driven
 
     def pose_is_set(self) -> None:
         """What happened before does not matter any more."""
-        self.counting.pose_is_set()
+        self.undriven.pose_is_set()
+        self.gaps.pose_is_set()
 
     def skipped_command(self, command: float, is_duty: bool, since: int) -> None:
         """Take a command that was replaced in the next frame; in effect since `since` (ns)."""
@@ -148,80 +143,60 @@ class WheelOdometer:
         command_since: int,
     ) -> None:
         """Apply one frame. `command`, in effect since `command_since` (ns), is a duty or rad/s."""
-        before = self.counting.time
-        self.counting.update(time, count, edge_time, command, is_duty, command_since)
-        is_mixed = self.counting.is_mixed and edge_time is None
-        if is_mixed:
-            self.intervals.restart()
-        elif count != self.count:
-            if edge_time is None:
-                self.intervals.add(time, count - self.count, time - before)
-            else:
-                self.intervals.add(edge_time, count - self.count)
+        steps, span = count - self.count, (time - self.time) * 1e-9
+        is_mixed = self.count_sign.update(self.time, command, command_since, steps)
         changes = [(command_since, command)]
         if self.skipped is not None:
             changes.insert(0, self.skipped)
         if is_duty:
             duties = [value for _, value in changes]
         else:
-            steps = count - self.count
             edge = edge_time
             if edge is None:
                 edge = self.filter.hypotheses[0].estimated_edge_time(time, steps)
             duties = self.mirror.update(time, steps, edge, changes)
-        self.count = count
+        self.time, self.count = time, count
         skipped = None
         if self.skipped is not None:
             skipped = DriveChange(self.skipped[0], self._drive(duties[0]), duties[0])
             self.skipped = None
         drive, duty = self._drive(duties[-1]), duties[-1]
-        if self.shares_mirror:
-            self.mirrored_duty = duty
+        is_known = is_duty or edge_time is not None
+        self._note_drive(span, abs(steps), drive, duty if command else 0.0, is_known)
+        is_mixed = is_mixed and edge_time is None
         level, self.has_counted_level = self.has_counted_level, None
         self.filter.update(
             WheelFrame(time, count, edge_time, drive, command_since, duty, skipped, is_mixed, level)
         )
+
+    def _note_drive(
+        self, span: float, edges: int, drive: float, duty: float, is_known: bool
+    ) -> None:
+        """Compare the `edges` of a frame with its `drive` (pitches/s) and `duty`."""
+        self.undriven.add(span, edges, is_driven=duty != 0.0)
+        direction = (drive > 0.0) - (drive < 0.0)
+        if direction and direction != self.drive_direction:
+            self.reversals += self.drive_direction != 0
+            self.drive_direction = direction
+        self.lost_variance += self.gaps.update(span, edges, drive)
+        if span > 0.0:
+            self.explained.add(span, edges, duty, is_known)
 
     def _drive(self, duty: float) -> float:
         """Pitches/s at which the motor settles."""
         return settled_speed(duty, self.static, self.rated) * self.pitches_per_rad
 
     def _variance(self, is_unusual: bool) -> float:
-        """Variance of the travel, pitches2, if the best hypothesis is right.
-
-        The model of a motor that is not of the usual kind is not trusted beyond the counts, and no
-        model where it contradicts them.
-        """
-        best, counting = self.filter.hypotheses[0], self.counting
+        """Variance of the travel, pitches2, if the best hypothesis is right. The model of a motor
+        that is not of the usual kind is not trusted beyond the counts."""
         variance = self.filter.variance
         if is_unusual:
             # At rest the level halves the part of the slot in which it may be.
-            variance += (0.5 if self.has_levels else 1.0) * counting.pitches_variance
-        elif best.motion.response.is_free_wheeling:
+            variance += (0.5 if self.has_levels else 1.0) * UNIFORM_VARIANCE
+        elif self.filter.motion.is_free_wheeling:
             sd = LEVEL_REVERSAL_SD if self.has_levels else FREE_WHEELING_REVERSAL_SD
-            variance += counting.reversals * sd * sd
-        faults = best.faults
-        gap = abs(best.motion.travel - counting.position) - (faults.missed + faults.extra)
-        if gap > 1.0:
-            counted = counting.pitches_variance + counting.reversal_variance
-            unexplained = max(gap - GAP_SDS * sqrt(counted), 0.0)
-            variance += unexplained * unexplained
+            variance += self.reversals * sd * sd
         return variance
-
-    def _pushed_variance(self) -> float:
-        """Variance (pitches2) of what somebody, or the other wheel, has turned the wheel since the
-        last report: one channel does not measure the direction. The last edges of a wheel that
-        comes to rest are none."""
-        pushed = self.counting.pushed
-        if pushed < PUSHED_EDGES_MIN and not self.counting.is_other_driven:
-            self.reported_pushed = min(self.reported_pushed, pushed)
-            return 0.0
-        before, self.reported_pushed = self.reported_pushed, pushed
-        if pushed <= before:
-            return 0.0
-        if pushed == 1:  # which may be that of a small motion
-            return ONE_EDGE_SD * ONE_EDGE_SD
-        return pushed_variance(before, pushed)
 
     def unobserved_travel(self, count: int) -> float:
         """Metres to `count` after a gap in the telemetry, to the middle of the slot.
@@ -239,58 +214,24 @@ class WheelOdometer:
 
     def report(self) -> None:
         """Set `travel` and the corrections to their values since the last call."""
-        counting = self.counting
-        counting.report()
         is_unusual = self.filter.is_unusual
         square = self.pitch * self.pitch
+        added = self.undriven.take_variance() + self.lost_variance
+        self.lost_variance = self.end_variance = 0.0
         if is_unusual:
-            self.added_variance, self.end_variance = counting.added_variance, counting.end_variance
-            if self.has_levels:
-                self.end_variance *= 0.25
-                reversals = counting.reversals - self.reported_reversals
-                reversed_variance = reversals * UNUSUAL_LEVEL_REVERSAL_SD**2
-                added = reversed_variance + self._pushed_variance() + counting.lost_variance
-                self.added_variance = added * square
-            # The model of an unusual motor explains missing edges by the motor.
-            by_counts, intervals = counting.faults.shown_share, self.intervals
-            is_exact = counting.has_edge_times and intervals.shows_faults
-            if is_exact and not counting.faults.is_certain:
-                by_counts = 0.0  # what is uneven then is the motor
-            self.fault_share = max(by_counts, self.lost_share, intervals.share)
-        else:  # of a few slots the filter's hypotheses include what the counts do not show
-            self.added_variance = (self._pushed_variance() + counting.lost_variance) * square
-            self.end_variance, self.fault_share = 0.0, self.lost_share
-        self.reported_reversals = counting.reversals
+            level_share = 0.25 if self.has_levels else 1.0
+            self.end_variance = level_share * UNIFORM_VARIANCE * square
+            sd = UNUSUAL_LEVEL_REVERSAL_SD if self.has_levels else UNUSUAL_REVERSAL_SD
+            added += (self.reversals - self.reported_reversals) * sd * sd
+        self.reported_reversals = self.reversals
+        self.added_variance = added * square
         self.variance = self._variance(is_unusual) * square
-        disagreement, self.disagreement_frames = self.filter.disagreement()
-        self.disagreement = disagreement * square
-        hypothesis, before = self.filter.hypotheses[0], self.reported_hypothesis
-        motion = hypothesis.motion
+        self.disagreement = self.filter.disagreement * square
+        motion = self.filter.motion
         start_shift = self.reported_start - motion.start
-        travel = motion.travel
-        self.late_corrections = []
-        late = 0.0
-        if motion is not before.motion:
-            corrections = before.corrections(hypothesis)
-            late = sum(corrections, 0.0)
-            self.late_corrections = [each * self.pitch for each in corrections]
-            self.reported_hypothesis = hypothesis
         self.start_correction = start_shift * self.pitch
-        self.travel = (travel - self.reported_travel - start_shift - late) * self.pitch
-        self.reported_travel, self.reported_start = travel, motion.start
-
-
-class CountWheelOdometer(WheelOdometer):
-    """A wheel whose travel is its count times the pitch; the filter gives only the speed."""
-
-    def report(self) -> None:
-        """Set `travel` and its variances to their values since the last call."""
-        counting, before = self.counting, self.reported_travel
-        counting.report()
-        self.variance, self.end_variance = counting.variance, counting.end_variance
-        self.added_variance, self.fault_share = counting.added_variance, counting.faults.shown_share
-        self.reported_travel = float(self.count - self.first_count)
-        self.travel = (self.reported_travel - before) * self.pitch
+        self.travel = (motion.travel - self.reported_travel - start_shift) * self.pitch
+        self.reported_travel, self.reported_start = motion.travel, motion.start
 
 
 def share_response(left: WheelOdometer, right: WheelOdometer) -> None:
@@ -309,25 +250,6 @@ def share_response(left: WheelOdometer, right: WheelOdometer) -> None:
     )
     left.filter.select_response(best)
     right.filter.select_response(best)
-
-
-def compare_gains(
-    lost_edges: LostEdges, left: WheelOdometer, right: WheelOdometer, are_even: bool
-) -> None:
-    """Decide by the gains of both motors whether an encoder loses every second edge; see
-    `LostEdges.compare`.
-
-    The gain of a wheel that has hardly turned is the calibrated one, without the robot's load that
-    the other wheel has shown: in a first turn about a wheel they are not alike.
-    """
-    if min(abs(left.counting.position), abs(right.counting.position)) < COMPARED_EDGES_MIN:
-        return
-    lost_edges.compare(_motor_gain(left), _motor_gain(right), are_even)
-
-
-def _motor_gain(wheel: WheelOdometer) -> MotorGain:
-    motion = wheel.filter.motion
-    return MotorGain(motion.gain, motion.gain_variance)
 
 
 def known_edges(encoder: EncoderConfig, priors: Priors) -> EdgeErrors | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import copysign, exp
 from typing import NamedTuple, Protocol
 
 from diffbotctl.control.speed_loop import MotorSettings
@@ -64,17 +63,3 @@ class LinkTiming(NamedTuple):
     def has_duties(self) -> bool:
         """Whether each duty is known: that of a board's own loop only by the times of the edges."""
         return self.has_edge_times or self.is_published_firmware
-
-
-def settled_speed(duty: float, static: float, rated: float) -> float:
-    """Speed (rad/s) at which a typical motor settles with `duty`: dead band, then linear."""
-    beyond = abs(duty) - static
-    return copysign(beyond / (1.0 - static) * rated, duty) if beyond > 0.0 else 0.0
-
-
-def lagged_motion(speed: float, settled: float, lag: float, span: float) -> tuple[float, float]:
-    """Speed after `span` (s) of a wheel that approaches the speed `settled` with the time constant
-    `lag` (s), and its travel. Speeds in any unit per second."""
-    decay = exp(-span / lag)
-    travel = settled * span + (speed - settled) * lag * (1.0 - decay)
-    return settled + (speed - settled) * decay, travel

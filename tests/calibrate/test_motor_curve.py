@@ -4,7 +4,7 @@ from random import Random
 
 import pytest
 
-from diffbotctl.calibrate.motor_curve import USUAL_STALL_DROP, MotorCurve, fit_curves
+from diffbotctl.calibrate.motor_curve import USUAL_STALL_DROP, FittedMotor, fit_curves
 from diffbotctl.calibrate.motor_fit import fit_line
 from tests.sampling import by_day
 
@@ -117,7 +117,7 @@ def test_a_fast_decay_beyond_the_limit_of_its_law_is_no_line():
 
 
 def test_the_lag_of_a_fast_decay_is_stated_for_one_duty():
-    curve = MotorCurve(0.1, 10.0, 0.0, 0.0, "fast", 0.1)
+    curve = FittedMotor(0.1, 10.0, 0.0, 0.0, "fast", 0.1)
     assert curve.lag_share(0.5) == pytest.approx(1.0)
     assert curve.lag_share(0.3) == pytest.approx(1.5)
     assert curve._replace(decay="slow").lag_share(0.3) == 1.0

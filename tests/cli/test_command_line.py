@@ -7,7 +7,6 @@ import subprocess
 import sys
 import time
 from collections import defaultdict
-from pathlib import Path
 
 import click
 import pytest
@@ -195,31 +194,6 @@ def test_an_interrupt_at_any_moment_exits_with_130_and_no_traceback(words):
         # 0: it had ended before. -SIGINT: at the very end Python has removed all handlers; a shell
         # reports 130 for that.
         assert process.returncode in (0, 130, -signal.SIGINT)
-
-
-# Runs the installed script, and interrupts itself when it imports the module with this number.
-INTERRUPTED_IMPORT = """
-import os, signal, sys
-sys.path[:0] = {path!r}
-count = 0
-def interrupt(event, arguments):
-    global count
-    if event == "import" and arguments[0] != "_signal":
-        count += 1
-        if count == {number}:
-            os.kill(os.getpid(), signal.SIGINT)
-sys.addaudithook(interrupt)
-sys.argv = ["diffbotctl", "blocks"]
-exec(compile(open({script!r}).read(), {script!r}, "exec"))
-"""
-
-
-@pytest.mark.parametrize("number", [1, 2, 3, 5, 10, 20, 40, 80])
-def test_an_interrupt_at_any_import_of_the_script_exits_with_130(number):
-    script = str(Path(__file__).parents[2] / "bin" / "diffbotctl")
-    text = INTERRUPTED_IMPORT.format(path=sys.path, number=number, script=script)
-    done = subprocess.run([sys.executable, "-S", "-c", text], capture_output=True, timeout=60)
-    assert (done.returncode, done.stderr) == (130, b"")
 
 
 @pytest.mark.parametrize(

@@ -21,10 +21,12 @@ NOT_FROM_FILES = {
     "E-BLOCK-OUTPUT",  # found while it runs
     "E-WATCHDOG",  # found while it runs
     "E-BUSY",
+    "E-CALIBRATION-SIMULATED",  # of a real robot
     "E-CODE",
     "E-DEFECT",
     "E-DEVICE",
     "E-DISK-FULL",
+    "E-DRIVE-BLOCKED",  # found while it runs
     "E-EMULATOR",
     "E-ENDLESS",  # of the options of `run`
     "E-FIELD",

@@ -214,18 +214,6 @@ def test_the_docstring_shows_the_source_that_is_generated():
     assert talker_and_echo().source.splitlines() == [line.removeprefix("    ") for line in lines]
 
 
-def test_a_state_of_version_0_1_is_restored():
-    message = Text(1, "hello")
-    compiled = talker_and_echo()
-    compiled.restore({"q0_tick": 5, "f1_heard": message, "x1_heard": 7})
-    assert compiled.state() == {
-        "next_talker_tick": 5,
-        "fresh_echo_heard": message,
-        "deadline_echo_heard": 7,
-    }
-    assert compiled.due() == 5
-
-
 def test_wires_with_like_names_do_not_share_a_variable():
     nodes = [Node("join", Join(), {"twist": "a_b.c", "beside": "a.b_c"})]
     outputs_seen = []

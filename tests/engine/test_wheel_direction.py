@@ -144,18 +144,12 @@ def test_one_channel_robots_that_have_driven_straight_may_be_turned_by_hand():
 
 
 def test_one_channel_counts_a_coasting_wheel_with_the_wrong_sign():
-    """A turn on the spot that is reversed twice, with wheels that follow with a lag."""
-    motion, speeds = Motion(ONE_CHANNEL), [0.0, 0.0]
-    for seconds, command in ((0.45, (-15, 15)), (0.2, (-24, -16)), (0.8, (15, -15))):
-        for _ in range(round(seconds * SECOND / FRAME)):
-            for side in (0, 1):
-                speeds[side] += (command[side] - speeds[side]) * 0.1
-            counted = [
-                abs(speed) * (1 if target > 0 else -1)
-                for speed, target in zip(speeds, command, strict=True)
-            ]
-            yaw = (speeds[1] - speeds[0]) * RADIUS / TRACK
-            assert motion.go(FRAME / SECOND, command, counted, yaw) is None
+    """From a turn on the spot straight into a straight motion."""
+    motion, right = Motion(ONE_CHANNEL), -8.0
+    assert motion.go(1.0, (8, -8), (8, -8), -16.0 * RADIUS / TRACK) is None
+    for _ in range(40):
+        right += (8.0 - right) * 0.08
+        assert motion.go(0.025, (8, 8), (8, abs(right)), (right - 8.0) * RADIUS / TRACK) is None
 
 
 def test_permission_to_move_in_motion_does_not_mistake_inertia():

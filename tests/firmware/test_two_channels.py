@@ -24,7 +24,6 @@ from diffbotctl.testing.board_bench import (
 )
 from diffbotctl.testing.trials import two_channels
 from diffbotctl.time import SECOND
-from tests.sampling import by_day, each_once
 
 ROBOTS = Path(diffbotctl.testing.__file__).parent
 BOARDS = pytest.mark.parametrize(
@@ -73,13 +72,13 @@ def test_a_rocking_wheel_adds_nothing(board):
     assert row.met, row.line()
 
 
-@each_once(
-    robot=[("mega_hall.yaml", 1), ("uno_hall.yaml", 1), ("pico_hall.yaml", 4)],
-    wiring=["plain", "exchanged"],
+@pytest.mark.parametrize(
+    ("robot", "counts_of_slot"),
+    [("mega_hall.yaml", 1), ("uno_hall.yaml", 1), ("pico_hall.yaml", 4)],
 )
-def test_a_wheel_turned_by_hand_counts_in_its_direction(robot, wiring):
+@pytest.mark.parametrize("wiring", ["plain", "exchanged"])
+def test_a_wheel_turned_by_hand_counts_in_its_direction(robot, counts_of_slot, wiring):
     """A quarter turn forward, half a turn backward, without any command: 1320 slots a turn."""
-    robot, counts_of_slot = robot
     sets = [f"robot.simulation.wiring.left_encoder={wiring}"]
     driver = emulated_robot_driver(load("goal", str(ROBOTS / robot), sets), 3)
     counts = []
@@ -104,7 +103,7 @@ def test_a_wheel_turned_by_hand_counts_in_its_direction(robot, wiring):
     assert after[1] == before[1]
 
 
-@pytest.mark.parametrize("port", by_day(1, ["sim", "emulated"]))
+@pytest.mark.parametrize("port", ["sim", "emulated"])
 def test_a_robot_with_a_pico_drives_to_its_goal(port):
     """The simulated board counts as the firmware does: both are as near to the goal."""
     goal = Goal(0, 1, 1.0, 0.5, pi / 2)

@@ -27,7 +27,6 @@ from diffbotctl.runs.build_graph import assemble
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
 from tests.runs.test_endings import FAR, read_until, start
-from tests.sampling import by_day
 
 WALL = ("world.walls=[{from: [0.6 m, -1 m], to: [0.6 m, 1 m]}]", "follower.patience=2 s")
 CORNERS = ((0.6, 0), (0.6, 0.6), (0, 0.6), (0, 0))
@@ -202,17 +201,14 @@ def test_where_flights_lie(monkeypatch, state, home):
 
 @pytest.mark.parametrize(
     "pipeline, robot",
-    by_day(
-        2,
-        [
-            ("goal", "book_2wd"),
-            ("goal", "book_2wd_counts"),
-            ("goal", "book_2wd_stock"),
-            ("square", None),
-            ("distance", None),
-            ("hello", None),
-        ],
-    ),
+    [
+        ("goal", "book_2wd"),
+        ("goal", "book_2wd_counts"),
+        ("goal", "book_2wd_stock"),
+        ("square", None),
+        ("distance", None),
+        ("hello", None),
+    ],
 )
 def test_every_shipped_pipeline_goes_on_from_its_state(tmp_path, pipeline, robot):
     full = tmp_path / "full.mcap"

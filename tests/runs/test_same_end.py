@@ -3,7 +3,6 @@
 import pytest
 
 from diffbotctl.testing.trials.same_end import SCENARIOS, compare
-from tests.sampling import by_day
 
 SAMPLE = (
     "telemetry 20 Hz",
@@ -22,7 +21,7 @@ SAMPLE = (
 )
 
 
-@pytest.mark.parametrize("name", by_day(3, SAMPLE))
+@pytest.mark.parametrize("name", SAMPLE)
 def test_a_scenario_ends_alike(name):
     simulated, emulated = compare(name, 3)
     assert simulated.agrees(emulated), (simulated, emulated)

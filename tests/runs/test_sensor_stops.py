@@ -2,6 +2,8 @@
 
 import re
 
+import pytest
+
 from diffbotctl.testing.running import cli
 from diffbotctl.testing.sensor_stops import (
     BEYOND,
@@ -11,10 +13,10 @@ from diffbotctl.testing.sensor_stops import (
     STOPPING_SENSORS,
     gap,
 )
-from tests.sampling import each_once
 
 
-@each_once(kind=STOPPING_SENSORS, port=["sim", "emulated"])
+@pytest.mark.parametrize("port", ["sim", "emulated"])
+@pytest.mark.parametrize("kind", STOPPING_SENSORS)
 def test_the_robot_stops_before_the_wall(tmp_path, kind, port):
     """Before the margin of 5 cm is used up, or where the sensor ceases to measure."""
     sensor = STOPPING_SENSORS[kind]

@@ -10,7 +10,6 @@ from diffbotctl.messages import Goal
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
 from diffbotctl.testing.command_process import command_line
-from tests.sampling import each_once
 
 
 def go(pipeline, robot=None, sets=(), **options):
@@ -18,13 +17,10 @@ def go(pipeline, robot=None, sets=(), **options):
     return Run(load(pipeline, robot, sets), RunOptions(**options)).go()
 
 
-@each_once(
-    robot=["turtle", "turtlebot3_burger"],
-    pipeline=[("distance", 1), ("square", 4), ("goal", 1)],
-    seed=[0, 5],
-)
-def test_the_pipelines_for_every_robot_drive_them_too(robot, pipeline, seed):
-    pipeline, goals = pipeline
+@pytest.mark.parametrize("robot", ["turtle", "turtlebot3_burger"])
+@pytest.mark.parametrize(("pipeline", "goals"), [("distance", 1), ("square", 4), ("goal", 1)])
+@pytest.mark.parametrize("seed", [0, 5])
+def test_the_pipelines_for_every_robot_drive_them_too(robot, pipeline, goals, seed):
     result = go(pipeline, robot, seed=seed)
     assert (result.reached, result.ending.code) == (goals, 0)
     assert result.ending.stopped is True

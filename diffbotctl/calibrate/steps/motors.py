@@ -8,7 +8,7 @@ from math import floor, hypot, pi
 from typing import NamedTuple
 
 from diffbotctl.calibrate.fast_decay_lag import fit_fast_lags
-from diffbotctl.calibrate.motor_curve import MotorCurve, fit_curves, with_duty_sd
+from diffbotctl.calibrate.motor_curve import FittedMotor, fit_curves, with_duty_sd
 from diffbotctl.calibrate.motor_experiments import (
     BREAKAWAY_DUTY_MAX,
     BREAKAWAY_RESOLUTION,
@@ -62,7 +62,7 @@ class MotorFit(NamedTuple):
     line: SpeedDutyLine
     """for both directions, under the load of both motors"""
     lag: LagFit
-    curve: MotorCurve
+    curve: FittedMotor
     """for both directions, at the battery's voltage at rest"""
 
     @property
@@ -126,7 +126,7 @@ def _motion_notice(robot: Robot) -> MotionNotice:
 
 
 def _fit_lags(
-    robot: Robot, steps: list[StepResponse], curves: Mapping[str, MotorCurve]
+    robot: Robot, steps: list[StepResponse], curves: Mapping[str, FittedMotor]
 ) -> dict[str, LagFit]:
     """The lag of each wheel, as a robot file states it. Raises RunError if the wheels did not
     follow the steps."""
@@ -169,7 +169,7 @@ def _fit_motor(
     breakaway: dict[Motion, float],
     speeds: SpeedsByMotion,
     lag: LagFit,
-    curve: MotorCurve | None,
+    curve: FittedMotor | None,
 ) -> MotorFit:
     """Raises RunError if the wheel did not follow the duties."""
     points = {direction: speeds[side, direction] for direction in DIRECTIONS}
