@@ -69,8 +69,8 @@ def test_every_pin_for_every_role(field):
         2,
         [
             ("telemetry", 1, 100, 65535),
-            ("left_slots", 1, 16_384, 65535),
-            ("right_slots", 1, 16_384, 65535),
+            ("left_slots", 1, 65535, 65535),
+            ("right_slots", 1, 65535, 65535),
             ("battery_low", 0, 4092, 65535),
             ("glitch", 0, 50_000, 65535),
             ("deadman", 100, 500, 65535),  # never off

@@ -89,8 +89,9 @@ def spoil(rng: Random) -> frames.SettingsFrame:
     choices["every_edge"] = [1]  # without channel B
     choices["baud"] = [*range(5, 256)]
     choices["telemetry"] = [0, 101, 40_000, 65_535]
-    choices["left_slots"] = choices["right_slots"] = [0, 16_385, 65_535]
-    choices["driver"] = [*range(1, 256)]  # 1 and 2 have other pins
+    choices["left_slots"] = choices["right_slots"] = [0]
+    # 1 and 2 have other pins; 3 may have these.
+    choices["driver"] = [1, 2, *range(frames.DriverCode.PULSED_INPUTS + 1, 256)]
     choices["standby"] = sorted(pin + 1 for pin in used | pins.links | missing - {254})
     choices["battery_low"] = [frames.ANALOG_ONE + 1, 65_535]
     choices["glitch"] = [50_001, 65_535]
