@@ -37,7 +37,8 @@ def test_a_new_file_has_no_problem_and_asks_nothing(kind):
     path = f"{kind}s/mine.yaml"
     assert f"written: {path}" in output
     code, output = invoke(check.check, path)
-    assert (code, output) == (0, f"{path}: no errors\n")
+    assert code == 0
+    assert output.startswith(f"{path}: no errors\n")
 
 
 @pytest.mark.parametrize("kind", ["robot", "pipeline"])
