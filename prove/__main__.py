@@ -9,18 +9,6 @@ import tempfile
 from pathlib import Path
 
 from diffbotctl.emulator.program import cache
-from diffbotctl.testing.trials import (
-    calibrated_values,
-    calibration,
-    foreign_logs,
-    from_log,
-    ports,
-    radio,
-    rosserial,
-    wander,
-)
-from diffbotctl.testing.trials.progress import ProofSection, SectionTimes, with_progress
-from diffbotctl.testing.trials.row import printed
 from prove import (
     chain,
     extending,
@@ -42,6 +30,18 @@ from prove import (
     ros2_chain,
     several_robots,
 )
+from tests.support.trials import (
+    calibrated_values,
+    calibration,
+    foreign_logs,
+    from_log,
+    ports,
+    radio,
+    rosserial,
+    wander,
+)
+from tests.support.trials.progress import ProofSection, SectionTimes, with_progress
+from tests.support.trials.row import printed
 
 
 def arguments() -> argparse.Namespace:

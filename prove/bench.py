@@ -24,9 +24,9 @@ from diffbotctl.recording.recorder import Recorder
 from diffbotctl.runs.build_graph import assemble
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
-from diffbotctl.testing.command_process import children_of
-from diffbotctl.testing.trials.row import Row, printed
 from prove import wire
+from tests.support.command_process import children_of
+from tests.support.trials.row import Row, printed
 
 ROOT = Path(__file__).parents[1]
 PERIOD_S = 0.001

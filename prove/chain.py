@@ -17,8 +17,8 @@ from diffbotctl.calibrate.runner import open_session
 from diffbotctl.calibrate.steps.squares import corners
 from diffbotctl.config.load import load_robot
 from diffbotctl.plant.chassis import Chassis
-from diffbotctl.testing.calibration_robots import Chained, Wiring, chained, drawn
-from diffbotctl.testing.trials.row import Row, print_rows
+from tests.support.calibration_robots import Chained, Wiring, chained, drawn
+from tests.support.trials.row import Row, print_rows
 
 CHAIN = ("encoders", "motors", "distance", "geometry")
 # A count is 4.7 degrees of heading: counting cannot meet a smaller tolerance.

@@ -11,11 +11,11 @@ from pathlib import Path
 from random import Random
 from statistics import median
 
-from diffbotctl.testing.lost_terminal import drive, lose, ssh_server
-from diffbotctl.testing.running import PlainClient, command, moves, running, stands
-from diffbotctl.testing.terminal import Terminal
-from diffbotctl.testing.trials.row import Row, printed
 from prove.screen import Drain
+from tests.support.lost_terminal import drive, lose, ssh_server
+from tests.support.running import PlainClient, command, moves, running, stands
+from tests.support.terminal import Terminal
+from tests.support.trials.row import Row, printed
 
 SIZE = (120, 40)
 LOAD_MAX_PERCENT = 15.0  # of a core

@@ -11,10 +11,10 @@ from pathlib import Path
 from statistics import median
 
 from diffbotctl.replay.replay import replay
-from diffbotctl.testing import own_package
-from diffbotctl.testing.running import PlainClient, cli, running
-from diffbotctl.testing.trials import hostile_sockets, programs, round_trips
-from diffbotctl.testing.trials.row import Row, printed
+from tests.support import own_package
+from tests.support.running import PlainClient, cli, running
+from tests.support.trials import hostile_sockets, programs, round_trips
+from tests.support.trials.row import Row, printed
 
 ROOT = Path(__file__).parent.parent
 SECONDS = 10.0  # of round trips in each run

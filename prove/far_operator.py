@@ -13,10 +13,10 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from diffbotctl.recording.reader import RecordingReader
-from diffbotctl.testing.far_host import far_host
-from diffbotctl.testing.running import PlainClient, command, moves, running, stands
-from diffbotctl.testing.trials.row import Row, print_rows
 from diffbotctl.time import SECOND
+from tests.support.far_host import far_host
+from tests.support.running import PlainClient, command, moves, running, stands
+from tests.support.trials.row import Row, print_rows
 
 WAY = "OpenSSH to an asyncssh server here"
 LOSSES = ("frozen", "killed")

@@ -14,14 +14,14 @@ from random import Random
 
 from diffbotctl.drivers.watchdog_process import STOPPED_TEXT
 from diffbotctl.recording.reader import RecordingReader
-from diffbotctl.testing.book_board import STOCK, BookBoard, BookBoardPort
-from diffbotctl.testing.command_process import (
+from tests.support.book_board import STOCK, BookBoard, BookBoardPort
+from tests.support.command_process import (
     command_line_with_block,
     start_in_pipe,
     start_on_terminal,
 )
-from diffbotctl.testing.trials import child_faults, host_freeze, runaway, same_end
-from diffbotctl.testing.trials.row import Row, print_rows
+from tests.support.trials import child_faults, host_freeze, runaway, same_end
+from tests.support.trials.row import Row, print_rows
 
 ZEROS = 4  # last commands on the wire that must be zero: the stop, repeated, for both wheels
 PARALLEL_TRIALS = 6  # each waits most of the time

@@ -9,14 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from functools import partial
 
-from diffbotctl.testing.board_bench import (
+from tests.support.board_bench import (
     PICO_BOARD,
     PICO_HALL_BOARD,
     UNO_BOARD,
     BenchBoard,
     trials_on,
 )
-from diffbotctl.testing.trials import (
+from tests.support.trials import (
     board,
     board_faults,
     board_restarts,
@@ -27,7 +27,7 @@ from diffbotctl.testing.trials import (
     two_channels,
     wheel_loop,
 )
-from diffbotctl.testing.trials.row import Row, print_rows
+from tests.support.trials.row import Row, print_rows
 
 Section = Callable[[], Iterator[Row]]
 

@@ -17,8 +17,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from diffbotctl.start.steps import QUESTIONS
-from diffbotctl.testing.trials.row import Row, printed
-from diffbotctl.testing.virtual_board import START_ANSWERS, outcome
+from tests.support.trials.row import Row, printed
+from tests.support.virtual_board import START_ANSWERS, outcome
 
 ROOT = Path(__file__).parent.parent
 TIME_MAX_S = 120.0  # on two cores

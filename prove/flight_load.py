@@ -22,8 +22,8 @@ from diffbotctl.runs.build_graph import Assembly, assemble
 from diffbotctl.runs.control_socket import RunControlSocket
 from diffbotctl.runs.options import RunOptions, SocketOptions
 from diffbotctl.runs.outputs import RunReports, run_facts, start_black_box
-from diffbotctl.testing.trials.row import Row
 from diffbotctl.time import SECOND
+from tests.support.trials.row import Row
 
 PERIOD = SECOND // 10_000  # ns between two instants: so fast that the ring is full before it is old
 BATCH = 50  # instants handed on at once

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from random import Random
 
-from diffbotctl.testing.confined import ConfinedCommands, ConfinedOutcome
-from diffbotctl.testing.trials import (
+from tests.support.confined import ConfinedCommands, ConfinedOutcome
+from tests.support.trials import (
     dashboard_hours,
     hostile_recordings,
     hostile_sockets,
@@ -17,7 +17,7 @@ from diffbotctl.testing.trials import (
     long_run,
     restarts,
 )
-from diffbotctl.testing.trials.row import Row, print_rows
+from tests.support.trials.row import Row, print_rows
 
 MEMORY_MAX_BYTES = 100 << 20
 CPU_MAX_S = 2.0

@@ -18,11 +18,11 @@ from diffbotctl.plant.simulated_robot import draw_robot
 from diffbotctl.prompts.answers_file import AnswersFile
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
-from diffbotctl.testing.calibration_robots import SilentScreen
-from diffbotctl.testing.matrix_case import position_sigmas
-from diffbotctl.testing.trials.row import Row, print_rows
 from diffbotctl.time import SECOND
 from prove.motion import OPEN_FLOOR
+from tests.support.calibration_robots import SilentScreen
+from tests.support.matrix_case import position_sigmas
+from tests.support.trials.row import Row, print_rows
 
 SCALE_SD = 0.003  # what a calibration leaves of the gyro's scale
 # Floor noise of 0.5 deg per root metre, and turns that slip by up to 1 %.

@@ -19,8 +19,9 @@ from diffbotctl.links.diffbot_settings import RangeInput
 from diffbotctl.messages import Goal, Imu, Odometry
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
-from diffbotctl.testing.board_bench import BOOK, BoardBench
-from diffbotctl.testing.sensor_stops import (
+from diffbotctl.time import MILLISECOND, SECOND
+from tests.support.board_bench import BOOK, BoardBench
+from tests.support.sensor_stops import (
     BEYOND,
     DRIVE_TIME_S,
     GAP_MIN,
@@ -29,8 +30,7 @@ from diffbotctl.testing.sensor_stops import (
     StoppingSensor,
     gap,
 )
-from diffbotctl.testing.trials.row import Row, print_rows
-from diffbotctl.time import MILLISECOND, SECOND
+from tests.support.trials.row import Row, print_rows
 
 LONG_RANGE = SHARPS["sharp_gp2y0a02yk0f"]  # the part that a sharp_custom is in the plant
 OWN_CURVE = StoppingSensor(

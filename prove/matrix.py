@@ -15,9 +15,9 @@ from multiprocessing import Pool
 from pathlib import Path
 from statistics import median
 
-from diffbotctl.testing.matrix_case import EQUATIONS, Case, CaseResult, run_case
-from diffbotctl.testing.random_robots import ENCODER_FAULTS, PERTURBATIONS, STOCK_FIRST
-from diffbotctl.testing.trials.row import Row, printed
+from tests.support.matrix_case import EQUATIONS, Case, CaseResult, run_case
+from tests.support.random_robots import ENCODER_FAULTS, PERTURBATIONS, STOCK_FIRST
+from tests.support.trials.row import Row, printed
 
 ROBOTS = 24
 RUNS = ROBOTS * len(PERTURBATIONS) * len(EQUATIONS) * 4

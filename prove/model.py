@@ -13,7 +13,7 @@ from diffbotctl.config.load import load_robot
 from diffbotctl.config.robot import Robot
 from diffbotctl.model.frames import ON_ROBOT
 from diffbotctl.model.urdf import urdf
-from diffbotctl.testing.trials.row import Row, printed
+from tests.support.trials.row import Row, printed
 
 MOST = 1e-9  # m, and of a rotation's matrix
 

@@ -17,7 +17,7 @@ from diffbotctl.messages import GOAL_EXIT_CODES, Goal, GoalState
 from diffbotctl.runs.build_graph import wires_of
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
-from diffbotctl.testing.trials.row import Row, printed
+from tests.support.trials.row import Row, printed
 
 ROBOTS = {"edges": "book_2wd", "counts": "book_2wd_counts", "stock": "book_2wd_stock"}
 IDEAL = str(Path(__file__).with_name("ideal_robot.yaml"))

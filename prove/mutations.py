@@ -18,7 +18,7 @@ from pathlib import Path
 from random import Random
 from typing import NamedTuple
 
-from diffbotctl.testing.trials.row import Row, print_rows
+from tests.support.trials.row import Row, print_rows
 
 ROOT = Path(__file__).parents[1]
 # What is mutated, and the tests that are most likely to notice it: they run first.

@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 
-from diffbotctl.testing.trials import page_losses
-from diffbotctl.testing.trials.row import Row, printed, with_failure
 from prove import dashboard, operator_load, operator_people, page, viewers
+from tests.support.trials import page_losses
+from tests.support.trials.row import Row, printed, with_failure
 
 OPENED = 10  # times that the page is opened on each device
 

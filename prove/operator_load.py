@@ -11,10 +11,10 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
-from diffbotctl.testing.command_process import children_of, command_line
-from diffbotctl.testing.running import PlainClient
-from diffbotctl.testing.trials.row import Row, printed
 from prove import wire
+from tests.support.command_process import children_of, command_line
+from tests.support.running import PlainClient
+from tests.support.trials.row import Row, printed
 
 RATE = 50.0  # ticks a second, as the book's robot
 SEGMENT_TIME_S = 3.0  # of one load before the next one
@@ -29,7 +29,7 @@ AGAIN = "none, once more"  # how much two measures without load differ
 HUB_GROWTH_MAX_MB = 8.0
 ENDING_TIMEOUT_S = 5.0  # in which a run that ends has written its summary
 LAST_LINES = 30  # of what a run printed that ended too early
-PAGE = [sys.executable, "-m", "diffbotctl.testing.plain_page"]
+PAGE = [sys.executable, "-m", "tests.support.plain_page"]
 NEVER_READS = """
 import socket, sys, time
 client = socket.socket(socket.AF_UNIX); client.connect(sys.argv[1])

@@ -15,9 +15,9 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from diffbotctl.testing.command_process import start_on_terminal
-from diffbotctl.testing.running import PlainClient, command, moves, running, stands
-from diffbotctl.testing.trials.row import Row
+from tests.support.command_process import start_on_terminal
+from tests.support.running import PlainClient, command, moves, running, stands
+from tests.support.trials.row import Row
 
 STOP_TIME_MAX_S = 0.5  # from the loss to the zero command of the wheels
 DRIVE_TIME_MAX_S = 1.0  # before the loss

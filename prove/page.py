@@ -15,12 +15,12 @@ from statistics import median
 from typing import Any, NamedTuple, get_args
 
 from diffbotctl.messages import GoalEnd
-from diffbotctl.testing.browser import DESKTOP, Browser, Page, chromium
-from diffbotctl.testing.command_process import processor_s
-from diffbotctl.testing.page_server import PageServer, serving
-from diffbotctl.testing.running import PlainClient, running
-from diffbotctl.testing.trials.row import NoData, Row, print_rows
 from diffbotctl.web.server import load_assets
+from tests.support.browser import DESKTOP, Browser, Page, chromium
+from tests.support.command_process import processor_s
+from tests.support.page_server import PageServer, serving
+from tests.support.running import PlainClient, running
+from tests.support.trials.row import NoData, Row, print_rows
 
 OFFLINE = "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1"
 PHONE = "phone"

@@ -7,10 +7,10 @@ from pathlib import Path
 
 from PIL import Image
 
-from diffbotctl.testing.browser import Browser, Page
-from diffbotctl.testing.page_server import serving
-from diffbotctl.testing.running import running
 from prove.picture import PIPELINE
+from tests.support.browser import Browser, Page
+from tests.support.page_server import serving
+from tests.support.running import running
 
 COLOURS = 200  # of the pictures, at half of the size
 DESKTOP_SIZE, PHONE_SIZE = (1100, 780), (390, 760)  # CSS pixels

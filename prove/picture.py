@@ -12,9 +12,9 @@ from time import monotonic, sleep
 from diffbotctl.control_socket.address import EngineAddress
 from diffbotctl.control_socket.client import ControlClient, choose_engine
 from diffbotctl.errors import UserError
-from diffbotctl.testing.command_process import command_line
 from diffbotctl.ui.dash.app import Dashboard
 from diffbotctl.ui.engine_app import ScreenOptions
+from tests.support.command_process import command_line
 
 SIZES = {"docs/dash.svg": (80, 24), "docs/dash_wide.svg": (160, 50)}
 PIPELINE = Path(__file__).parent / "data" / "picture.yaml"

@@ -15,9 +15,9 @@ from diffbotctl.engine.driver import Delivery
 from diffbotctl.messages import Twist
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
-from diffbotctl.testing.matrix_case import EQUATIONS, yaml_text
-from diffbotctl.testing.trials.row import Row, print_rows
 from prove.motion import OPEN_FLOOR, TOLERANCES, Trip, goals_within, share, trip
+from tests.support.matrix_case import EQUATIONS, yaml_text
+from tests.support.trials.row import Row, print_rows
 
 LAG = 0.3  # s
 DRIVE_SPEED, DRIVE_SECONDS = 0.15, 6.0

@@ -23,9 +23,9 @@ from mcap.reader import make_reader
 
 from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.recording.recover import recover
-from diffbotctl.testing.command_process import children_of, command_line
-from diffbotctl.testing.trials.row import Row, printed
 from prove import flight_load
+from tests.support.command_process import children_of, command_line
+from tests.support.trials.row import Row, printed
 
 # SHA-256 of the schemas of @foxglove/schemas 2.1.0, written with sorted keys by json.dumps.
 PUBLISHED = {

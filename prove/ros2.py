@@ -12,8 +12,8 @@ from statistics import median
 from subprocess import Popen
 from typing import NamedTuple
 
-from diffbotctl.testing.command_process import processor_s
-from diffbotctl.testing.ros2_nodes import (
+from tests.support.command_process import processor_s
+from tests.support.ros2_nodes import (
     COMMANDED_NODE,
     TWIST,
     RosNode,
@@ -21,9 +21,9 @@ from diffbotctl.testing.ros2_nodes import (
     ros_node,
     ros_python,
 )
-from diffbotctl.testing.running import PlainClient, moves, running, stands
-from diffbotctl.testing.trials.bridge_latency import MESSAGES, bridge_latency
-from diffbotctl.testing.trials.row import NoData, Row, print_rows
+from tests.support.running import PlainClient, moves, running, stands
+from tests.support.trials.bridge_latency import MESSAGES, bridge_latency
+from tests.support.trials.row import NoData, Row, print_rows
 
 STOP_MAX_S, CPU_MAX = 0.5, 0.05
 OUT_MAX, IN_MAX = 2.0, 1.5

@@ -24,12 +24,12 @@ from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from diffbotctl.testing.command_process import children_of, processor_s
-from diffbotctl.testing.ros2_nodes import environment, ros_python
-from diffbotctl.testing.trials.row import NoData, Row, print_rows
 from prove import wire
 from prove.tick_answers import PAIR
 from prove.wire import Ticks, Timing
+from tests.support.command_process import children_of, processor_s
+from tests.support.ros2_nodes import environment, ros_python
+from tests.support.trials.row import NoData, Row, print_rows
 
 NODES = ("driver", "odometry", "follower", "limiter", "kinematics")
 SCRIPT = Path(wire.__file__).with_name("ros2_chain_nodes.py")

@@ -11,7 +11,7 @@ from fcntl import ioctl
 from select import select
 from termios import TIOCSWINSZ
 
-from diffbotctl.testing.command_process import start_on_terminal
+from tests.support.command_process import start_on_terminal
 
 QUESTION = b"\x1b[6n"
 ESCAPES = re.compile(rb"\x1b\[[0-9;?<>=]*[A-Za-z]")

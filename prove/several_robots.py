@@ -19,13 +19,13 @@ from typing import Any
 from diffbotctl.config.load import load
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
-from diffbotctl.testing.background import repeating
-from diffbotctl.testing.lossy_network import can_make_namespaces
-from diffbotctl.testing.ros2_nodes import ros_python
-from diffbotctl.testing.running import PlainClient, running
-from diffbotctl.testing.trials import two_robots, two_robots_ros2
-from diffbotctl.testing.trials.row import NoData, Row, print_rows
-from diffbotctl.testing.trials.two_robots import CUT_S, DELAY_S, LOSS, ROBOTS, CutOutcome
+from tests.support.background import repeating
+from tests.support.lossy_network import can_make_namespaces
+from tests.support.ros2_nodes import ros_python
+from tests.support.running import PlainClient, running
+from tests.support.trials import two_robots, two_robots_ros2
+from tests.support.trials.row import NoData, Row, print_rows
+from tests.support.trials.two_robots import CUT_S, DELAY_S, LOSS, ROBOTS, CutOutcome
 
 STOP_MAX_S = 0.5
 SEVERAL, COST_RATIO_MAX = 10, 11.0

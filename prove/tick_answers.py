@@ -15,7 +15,7 @@ from diffbotctl.links.rosserial_frames import HEADER_BYTES, OVERHEAD_BYTES
 from diffbotctl.links.rosserial_wheels import PWM_MAX
 from diffbotctl.messages import Duty, Volts
 from diffbotctl.recording.reader import RecordingReader
-from diffbotctl.testing.book_board import frame
+from tests.support.book_board import frame
 
 PAIR = 24  # bytes of both wheels' commands
 LEFT, RIGHT = 100, 101  # topics of the commands

@@ -12,11 +12,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from random import Random
 
-from diffbotctl.testing.foxglove_viewer import FoxgloveProcess, serving_viewers
-from diffbotctl.testing.running import PlainClient, moves, running, stands
-from diffbotctl.testing.trials.row import Row, print_rows
+from tests.support.foxglove_viewer import FoxgloveProcess, serving_viewers
+from tests.support.running import PlainClient, moves, running, stands
+from tests.support.trials.row import Row, print_rows
 
-VIEWER = [sys.executable, "-m", "diffbotctl.testing.foxglove_viewer"]
+VIEWER = [sys.executable, "-m", "tests.support.foxglove_viewer"]
 STOP_TIME_MAX_S = 0.5  # from the loss to the zero command of the wheels
 DRIVE_TIME_MAX_S = 1.0  # before the loss
 RAMP_TIME_S = 0.5  # after a resume, which lets a speed limiter finish its ramp

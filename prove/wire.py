@@ -18,9 +18,6 @@ from statistics import median
 from typing import NamedTuple
 
 from diffbotctl.processes.real_time import ENGINE_PRIORITY, prefer, preferred
-from diffbotctl.testing.book_board import STOCK, BookBoard, frame
-from diffbotctl.testing.command_process import command_line
-from diffbotctl.testing.trials.row import Row, printed
 from prove.tick_answers import (
     Answers,
     answer_times,
@@ -29,6 +26,9 @@ from prove.tick_answers import (
     pair,
     recorded_commands,
 )
+from tests.support.book_board import STOCK, BookBoard, frame
+from tests.support.command_process import command_line
+from tests.support.trials.row import Row, printed
 
 SECONDS = 12.0  # of ticks in each run
 GOAL_PAIRS = 10  # of 9 m and 12.7 m: no run of a row comes to the end

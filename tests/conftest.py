@@ -15,8 +15,8 @@ import pytest
 from hypothesis import settings
 
 from diffbotctl.emulator.virtual_board import virtual_board
-from diffbotctl.testing import virtual_board as running_board
 from tests.stalled_computer import StalledComputer
+from tests.support import virtual_board as running_board
 
 # What opens an emulated board that keeps pace with real time.
 BOARDS = (running_board, running_board.board, virtual_board)

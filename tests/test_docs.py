@@ -31,9 +31,9 @@ def test_what_python_is_shown_to_answer_it_answers(page):
 
 
 def test_the_kinematics_picture_is_what_the_code_draws():
-    from diffbotctl.testing.trials.arc_picture import PAGE, picture
+    from tests.support.trials.arc_picture import PAGE, picture
 
-    assert PAGE.read_text() == picture(), "run `python -m diffbotctl.testing.trials.arc_picture`"
+    assert PAGE.read_text() == picture(), "run `python -m tests.support.trials.arc_picture`"
 
 
 def test_the_robot_that_is_shown_is_fine(tmp_path):

@@ -17,9 +17,9 @@ import pytest
 
 from diffbotctl.cli.main import COMMANDS, program
 from diffbotctl.processes.real_time import prefer
-from diffbotctl.testing.command_process import start_in_pipe
-from diffbotctl.testing.terminal import Terminal
-from diffbotctl.testing.virtual_board import LONGEST, board, outcome
+from tests.support.command_process import start_in_pipe
+from tests.support.terminal import Terminal
+from tests.support.virtual_board import LONGEST, board, outcome
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]

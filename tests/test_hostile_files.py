@@ -8,9 +8,9 @@ from random import Random
 
 import pytest
 
-from diffbotctl.testing.confined import ConfinedCommands
-from diffbotctl.testing.trials import hostile_recordings, hostile_tables, hostile_yaml
 from tests.sampling import by_day
+from tests.support.confined import ConfinedCommands
+from tests.support.trials import hostile_recordings, hostile_tables, hostile_yaml
 
 MEMORY_MAX_BYTES = 100 << 20
 GOOD = Path(__file__).parent / "data" / "recordings"

@@ -6,13 +6,13 @@ import json
 
 import pytest
 
-from diffbotctl.testing.trials.progress import (
+from tests.support.trials.progress import (
     ProofSection,
     SectionTimes,
     time_text,
     with_progress,
 )
-from diffbotctl.testing.trials.row import Row
+from tests.support.trials.row import Row
 
 MINUTE = 60.0
 

@@ -43,7 +43,6 @@ LAYERS = [
     ["replay", "board", "calibrate", "diagnostics", "ros2"],
     ["flash", "start"],
     ["ui", "web", "foxglove", "cli"],
-    ["testing"],
     ["__init__", "__main__"],
 ]
 LAYER = {name: number for number, names in enumerate(LAYERS) for name in names}
@@ -130,6 +129,10 @@ def test_imports_run_one_way():
         )
         for name, line in imports(path):
             steps = name.split(".")
+            assert steps[0] not in ("tests", "prove"), (
+                f"{place(path, line)} imports {name}, which is not installed; "
+                "move what it needs into the package"
+            )
             if steps[0] == "diffbotctl" and len(steps) > 1 and steps[1] in LAYER:
                 assert LAYER[steps[1]] <= here, (
                     f"{place(path, line)} imports {name}, which is in a higher layer; "
@@ -419,14 +422,15 @@ def test_a_run_on_a_real_port_imports_neither_plant_nor_emulator(robot, tmp_path
 
 
 @pytest.mark.parametrize("folder", ["prove", "tests"])
-def test_proof_and_tests_share_only_the_testing_package(folder):
+def test_proof_and_tests_share_only_the_support(folder):
     other = {"prove": "tests", "tests": "prove"}[folder]
     for path in sorted((ROOT / folder).rglob("*.py")):
         for node in import_nodes(ast.parse(path.read_text())):
             names = (
                 [node.module] if isinstance(node, ast.ImportFrom) else [a.name for a in node.names]
             )
+            names = [name for name in names if not name.startswith("tests.support")]
             assert other not in [name.split(".")[0] for name in names], (
-                f"{place(path, node.lineno)} imports {names[0]}; move what both need to "
-                "diffbotctl/testing/, so that either can change without the other"
+                f"{place(path, node.lineno)} imports {names}; move what both need to "
+                "tests/support/, so that either can change without the other"
             )

@@ -9,8 +9,8 @@ import pytest
 from diffbotctl.blocks.heading_hold import HeadingHold
 from diffbotctl.log import WARNING, Logbook
 from diffbotctl.messages import Odometry, Stop, Twist
-from diffbotctl.testing.trials.straight import straight_drive
 from tests.sampling import by_day
+from tests.support.trials.straight import straight_drive
 
 STEP = 50_000_000  # ns between two twists
 NONE = (0.0,) * 6

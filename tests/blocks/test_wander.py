@@ -7,8 +7,8 @@ import pytest
 from diffbotctl.blocks.wander import Wander, free_distance, freer_side
 from diffbotctl.config.load import load_robot
 from diffbotctl.messages import Odometry, Scan
-from diffbotctl.testing.trials.wander import START_ROOM, walks, world_of
 from diffbotctl.time import MILLISECOND as MS
+from tests.support.trials.wander import START_ROOM, walks, world_of
 
 ROBOT = load_robot("turtlebot3_burger").robot
 RADIUS = 0.1354  # m from its axle to its rear corners: hypot(102, 89) mm

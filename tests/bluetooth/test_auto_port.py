@@ -4,8 +4,8 @@ import pytest
 
 from diffbotctl.bluetooth.bluez import paired_modules
 from diffbotctl.cli.choose_port import command_over
-from diffbotctl.testing.virtual_board import diffbotctl, flat
 from tests.bluez_double import Module, bluez, bus
+from tests.support.virtual_board import diffbotctl, flat
 
 ROBOT = "98:D3:31:FC:12:34"
 OTHER = "98:D3:31:FC:00:01"

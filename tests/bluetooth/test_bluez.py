@@ -6,8 +6,8 @@ import pytest
 
 from diffbotctl.bluetooth.bluez import BluezService
 from diffbotctl.errors import RunError
-from diffbotctl.testing.virtual_board import diffbotctl, flat
 from tests.bluez_double import ERROR, Module, bluez, bus
+from tests.support.virtual_board import diffbotctl, flat
 
 ROBOT = "98:D3:31:FC:12:34"
 

@@ -14,8 +14,8 @@ from diffbotctl.bluetooth.hc05_at import AtModeError, AtReplyReader, BaudChange,
 from diffbotctl.config.lookup import folder
 from diffbotctl.emulator.pseudo_terminal import PseudoTerminal
 from diffbotctl.flash.intel_hex import read_hex
-from diffbotctl.testing.hc05 import Hc05
-from diffbotctl.testing.virtual_board import board, diffbotctl, flat
+from tests.support.hc05 import Hc05
+from tests.support.virtual_board import board, diffbotctl, flat
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 

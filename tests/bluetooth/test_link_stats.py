@@ -10,9 +10,9 @@ from diffbotctl.bluetooth.link_stats import (
     percentile,
 )
 from diffbotctl.bluetooth.rate_advice import advise_rate, max_telemetry_rate
-from diffbotctl.testing.radio_module import RadioModule
-from diffbotctl.testing.virtual_board import board, diffbotctl, flat
 from diffbotctl.time import MILLISECOND as MS
+from tests.support.radio_module import RadioModule
+from tests.support.virtual_board import board, diffbotctl, flat
 
 # Four frames, taken each 25 ms by a clock that is 700 ms behind; number 2 never came.
 FRAMES = [

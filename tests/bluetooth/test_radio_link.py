@@ -10,9 +10,9 @@ from contextlib import contextmanager
 
 import pytest
 
-from diffbotctl.testing.radio_module import RadioModule
-from diffbotctl.testing.trials import radio
-from diffbotctl.testing.virtual_board import board, diffbotctl, flat, run, start, wait_until
+from tests.support.radio_module import RadioModule
+from tests.support.trials import radio
+from tests.support.virtual_board import board, diffbotctl, flat, run, start, wait_until
 
 STILL = [0.0, 0.0]
 FRAMES = 80  # two seconds of telemetry

@@ -5,9 +5,9 @@ import select
 import socket
 from contextlib import suppress
 
-from diffbotctl.testing.background import BackgroundDevice
-from diffbotctl.testing.book_board import BookBoard, BookBoardPort
-from diffbotctl.testing.virtual_board import run, start
+from tests.support.background import BackgroundDevice
+from tests.support.book_board import BookBoard, BookBoardPort
+from tests.support.virtual_board import run, start
 
 
 class Relay(BackgroundDevice):

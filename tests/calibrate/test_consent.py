@@ -8,7 +8,7 @@ from diffbotctl.calibrate.runner import make_step, open_session, question_names,
 from diffbotctl.config.load import load_robot
 from diffbotctl.errors import RunError
 from diffbotctl.prompts.answers_file import AnswersFile
-from diffbotctl.testing.calibration_robots import SilentScreen
+from tests.support.calibration_robots import SilentScreen
 
 ROBOT = "format: 1\nkind: robot\ninclude: book_2wd\nimu: {type: mpu6050}\n"
 LIFTED = ("encoders", "motors", "discs")

@@ -6,7 +6,7 @@ import pytest
 from diffbotctl.calibrate.copied_drive import copied_ratio
 from diffbotctl.calibrate.log_reader import CountLog, refuse_repeated
 from diffbotctl.errors import UsageError
-from diffbotctl.testing.trials.foreign_drives import draw_foreign_set
+from tests.support.trials.foreign_drives import draw_foreign_set
 
 ROWS = 400
 

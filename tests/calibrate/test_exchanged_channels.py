@@ -4,15 +4,15 @@ from pathlib import Path
 
 import pytest
 
-import diffbotctl.testing
+import tests.support
 from diffbotctl.calibrate.encoder_fit import count_slots
 from diffbotctl.config.load import load_robot
 from diffbotctl.config.lookup import simulated_copy_of
-from diffbotctl.testing.running import cli
-from diffbotctl.testing.virtual_board import ENCODER_ANSWERS
 from tests.sampling import by_day
+from tests.support.running import cli
+from tests.support.virtual_board import ENCODER_ANSWERS
 
-ROBOTS = Path(diffbotctl.testing.__file__).parent
+ROBOTS = Path(tests.support.__file__).parent
 
 
 @pytest.mark.parametrize(

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from diffbotctl.calibrate.dead_reckoning import Geometry
-from diffbotctl.testing.trials.drawn_drives import CORRUPTIONS, NEEDS_HEADINGS, draw_set
-from diffbotctl.testing.trials.foreign_drives import draw_foreign_set
-from diffbotctl.testing.trials.foreign_mistakes import FOREIGN_MISTAKES, has_all_headings
-from diffbotctl.testing.trials.from_log import WRONG_DEVIATION, calibrated, session_rows
 from tests.sampling import by_day
+from tests.support.trials.drawn_drives import CORRUPTIONS, NEEDS_HEADINGS, draw_set
+from tests.support.trials.foreign_drives import draw_foreign_set
+from tests.support.trials.foreign_mistakes import FOREIGN_MISTAKES, has_all_headings
+from tests.support.trials.from_log import WRONG_DEVIATION, calibrated, session_rows
 
 
 def delayed(drawn, delay):

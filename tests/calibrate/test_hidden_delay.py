@@ -9,9 +9,9 @@ from diffbotctl.calibrate.steps.motors import MotorStep
 from diffbotctl.config.load import load_robot
 from diffbotctl.messages import Encoders
 from diffbotctl.prompts.answers_file import AnswersFile
-from diffbotctl.testing.calibration_robots import SilentScreen
 from diffbotctl.time import MILLISECOND as MS
 from tests.sampling import by_day
+from tests.support.calibration_robots import SilentScreen
 
 
 def ended(running):

@@ -17,9 +17,9 @@ from diffbotctl.config.load import load_robot
 from diffbotctl.errors import RunError
 from diffbotctl.messages import Encoders
 from diffbotctl.prompts.answers_file import AnswersFile
-from diffbotctl.testing.calibration_robots import SilentScreen
 from diffbotctl.time import SECOND
 from tests.sampling import by_day
+from tests.support.calibration_robots import SilentScreen
 
 ROBOT = """\
 format: 1

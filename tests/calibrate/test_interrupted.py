@@ -5,8 +5,8 @@ import signal
 import pytest
 
 from diffbotctl.cli.main import INTERRUPTED
-from diffbotctl.testing.command_process import command_line
-from diffbotctl.testing.terminal import Terminal
+from tests.support.command_process import command_line
+from tests.support.terminal import Terminal
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGQUIT, signal.SIGTERM, signal.SIGHUP])

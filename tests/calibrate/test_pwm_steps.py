@@ -7,7 +7,7 @@ from diffbotctl.calibrate.motor_experiments import DUTY_LEVELS
 from diffbotctl.calibrate.runner import make_step, open_session, run_step
 from diffbotctl.config.load import load_robot
 from diffbotctl.prompts.answers_file import AnswersFile
-from diffbotctl.testing.calibration_robots import SilentScreen
+from tests.support.calibration_robots import SilentScreen
 
 
 def test_every_duty_is_a_whole_step():

@@ -9,9 +9,9 @@ import pytest
 
 from diffbotctl.config.load import load_robot
 from diffbotctl.config.lookup import simulated_copy_of
-from diffbotctl.testing import virtual_board as board
-from diffbotctl.testing.command_process import command_line
-from diffbotctl.testing.terminal import Terminal
+from tests.support import virtual_board as board
+from tests.support.command_process import command_line
+from tests.support.terminal import Terminal
 
 SHIPPED = Path(__file__).parent.parent.parent / "robots" / "book_2wd.yaml"
 

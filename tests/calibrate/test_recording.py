@@ -5,8 +5,8 @@ import pytest
 
 from diffbotctl.calibrate.log_reader import read_counts
 from diffbotctl.errors import UsageError
-from diffbotctl.testing.command_process import command_line
-from diffbotctl.testing.trials.calibration import rows
+from tests.support.command_process import command_line
+from tests.support.trials.calibration import rows
 
 ROOT = Path(__file__).parent.parent.parent
 

@@ -11,8 +11,8 @@ from diffbotctl.calibrate.steps.encoders import EncoderStep
 from diffbotctl.config.load import load_robot
 from diffbotctl.links.diffbot_telemetry import RawEdge
 from diffbotctl.prompts.answers_file import AnswersFile
-from diffbotctl.testing.calibration_robots import SilentScreen
 from diffbotctl.time import MILLISECOND as MS
+from tests.support.calibration_robots import SilentScreen
 
 FILE = load_robot("book_2wd")
 ROBOT = FILE.robot  # glitch 2 ms

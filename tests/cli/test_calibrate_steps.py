@@ -16,9 +16,9 @@ from diffbotctl.cli.calibrate import command
 from diffbotctl.config.load import load_robot
 from diffbotctl.config.lookup import simulated_copy_of
 from diffbotctl.errors import RunError
-from diffbotctl.testing.calibration_robots import ANSWERS
-from diffbotctl.testing.command_process import command_line
 from tests.sampling import by_day
+from tests.support.calibration_robots import ANSWERS
+from tests.support.command_process import command_line
 
 ROOT = Path(__file__).parent.parent.parent
 LONGEST = 60  # s

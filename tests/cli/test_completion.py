@@ -10,8 +10,8 @@ import pytest
 
 from diffbotctl.cli import COMPLETING, completion
 from diffbotctl.cli.main import COMMANDS
-from diffbotctl.testing.running import PlainClient, running
 from tests.command_result import invoke
+from tests.support.running import PlainClient, running
 
 ROOT = Path(__file__).parents[2]
 SHELLS = ("bash", "zsh", "fish")

@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from diffbotctl.testing.running import cli
+from tests.support.running import cli
 
 # command; the options that exclude each other; the words between
 EXCLUSIVE = [

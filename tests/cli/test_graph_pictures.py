@@ -14,7 +14,7 @@ from diffbotctl.render.block_graph import Wire, dot_lines, mermaid_lines
 from diffbotctl.render.graph_layout import layout_graph
 from diffbotctl.render.graph_svg import graph_svg
 from diffbotctl.runs.build_graph import assemble
-from diffbotctl.testing.running import cli
+from tests.support.running import cli
 
 SVG = "{http://www.w3.org/2000/svg}"
 DIAMOND = [

@@ -19,9 +19,9 @@ from diffbotctl.errors import UserError
 from diffbotctl.messages import Goal
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
-from diffbotctl.testing.virtual_board import diffbotctl, flat
 from tests.command_result import invoke
 from tests.sampling import by_day
+from tests.support.virtual_board import diffbotctl, flat
 
 ROOT = Path(__file__).parents[2]
 # What is inherent in the kit, and said: no obstacle sensor; HC-05 and USB on one port.

@@ -6,10 +6,10 @@ import subprocess
 
 import pytest
 
-from diffbotctl.testing.command_process import command_line
-from diffbotctl.testing.running import cli, running
-from diffbotctl.testing.terminal import Terminal
 from tests.sampling import by_day
+from tests.support.command_process import command_line
+from tests.support.running import cli, running
+from tests.support.terminal import Terminal
 
 ROBOT_FILE = "format: 1\nkind: robot\ninclude: book_2wd\nwheels: 3\n"
 

@@ -3,7 +3,7 @@
 import subprocess
 from xml.etree import ElementTree
 
-from diffbotctl.testing.command_process import command_line
+from tests.support.command_process import command_line
 
 
 def run(*arguments, cwd=None, code=0):

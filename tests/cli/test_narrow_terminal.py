@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from diffbotctl.cli import main
 from diffbotctl.config.lookup import folder
 from diffbotctl.printable import fold_line, fold_lines, keep_lines, printable_stream, write_raw
-from diffbotctl.testing.running import command
-from diffbotctl.testing.terminal import Terminal
 from tests.sampling import each_once
+from tests.support.running import command
+from tests.support.terminal import Terminal
 
 COLUMNS, LINES = 60, 150
 COMMANDS = [

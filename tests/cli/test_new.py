@@ -21,8 +21,8 @@ from diffbotctl.errors import UserError
 from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
-from diffbotctl.testing.command_process import MAIN, command_line
 from tests.command_result import invoke
+from tests.support.command_process import MAIN, command_line
 
 ROOT = Path(__file__).parents[2]
 MODELINE = "# yaml-language-server: $schema=../schemas/robot.schema.json\n"

@@ -6,8 +6,8 @@ import subprocess
 
 import pytest
 
-from diffbotctl.testing.command_process import command_line
 from tests.sampling import each_once
+from tests.support.command_process import command_line
 
 # Each prints letters beyond ASCII to a UTF-8 terminal: boxes, braille, branches.
 PICTURES = (

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from diffbotctl.cli.stop import resume_result
-from diffbotctl.testing.command_process import children_of
-from diffbotctl.testing.running import PlainClient, cli, moves, running, stands
+from tests.support.command_process import children_of
+from tests.support.running import PlainClient, cli, moves, running, stands
 
 FAR = ("goal", "--stay", "--goal", "30 0")
 

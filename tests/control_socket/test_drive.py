@@ -3,7 +3,7 @@
 import pytest
 
 from diffbotctl.cli.drive import DriveProgress
-from diffbotctl.testing.running import cli, running
+from tests.support.running import cli, running
 
 WALL = ["--set", "world.walls=[{from: [0.2 m, -1 m], to: [0.2 m, 1 m]}]"]
 BLOCKED = "stopped by obstacle: something stands"

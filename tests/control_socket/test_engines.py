@@ -6,8 +6,8 @@ import re
 import pytest
 
 from diffbotctl.cli.engines import engine_state
-from diffbotctl.testing.far_host import far_host
-from diffbotctl.testing.running import PlainClient, cli, moves, running
+from tests.support.far_host import far_host
+from tests.support.running import PlainClient, cli, moves, running
 
 
 @pytest.fixture

@@ -10,11 +10,11 @@ import pytest
 from diffbotctl.control_socket.command_driver import is_late
 from diffbotctl.control_socket.far_engine import EngineTime
 from diffbotctl.recording.reader import RecordingReader
-from diffbotctl.testing.far_host import far_host
-from diffbotctl.testing.lost_terminal import drive
-from diffbotctl.testing.running import PlainClient, cli, command, moves, running, stands
-from diffbotctl.testing.terminal import Terminal
 from diffbotctl.time import SECOND as S
+from tests.support.far_host import far_host
+from tests.support.lost_terminal import drive
+from tests.support.running import PlainClient, cli, command, moves, running, stands
+from tests.support.terminal import Terminal
 
 LIMIT = (
     S  # ns to wheels commanded to zero on a busy machine; 0.3 s and a telemetry period is the rule

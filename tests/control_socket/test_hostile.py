@@ -16,9 +16,9 @@ import pytest
 from diffbotctl.control_socket.address import group_folder
 from diffbotctl.control_socket.protocol import LINE_MAX_BYTES
 from diffbotctl.control_socket.server import CLIENTS_MAX, STOP_SEATS
-from diffbotctl.testing.command_process import children_of
-from diffbotctl.testing.running import REPLY_TIMEOUT_S, PlainClient, cli, running
-from diffbotctl.testing.trials import hostile_sockets
+from tests.support.command_process import children_of
+from tests.support.running import REPLY_TIMEOUT_S, PlainClient, cli, running
+from tests.support.trials import hostile_sockets
 
 NOBODY = 65534  # a user that every Debian has, with no rights at all
 ROOT_ONLY = pytest.mark.skipif(os.getuid() != 0, reason="only root can become another user")

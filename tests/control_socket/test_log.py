@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from diffbotctl.testing.running import (
+from tests.support.running import (
     REPLY_TIMEOUT_S,
     PlainClient,
     cli,

@@ -8,8 +8,8 @@ import pytest
 
 from diffbotctl.messages import Stop, Twist, Wheels
 from diffbotctl.recording.reader import RecordingReader
-from diffbotctl.testing.command_process import start_on_terminal
-from diffbotctl.testing.running import PlainClient, cli, command, moves, running, stands
+from tests.support.command_process import start_on_terminal
+from tests.support.running import PlainClient, cli, command, moves, running, stands
 
 LIMIT = 500_000_000  # ns within which the wheels are commanded to zero
 

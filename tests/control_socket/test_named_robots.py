@@ -6,8 +6,8 @@ import subprocess
 
 import pytest
 
-from diffbotctl.testing.background import repeating
-from diffbotctl.testing.running import PlainClient, cli, command, moves, running, stands
+from tests.support.background import repeating
+from tests.support.running import PlainClient, cli, command, moves, running, stands
 
 PAIR = """format: 1
 kind: pipeline

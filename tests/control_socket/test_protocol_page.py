@@ -11,7 +11,7 @@ import pytest
 
 from diffbotctl.control_socket.dispatch import METHODS
 from diffbotctl.control_socket.requests import declared_fields
-from diffbotctl.testing.running import PlainClient, running, stands
+from tests.support.running import PlainClient, running, stands
 
 PAGE = (Path(__file__).parents[2] / "docs" / "protocol.md").read_text()
 CARRIERS = {"nc": 'nc -N -U "$1"', "socat": 'socat - "UNIX-CONNECT:$1"'}

@@ -8,7 +8,7 @@ import stat
 import pytest
 
 from diffbotctl.replay.replay import replay
-from diffbotctl.testing.running import PlainClient, moves, running, stands
+from tests.support.running import PlainClient, moves, running, stands
 
 
 @pytest.fixture(scope="module")

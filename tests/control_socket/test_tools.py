@@ -5,7 +5,7 @@ from math import radians
 
 import pytest
 
-from diffbotctl.testing.running import PlainClient, cli, moves, running, stands
+from tests.support.running import PlainClient, cli, moves, running, stands
 
 
 @pytest.fixture(scope="module")

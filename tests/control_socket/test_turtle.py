@@ -7,8 +7,8 @@ from math import pi
 
 import pytest
 
-from diffbotctl.testing.background import repeating
-from diffbotctl.testing.running import REPLY_TIMEOUT_S, PlainClient, cli, running
+from tests.support.background import repeating
+from tests.support.running import REPLY_TIMEOUT_S, PlainClient, cli, running
 
 
 @pytest.fixture(scope="module")

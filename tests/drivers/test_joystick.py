@@ -12,8 +12,8 @@ import pytest
 from diffbotctl.device import DeviceError
 from diffbotctl.drivers.joystick import BUTTONS, EVENT, Joystick, find_joystick
 from diffbotctl.messages import Twist
-from diffbotctl.testing.running import PlainClient, cli, moves, running, stands
 from diffbotctl.time import MILLISECOND as MS
+from tests.support.running import PlainClient, cli, moves, running, stands
 
 KEY, ABS, SYN = 1, 3, 0
 BUTTON = BUTTONS["left_shoulder"]

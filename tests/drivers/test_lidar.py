@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from diffbotctl.links.lidar_frames import RAYS, LdsParser, RplidarParser
 from diffbotctl.recording.reader import RecordingReader
-from diffbotctl.testing.running import OPEN_FIELD, PlainClient, cli, moves, running, stands
-from diffbotctl.testing.usb_lidar import UsbLidar, lds_turn, rplidar_turn
 from tests.pico_robot import PICO
+from tests.support.running import OPEN_FIELD, PlainClient, cli, moves, running, stands
+from tests.support.usb_lidar import UsbLidar, lds_turn, rplidar_turn
 
 COMMAND_PERIOD_S = 0.05
 PARSERS = {"lds01": LdsParser, "rplidar_a1": RplidarParser}

@@ -11,8 +11,10 @@ from diffbotctl.emulator.process import LINE, Emulator
 from diffbotctl.emulator.program import bootloader, build
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import FrameDecoder, encode_payload
-from diffbotctl.testing.board_bench import BOOK, RADIO, UNO, USB, BoardBench, speed
-from diffbotctl.testing.trials import (
+from diffbotctl.time import MILLISECOND as MS
+from tests.sampling import by_day, each_once
+from tests.support.board_bench import BOOK, RADIO, UNO, USB, BoardBench, speed
+from tests.support.trials import (
     board,
     board_faults,
     board_restarts,
@@ -21,8 +23,6 @@ from diffbotctl.testing.trials import (
     frame_damage,
     wheel_loop,
 )
-from diffbotctl.time import MILLISECOND as MS
-from tests.sampling import by_day, each_once
 
 
 def mode(bench):

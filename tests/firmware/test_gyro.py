@@ -17,10 +17,10 @@ from diffbotctl.emulator.process import GyroFault as Fault
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import pack
 from diffbotctl.links.diffbot_settings import GyroInput, RangeInput
-from diffbotctl.testing import firmware_parts
-from diffbotctl.testing.board_bench import BOOK, PICO, RADIO, UNO, BoardBench, speed
 from diffbotctl.time import MILLISECOND as MS
 from tests.sampling import each_once
+from tests.support import firmware_parts
+from tests.support.board_bench import BOOK, PICO, RADIO, UNO, BoardBench, speed
 
 MPU6050, LSM6 = GyroInput(0x68), GyroInput(0x6A, is_lsm6=True)
 SETTINGS = {

@@ -12,7 +12,7 @@ from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links import link_protocol
 from diffbotctl.links.diffbot_codec import WIRE_BYTES
 from diffbotctl.links.diffbot_settings import BAUDS
-from diffbotctl.testing import firmware_parts
+from tests.support import firmware_parts
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 # Timers of three PWM outputs each, in the order of the firmware's numbers.

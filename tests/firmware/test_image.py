@@ -8,7 +8,7 @@ import pytest
 
 from diffbotctl.config.board_pins import BOARDS
 from diffbotctl.flash.flasher import load
-from diffbotctl.testing.trials import board
+from tests.support.trials import board
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 PACKAGES = "sudo apt-get install gcc-avr avr-libc gcc-arm-none-eabi make"

@@ -13,8 +13,9 @@ from diffbotctl.emulator.program import EmulatorError
 from diffbotctl.flash.uf2 import is_rp2040
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_settings import RangeInput
-from diffbotctl.testing.board_bench import MS, PICO, PICO_BOARD, RADIO, BoardBench, speed, trials_on
-from diffbotctl.testing.trials import (
+from tests.sampling import by_day
+from tests.support.board_bench import MS, PICO, PICO_BOARD, RADIO, BoardBench, speed, trials_on
+from tests.support.trials import (
     board,
     board_faults,
     board_restarts,
@@ -22,7 +23,6 @@ from diffbotctl.testing.trials import (
     board_settings,
     frame_damage,
 )
-from tests.sampling import by_day
 
 SLOT = 128  # bytes of one in the store
 

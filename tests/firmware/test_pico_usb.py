@@ -8,8 +8,8 @@ from diffbotctl.emulator.emulated_robot import board_emulator
 from diffbotctl.emulator.program import SOURCES, image_of
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import FrameDecoder, encode
-from diffbotctl.testing.board_bench import PICO, speed
 from diffbotctl.time import MILLISECOND as MS
+from tests.support.board_bench import PICO, speed
 
 UART, USB = 0, 1
 FOUND = 40 * MS  # by then the host has found the port and opened it

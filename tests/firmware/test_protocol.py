@@ -18,8 +18,8 @@ from diffbotctl.links.diffbot_codec import (
     encode_payload,
     pack,
 )
-from diffbotctl.testing import firmware_parts
-from diffbotctl.testing.trials import frame_damage
+from tests.support import firmware_parts
+from tests.support.trials import frame_damage
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 spec = importlib.util.spec_from_file_location("generate", FIRMWARE / "generate.py")

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from diffbotctl.links import diffbot_frames as frames
-from diffbotctl.testing.board_bench import (
+from tests.support.board_bench import (
     BOOK,
     PICO,
     RADIO,
@@ -15,7 +15,7 @@ from diffbotctl.testing.board_bench import (
     speed,
     trials_on,
 )
-from diffbotctl.testing.trials import board, board_faults, wheel_loop
+from tests.support.trials import board, board_faults, wheel_loop
 
 CODE = frames.DriverCode.PULSED_INPUTS
 REFUSAL = frames.RefusalCode

@@ -13,10 +13,10 @@ from diffbotctl.links.diffbot_frames import (
     RefusalCode,
     SettingsFrame,
 )
-from diffbotctl.testing import firmware_parts
-from diffbotctl.testing.board_bench import BOOK
-from diffbotctl.testing.trials.board_settings import spoil
 from tests.sampling import by_day
+from tests.support import firmware_parts
+from tests.support.board_bench import BOOK
+from tests.support.trials.board_settings import spoil
 
 GOOD = BOOK.frame()
 TICK = 4_000  # ns

@@ -9,9 +9,9 @@ from diffbotctl.emulator.process import FIRST_SONAR, SONAR_ENDLESS, SONAR_SILENT
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import pack
 from diffbotctl.links.diffbot_settings import RangeInput
-from diffbotctl.testing import firmware_parts
-from diffbotctl.testing.board_bench import BOOK, PICO, UNO, BoardBench
 from diffbotctl.time import MILLISECOND as MS
+from tests.support import firmware_parts
+from tests.support.board_bench import BOOK, PICO, UNO, BoardBench
 
 PINS = {
     "mega2560": (BOOK, [(24, 50), (25, 51), (26, 11), (27, 12)]),

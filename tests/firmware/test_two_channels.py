@@ -6,14 +6,15 @@ from pathlib import Path
 
 import pytest
 
-import diffbotctl.testing
+import tests.support
 from diffbotctl.config.load import load
 from diffbotctl.emulator.emulated_robot import emulated_robot_driver
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.messages import Encoders, Goal
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
-from diffbotctl.testing.board_bench import (
+from diffbotctl.time import SECOND
+from tests.support.board_bench import (
     MEGA_BOARD,
     PICO_BOARD,
     RADIO,
@@ -22,10 +23,9 @@ from diffbotctl.testing.board_bench import (
     speed,
     trials_on,
 )
-from diffbotctl.testing.trials import two_channels
-from diffbotctl.time import SECOND
+from tests.support.trials import two_channels
 
-ROBOTS = Path(diffbotctl.testing.__file__).parent
+ROBOTS = Path(tests.support.__file__).parent
 BOARDS = pytest.mark.parametrize(
     "board", [MEGA_BOARD, UNO_BOARD, PICO_BOARD], ids=["mega2560", "uno", "pico"]
 )

@@ -8,7 +8,7 @@ from diffbotctl.emulator.process import Emulator
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import WIRE_BYTES, encode, encode_payload, pack
 from diffbotctl.links.diffbot_frames import CapabilityCode, ModeCode, RefusalCode
-from diffbotctl.testing.board_bench import BOOK, PICO, RADIO, BoardBench, speed
+from tests.support.board_bench import BOOK, PICO, RADIO, BoardBench, speed
 
 BATTERY = 2  # analog channel
 # 3:1 divider: 6.6 V are 2.2 V at the pin.

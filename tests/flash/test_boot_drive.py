@@ -24,7 +24,7 @@ from diffbotctl.flash.pico import find_pico
 from diffbotctl.flash.uf2 import is_rp2040, read_uf2
 from diffbotctl.links.diffbot_frames import BoardCode
 from diffbotctl.links.uf2_format import BLOCK, INFO_FILE, boot_checksum
-from diffbotctl.testing.board_bench import PICO_ROBOT
+from tests.support.board_bench import PICO_ROBOT
 
 IMAGE = image_of(BoardCode.RP2040)
 TEXT = "UF2 Bootloader v3.0\nModel: Raspberry Pi RP2\nBoard-ID: {}\n"

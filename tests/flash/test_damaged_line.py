@@ -12,9 +12,9 @@ from diffbotctl.emulator.program import IMAGE, bootloader
 from diffbotctl.flash.flasher import flash, load
 from diffbotctl.flash.intel_hex import PAGE_BYTES, write_hex
 from diffbotctl.links.stk500_frames import message, parity
-from diffbotctl.testing.background import BackgroundDevice
-from diffbotctl.testing.lossy_line import LossyLine
 from tests.sampling import by_day
+from tests.support.background import BackgroundDevice
+from tests.support.lossy_line import LossyLine
 
 
 @pytest.mark.parametrize(

@@ -26,9 +26,9 @@ from diffbotctl.flash.stk500 import BootloaderRequest
 from diffbotctl.links.diffbot_frames import BoardCode
 from diffbotctl.links.stk500_frames import BAUD, ReplyParser, message
 from diffbotctl.ports.sysfs import SerialPort, UsbDevice
-from diffbotctl.testing.board_bench import BOOK
-from diffbotctl.testing.trials import flash as flash_module
 from tests.sampling import each_once
+from tests.support.board_bench import BOOK
+from tests.support.trials import flash as flash_module
 
 
 @pytest.fixture

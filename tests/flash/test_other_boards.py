@@ -9,9 +9,9 @@ from diffbotctl.emulator.program import bootloader, image_of
 from diffbotctl.flash.flasher import flash, load
 from diffbotctl.flash.intel_hex import chip_of, write_hex
 from diffbotctl.links.diffbot_frames import BoardCode
-from diffbotctl.testing.optiboot import optiboot
-from diffbotctl.testing.trials import flash as flash_trials
 from tests.sampling import each_once
+from tests.support.optiboot import optiboot
+from tests.support.trials import flash as flash_trials
 
 UNO, MEGA = BoardCode.ATMEGA328P, BoardCode.MEGA2560
 

@@ -22,8 +22,8 @@ from diffbotctl.flash.boot_drive import NoDriveError
 from diffbotctl.flash.pico import NotMountedError, PicoTarget, find_pico
 from diffbotctl.links.diffbot_frames import BoardCode
 from diffbotctl.ports.sysfs import serial_ports
-from diffbotctl.testing.board_bench import PICO_ROBOT, UNO_ROBOT
-from diffbotctl.testing.fake_machine import FakeMachine
+from tests.support.board_bench import PICO_ROBOT, UNO_ROBOT
+from tests.support.fake_machine import FakeMachine
 
 PICO, PYTHON, MEGA, CLONE = (0x2E8A, 0x000A), (0x2E8A, 0x0005), (0x2341, 0x0042), (0x1A86, 0x7523)
 BOOTSEL = (0x2E8A, 0x0003)

@@ -12,7 +12,7 @@ from diffbotctl.foxglove.parameters import connection_graph, parameter_rows, par
 from diffbotctl.foxglove.protocol import ClientMessage, FrameError, ServiceCall
 from diffbotctl.foxglove.viewer_driving import ViewerDriving
 from diffbotctl.ros2.velocity_rules import Limits
-from diffbotctl.testing.foxglove_viewer import twist
+from tests.support.foxglove_viewer import twist
 
 BOTH = frozenset(Command)
 

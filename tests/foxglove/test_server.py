@@ -11,8 +11,8 @@ import aiohttp
 import pytest
 from jsonschema import Draft7Validator
 
-from diffbotctl.testing.foxglove_viewer import TIMEOUT_S, FoxgloveViewer, serving_viewers, twist
-from diffbotctl.testing.running import PlainClient, cli, moves, running, stands
+from tests.support.foxglove_viewer import TIMEOUT_S, FoxgloveViewer, serving_viewers, twist
+from tests.support.running import PlainClient, cli, moves, running, stands
 
 SENSED = "range.range.scan"
 

@@ -9,8 +9,8 @@ from diffbotctl.links.diffbot_codec import FrameDecoder, encode, pack
 from diffbotctl.links.diffbot_host import DiffbotHost
 from diffbotctl.links.diffbot_states import LINK_STATES, TRANSITIONS, HostState
 from diffbotctl.messages import Wheels
-from diffbotctl.testing.board_bench import BOOK
 from diffbotctl.time import MILLISECOND
+from tests.support.board_bench import BOOK
 
 
 def hello(settings, version=frames.VERSION, boot=1, capabilities=0):

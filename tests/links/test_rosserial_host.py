@@ -9,11 +9,11 @@ from diffbotctl.links.rosserial_frames import encode
 from diffbotctl.links.rosserial_host import RosserialHost
 from diffbotctl.links.rosserial_topics import TopicNames
 from diffbotctl.messages import Duty, Text, Volts, Wheels
-from diffbotctl.testing.rosserial_device import PUBLISHERS, RATED, SUBSCRIBERS, RosserialDevice
-from diffbotctl.testing.rosserial_session import RosserialSession, pair_in
-from diffbotctl.testing.trials.rosserial import RECORDINGS, recorded, rows
 from diffbotctl.time import MILLISECOND as MS
 from diffbotctl.time import SECOND
+from tests.support.rosserial_device import PUBLISHERS, RATED, SUBSCRIBERS, RosserialDevice
+from tests.support.rosserial_session import RosserialSession, pair_in
+from tests.support.trials.rosserial import RECORDINGS, recorded, rows
 
 
 def forward(now):

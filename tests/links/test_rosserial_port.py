@@ -14,7 +14,7 @@ from diffbotctl.drivers.serial_robot import SerialRobot
 from diffbotctl.drivers.watchdog_process import WatchdogProcess
 from diffbotctl.links.rosserial_host import RosserialHost
 from diffbotctl.messages import Duty, Encoders, Stop
-from diffbotctl.testing.rosserial_device import RATED, RosserialDevice, RosserialDevicePort
+from tests.support.rosserial_device import RATED, RosserialDevice, RosserialDevicePort
 
 TIMEOUT_S = 60.0
 

@@ -15,7 +15,7 @@ OWN = {"diffbotctl", "tests", "prove", "_pytest"}
 # Of ROS 2, in whose Python the bridge runs; no package of an index.
 OF_ROS = {"rclpy", "rcl_interfaces", "std_srvs"}
 # Folders and files that only tests and developers use.
-FOR_TESTS = ("tests", "prove", "diffbotctl/testing", "build_compiled.py", "firmware")
+FOR_TESTS = ("tests", "prove", "build_compiled.py", "firmware")
 # Declared for its command, its plugin or its stubs, and imported by nothing.
 NOT_IMPORTED = {"build", "pytest-xdist", "ruff"}
 

@@ -21,8 +21,8 @@ import pytest
 
 from diffbotctl import __version__
 from diffbotctl.emulator.program import RP2040
-from diffbotctl.testing.virtual_board import LONGEST
 from tests.package.interpreters import OWN, VERSIONS, interpreters
+from tests.support.virtual_board import LONGEST
 
 ROOT = Path(__file__).parents[2]
 UNSHIPPED = shutil.ignore_patterns(

@@ -4,14 +4,14 @@ from pathlib import Path
 
 import pytest
 
-import diffbotctl.testing
+import tests.support
 from diffbotctl.config.load import load
 from diffbotctl.drivers.simulated_robot import simulated_robot_driver
 from diffbotctl.emulator.emulated_robot import emulated_robot_driver
 from diffbotctl.messages import Range, Text, Volts
 from diffbotctl.time import SECOND
 
-ROBOT = str(Path(diffbotctl.testing.__file__).with_name("four_sensors.yaml"))
+ROBOT = str(Path(tests.support.__file__).with_name("four_sensors.yaml"))
 WALLS = (
     "world.walls=[{from: [0.58 m, -0.4 m], to: [0.58 m, 3 m]}, "
     "{from: [-3 m, 0.9 m], to: [3 m, 0.9 m]}]"

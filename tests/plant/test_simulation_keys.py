@@ -13,10 +13,10 @@ from diffbotctl.messages import Encoders, Scan, Wheels
 from diffbotctl.params import Section, declared
 from diffbotctl.plant.simulated_robot import draw_robot
 from diffbotctl.plant.world import build_world
-from diffbotctl.testing.board_bench import UNO_ROBOT
 from diffbotctl.time import MILLISECOND as MS
 from diffbotctl.time import SECOND
 from tests.sampling import each_once
+from tests.support.board_bench import UNO_ROBOT
 
 FOUR_SENSORS = UNO_ROBOT.replace("uno.yaml", "four_sensors.yaml")
 HALL_ROBOT = UNO_ROBOT.replace("uno.yaml", "mega_hall.yaml")

@@ -2,7 +2,7 @@
 
 import pytest
 
-from diffbotctl.testing.trials.port_answers import ANSWERS, is_right
+from tests.support.trials.port_answers import ANSWERS, is_right
 
 
 @pytest.mark.parametrize("answer", ANSWERS, ids=lambda each: each.name)

@@ -14,7 +14,7 @@ from diffbotctl.diagnostics.bundle import FILE_MAX_BYTES, FOLDER
 from diffbotctl.diagnostics.bundle_recording import share_recording
 from diffbotctl.diagnostics.private_text import PrivateText
 from diffbotctl.errors import UserError
-from diffbotctl.testing.fake_machine import CH340, FakeMachine
+from tests.support.fake_machine import CH340, FakeMachine
 
 PASSWD = """\
 root:x:0:0:root:/root:/bin/bash

@@ -20,9 +20,9 @@ from diffbotctl.drivers.serial_port import open_port
 from diffbotctl.errors import RunError
 from diffbotctl.ports.access import SystemUser
 from diffbotctl.ports.diagnosis import survey_ports
-from diffbotctl.testing.book_board import BookBoardPort
-from diffbotctl.testing.command_process import command_line
-from diffbotctl.testing.fake_machine import CH340, MEGA, FakeMachine
+from tests.support.book_board import BookBoardPort
+from tests.support.command_process import command_line
+from tests.support.fake_machine import CH340, MEGA, FakeMachine
 
 NOBODY = 65534
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from diffbotctl.testing.trials.ports import SITUATIONS, right, said
+from tests.support.trials.ports import SITUATIONS, right, said
 
 
 @pytest.mark.parametrize("situation", SITUATIONS, ids=lambda each: each.name)

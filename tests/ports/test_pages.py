@@ -44,7 +44,7 @@ def test_the_output_that_is_shown_is_what_is_printed(tmp_path):
     from diffbotctl.cli.ports import _print_report
     from diffbotctl.ports.access import SystemUser
     from diffbotctl.ports.diagnosis import survey_ports
-    from diffbotctl.testing.fake_machine import MEGA, FakeMachine
+    from tests.support.fake_machine import MEGA, FakeMachine
 
     machine = FakeMachine(tmp_path / "machine")
     machine.port("ttyACM0", MEGA, product="Mega 2560", by_id="usb-Arduino_Mega_2560_75330303-if00")

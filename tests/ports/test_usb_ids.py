@@ -10,7 +10,7 @@ from diffbotctl.ports.access import SystemUser, current_user
 from diffbotctl.ports.diagnosis import diagnose_name, survey_ports, unlisted_ports
 from diffbotctl.ports.sysfs import serial_ports
 from diffbotctl.ports.usb_ids import PortRole, lookup_usb_id, usb_rows
-from diffbotctl.testing.fake_machine import MEGA, FakeMachine
+from tests.support.fake_machine import MEGA, FakeMachine
 
 
 def survey(machine):

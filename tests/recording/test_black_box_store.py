@@ -18,8 +18,8 @@ from diffbotctl.runs.build_graph import assemble
 from diffbotctl.runs.control_socket import RunControlSocket
 from diffbotctl.runs.options import RunOptions, SocketOptions
 from diffbotctl.runs.outputs import RunReports, run_facts, start_black_box
-from diffbotctl.testing.running import REPLY_TIMEOUT_S, PlainClient
 from diffbotctl.time import SECOND
+from tests.support.running import REPLY_TIMEOUT_S, PlainClient
 
 ABOUT = {"epoch": "0"}
 WIRES = {"robot.encoders": Encoders}

@@ -10,9 +10,9 @@ import pytest
 
 from diffbotctl.recording.black_box_store import BlackBoxStore, RunMetadata
 from diffbotctl.recording.reader import RecordingReader, recording_info
-from diffbotctl.testing import own_package
-from diffbotctl.testing.running import PlainClient, cli, command, moves, running, stands
 from diffbotctl.time import SECOND as S
+from tests.support import own_package
+from tests.support.running import PlainClient, cli, command, moves, running, stands
 
 ROOT = Path(__file__).parents[2]
 

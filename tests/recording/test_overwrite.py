@@ -15,8 +15,8 @@ from diffbotctl.recording.reader import recording_info
 from diffbotctl.recording.recording_file import is_being_written, open_locked
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
-from diffbotctl.testing.command_process import command_line, start_in_pipe
 from tests.command_result import invoke
+from tests.support.command_process import command_line, start_in_pipe
 
 FIELD = "odometry.odometry.x"
 

@@ -20,8 +20,8 @@ from diffbotctl.messages import BUILT_IN, Field, Goal, Range, fields
 from diffbotctl.recording.json_codec import message_decoder, message_encoder
 from diffbotctl.recording.message_schema import json_schema, message_class
 from diffbotctl.recording.reader import RecordingReader
-from diffbotctl.testing import own_package
-from diffbotctl.testing.running import PlainClient, cli, command, running
+from tests.support import own_package
+from tests.support.running import PlainClient, cli, command, running
 
 ROOT = Path(__file__).parents[2]
 

@@ -20,9 +20,9 @@ from diffbotctl.recording.writer import RecordingHeader, RecordingWriter
 from diffbotctl.replay.recorded_run import read_run
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
-from diffbotctl.testing.confined import ConfinedCommands
-from diffbotctl.testing.trials.hostile_yaml import odd_value
 from diffbotctl.time import SECOND
+from tests.support.confined import ConfinedCommands
+from tests.support.trials.hostile_yaml import odd_value
 
 MEMORY_MAX_BYTES = 100 << 20
 CPU_MAX_S = 10

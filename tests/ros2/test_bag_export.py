@@ -25,8 +25,8 @@ from diffbotctl.ros2.conversion import SensorModel
 from diffbotctl.ros2.options import RobotModel
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
-from diffbotctl.testing.ros2_nodes import TF_HASH
 from diffbotctl.time import SECOND
+from tests.support.ros2_nodes import TF_HASH
 
 EPOCH = 1_700_000_000 * SECOND
 

@@ -11,7 +11,7 @@ from diffbotctl.config.load import load
 from diffbotctl.ros2.bag_export import export_bag
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
-from diffbotctl.testing.ros2_nodes import environment, ros_python
+from tests.support.ros2_nodes import environment, ros_python
 
 pytestmark = pytest.mark.skipif(
     ros_python() is None,

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from diffbotctl.testing.ros2_nodes import (
+from diffbotctl.time import SECOND
+from tests.support.ros2_nodes import (
     COMMANDED_NODE,
     TF_HASH,
     TWIST,
@@ -15,8 +16,7 @@ from diffbotctl.testing.ros2_nodes import (
     ros_node,
     ros_python,
 )
-from diffbotctl.testing.running import PlainClient, cli, moves, running, stands
-from diffbotctl.time import SECOND
+from tests.support.running import PlainClient, cli, moves, running, stands
 
 pytestmark = pytest.mark.skipif(
     ros_python() is None,

@@ -3,7 +3,7 @@
 import stat
 
 from diffbotctl.ros2.find_python import MODULES
-from diffbotctl.testing.running import cli, running
+from tests.support.running import cli, running
 
 
 def test_a_python_without_rclpy_is_named_with_the_way_out(tmp_path):

@@ -10,8 +10,8 @@ from diffbotctl.drivers.robot_link import board_settings
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import encode
 from diffbotctl.links.diffbot_host import DiffbotHost
-from diffbotctl.testing.virtual_board import diffbotctl, flat
 from tests.sampling import by_day
+from tests.support.virtual_board import diffbotctl, flat
 
 # The analog inputs and the button have other numbers than a Mega's.
 UNO = """\

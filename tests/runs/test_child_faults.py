@@ -4,8 +4,8 @@ import signal
 
 import pytest
 
-from diffbotctl.testing.trials.child_faults import child_fault, emulator_fault, unplugged
 from tests.sampling import by_day
+from tests.support.trials.child_faults import child_fault, emulator_fault, unplugged
 
 
 @pytest.mark.parametrize(

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from diffbotctl.flash.intel_hex import write_hex
-from diffbotctl.testing.command_process import children_of, command_line, start_in_pipe
-from diffbotctl.testing.running import PlainClient, cli, moves, running, stands
-from diffbotctl.testing.virtual_board import LONGEST, diffbotctl, flat, run
+from tests.support.command_process import children_of, command_line, start_in_pipe
+from tests.support.running import PlainClient, cli, moves, running, stands
+from tests.support.virtual_board import LONGEST, diffbotctl, flat, run
 
 
 @contextmanager

@@ -15,15 +15,15 @@ from diffbotctl.config.load import load
 from diffbotctl.messages import Goal, Twist
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
-from diffbotctl.testing.command_process import (
+from diffbotctl.time import SECOND
+from tests.sampling import by_day
+from tests.support.command_process import (
     command_line,
     command_line_with_block,
     start_in_pipe,
 )
-from diffbotctl.testing.terminal import Terminal
-from diffbotctl.testing.trials.host_freeze import HANGING_PIPELINE, HANGS
-from diffbotctl.time import SECOND
-from tests.sampling import by_day
+from tests.support.terminal import Terminal
+from tests.support.trials.host_freeze import HANGING_PIPELINE, HANGS
 
 FAR = ["run", "goal", "--goal", "30 0", "--set", "world.walls=[]"]
 
@@ -66,7 +66,7 @@ def test_ctrl_c_on_a_terminal_leaves_the_emulated_board_running_for_the_stop(key
 def test_a_second_ctrl_backslash_ends_a_run_whose_block_hangs(tmp_path):
     pipeline = tmp_path / "hanging.yaml"
     pipeline.write_text(HANGING_PIPELINE)
-    place = "diffbotctl.testing.trials.host_freeze:Hangs"
+    place = "tests.support.trials.host_freeze:Hangs"
     line = command_line_with_block("hangs", place, "run", pipeline, "--set", "hangs.after=1 s")
     process = start_in_pipe(line, cwd=tmp_path, preexec_fn=without_core_dump)
     read_until(process, HANGS)

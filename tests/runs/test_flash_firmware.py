@@ -17,10 +17,10 @@ from diffbotctl.emulator.pseudo_terminal import PseudoTerminal
 from diffbotctl.errors import RunError
 from diffbotctl.flash.flasher import flash as job
 from diffbotctl.flash.intel_hex import write_hex
-from diffbotctl.testing.board_bench import BOOK
-from diffbotctl.testing.command_process import command_line, start_in_pipe, start_on_terminal
-from diffbotctl.testing.fake_machine import FakeMachine
-from diffbotctl.testing.virtual_board import (
+from tests.support.board_bench import BOOK
+from tests.support.command_process import command_line, start_in_pipe, start_on_terminal
+from tests.support.fake_machine import FakeMachine
+from tests.support.virtual_board import (
     LONGEST,
     board,
     diffbotctl,

@@ -20,11 +20,11 @@ from diffbotctl.flash.intel_hex import write_hex
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import FrameDecoder, pack
 from diffbotctl.links.diffbot_host import DiffbotHost
-from diffbotctl.testing.board_bench import BOOK
-from diffbotctl.testing.book_board import BookBoardPort
-from diffbotctl.testing.serial_wire import SerialWire
-from diffbotctl.testing.trials.port_answers import named_port, talking
-from diffbotctl.testing.virtual_board import board, diffbotctl, flash, flat, run
+from tests.support.board_bench import BOOK
+from tests.support.book_board import BookBoardPort
+from tests.support.serial_wire import SerialWire
+from tests.support.trials.port_answers import named_port, talking
+from tests.support.virtual_board import board, diffbotctl, flash, flat, run
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 # A board keeps the baud rate of the settings that it was given last, so a radio is tried at all.

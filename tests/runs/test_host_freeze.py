@@ -5,7 +5,7 @@ import signal
 import pytest
 
 from diffbotctl.drivers.watchdog_process import STOPPED_TEXT
-from diffbotctl.testing.trials.host_freeze import (
+from tests.support.trials.host_freeze import (
     PROGRAM,
     frozen,
     hanging,

@@ -28,7 +28,7 @@ simulation:
   gyro: {{scale_spread: 0, tilt: 0 rad, fault: {fault}, fault_start: {start} s, axes: {true}}}
 calibration: {{imu.scale: {{value: 1.0, sd: 0.003}}}}
 """
-UNO = "diffbotctl/testing/uno.yaml"
+UNO = "tests/support/uno.yaml"
 GOAL = Goal(0, 1, 0.6, 0.3, 1.0)
 FAULTS = ("silent", "bus_held", "stuck")
 

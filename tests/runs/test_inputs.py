@@ -10,9 +10,9 @@ from diffbotctl.drivers.goal_queue import Operator
 from diffbotctl.drivers.input_leases import InputLeases
 from diffbotctl.messages import Range, Twist
 from diffbotctl.recording.reader import RecordingReader
-from diffbotctl.testing.background import repeating
-from diffbotctl.testing.running import PlainClient, cli, moves, running, stands
 from diffbotctl.time import MILLISECOND as MS
+from tests.support.background import repeating
+from tests.support.running import PlainClient, cli, moves, running, stands
 
 PIPELINE = """
 format: 1

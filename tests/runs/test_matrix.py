@@ -7,11 +7,11 @@ import pytest
 from diffbotctl.config.load import check, load
 from diffbotctl.messages import Goal
 from diffbotctl.plant.simulated_robot import draw_robot
-from diffbotctl.testing.matrix_case import Case, run_case, set_up, yaml_text
-from diffbotctl.testing.random_robots import PERTURBATIONS, draw_design
-from diffbotctl.testing.true_pose_controller import TruePoseController
 from diffbotctl.time import SECOND
 from tests.sampling import by_day, each_once
+from tests.support.matrix_case import Case, run_case, set_up, yaml_text
+from tests.support.random_robots import PERTURBATIONS, draw_design
+from tests.support.true_pose_controller import TruePoseController
 
 
 @pytest.mark.parametrize("number", by_day(12, range(60)))

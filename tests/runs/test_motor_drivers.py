@@ -12,10 +12,10 @@ from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_host import DiffbotHost
 from diffbotctl.messages import Duty, Encoders
 from diffbotctl.render.wiring_svg import wiring_svg
-from diffbotctl.testing.board_bench import BoardBench, speed
-from diffbotctl.testing.virtual_board import diffbotctl, flat
 from diffbotctl.time import MILLISECOND, SECOND
 from tests.sampling import by_day, each_once
+from tests.support.board_bench import BoardBench, speed
+from tests.support.virtual_board import diffbotctl, flat
 
 # Pins with PWM on both boards: 5, 6, 9 and 10.
 PINS = {

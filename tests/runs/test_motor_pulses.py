@@ -12,8 +12,8 @@ from diffbotctl.links.diffbot_codec import encode
 from diffbotctl.messages import Duty
 from diffbotctl.plant.driver_pulses import firmware_levels, pulse_shares
 from diffbotctl.plant.simulated_robot import draw_robot
-from diffbotctl.testing.board_bench import BoardBench
 from diffbotctl.time import MILLISECOND
+from tests.support.board_bench import BoardBench
 
 # A driver of each kind: open or shorted between the pulses on enable, a direction, two PWM inputs
 # that short or open with both low. The firmware sees no other difference.

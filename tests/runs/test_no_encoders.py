@@ -13,9 +13,9 @@ from diffbotctl.links.diffbot_host import DiffbotHost
 from diffbotctl.messages import Duty, Encoders, Odometry, Twist, Wheels
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
-from diffbotctl.testing.virtual_board import diffbotctl, flat
 from diffbotctl.time import MILLISECOND, SECOND
 from tests.sampling import each_once
+from tests.support.virtual_board import diffbotctl, flat
 
 PERIOD = 50 * MILLISECOND
 KIT = """\

@@ -9,11 +9,11 @@ from random import Random
 
 import pytest
 
-from diffbotctl.testing.background import BackgroundDevice
-from diffbotctl.testing.book_board import BookBoardPort
-from diffbotctl.testing.command_process import command_line
-from diffbotctl.testing.trials.child_faults import SensingBoard
 from tests.sampling import by_day
+from tests.support.background import BackgroundDevice
+from tests.support.book_board import BookBoardPort
+from tests.support.command_process import command_line
+from tests.support.trials.child_faults import SensingBoard
 
 LONGEST = 60  # s
 

@@ -11,12 +11,12 @@ import pytest
 
 from diffbotctl.config.load import check, load
 from diffbotctl.programs import consent
-from diffbotctl.testing.command_process import command_line
-from diffbotctl.testing.running import PlainClient, moves, running, stands
-from diffbotctl.testing.terminal import Terminal
-from diffbotctl.testing.trials import programs
-from diffbotctl.testing.trials.programs import CAUSES
 from tests.sampling import by_day
+from tests.support.command_process import command_line
+from tests.support.running import PlainClient, moves, running, stands
+from tests.support.terminal import Terminal
+from tests.support.trials import programs
+from tests.support.trials.programs import CAUSES
 
 # It writes one line for the log: the tests search the newest 50, some time after its start.
 LEAD = """

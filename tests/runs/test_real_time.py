@@ -15,8 +15,8 @@ from diffbotctl.processes.real_time import (
     prefer,
     preferred_engine,
 )
-from diffbotctl.testing.running import PlainClient, running
-from diffbotctl.testing.virtual_board import board
+from tests.support.running import PlainClient, running
+from tests.support.virtual_board import board
 
 NORMAL = os.SCHED_OTHER
 ROOT = Path(__file__).parents[2]

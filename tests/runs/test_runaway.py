@@ -2,7 +2,7 @@
 
 import pytest
 
-from diffbotctl.testing.trials.runaway import LATE_S, false_stop, runaway
+from tests.support.trials.runaway import LATE_S, false_stop, runaway
 
 
 @pytest.mark.parametrize("seed", [1, 2, 5])

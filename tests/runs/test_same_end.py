@@ -2,7 +2,7 @@
 
 import pytest
 
-from diffbotctl.testing.trials.same_end import SCENARIOS, compare
+from tests.support.trials.same_end import SCENARIOS, compare
 
 SAMPLE = (
     "telemetry 20 Hz",

@@ -4,8 +4,8 @@ import re
 
 import pytest
 
-from diffbotctl.testing.running import cli
-from diffbotctl.testing.sensor_stops import (
+from tests.support.running import cli
+from tests.support.sensor_stops import (
     BEYOND,
     DRIVE_TIME_S,
     GAP_MIN,

@@ -7,8 +7,8 @@ import signal
 import pytest
 
 from diffbotctl.processes.real_time import prefer
-from diffbotctl.testing.book_board import STOCK, BookBoardPort
-from diffbotctl.testing.command_process import command_line, start_in_pipe
+from tests.support.book_board import STOCK, BookBoardPort
+from tests.support.command_process import command_line, start_in_pipe
 
 STARTED = []
 

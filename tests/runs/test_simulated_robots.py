@@ -9,7 +9,7 @@ from diffbotctl.config.load import load
 from diffbotctl.messages import Goal
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
-from diffbotctl.testing.command_process import command_line
+from tests.support.command_process import command_line
 
 
 def go(pipeline, robot=None, sets=(), **options):

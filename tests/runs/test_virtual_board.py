@@ -7,8 +7,8 @@ import pytest
 
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import FrameDecoder
-from diffbotctl.testing.serial_wire import SerialWire
-from diffbotctl.testing.virtual_board import (
+from tests.support.serial_wire import SerialWire
+from tests.support.virtual_board import (
     board,
     diffbotctl,
     flash,

@@ -9,9 +9,9 @@ import pytest
 
 from diffbotctl.config.load import load_robot
 from diffbotctl.emulator.program import IMAGE
-from diffbotctl.testing.command_process import command_line
-from diffbotctl.testing.terminal import Terminal
-from diffbotctl.testing.virtual_board import START_ANSWERS, board, diffbotctl
+from tests.support.command_process import command_line
+from tests.support.terminal import Terminal
+from tests.support.virtual_board import START_ANSWERS, board, diffbotctl
 
 ROOT = Path(__file__).parents[2]
 

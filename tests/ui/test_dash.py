@@ -9,9 +9,9 @@ import termios
 import pytest
 
 from diffbotctl.config.saved_view import read_view
-from diffbotctl.testing.running import PlainClient, command, moves, running
-from diffbotctl.testing.terminal import Terminal
 from tests.sampling import by_day
+from tests.support.running import PlainClient, command, moves, running
+from tests.support.terminal import Terminal
 
 SIZES = [(60, 20), (80, 24), (120, 40), (200, 60)]
 

@@ -8,10 +8,10 @@ from rich.console import Console
 from diffbotctl.estimation.imu_text import imu_text
 from diffbotctl.messages import Imu
 from diffbotctl.processes.screen import RunSnapshot
-from diffbotctl.testing.running import PlainClient, cli, running
 from diffbotctl.ui.dash.facts import facts_panel
 from diffbotctl.ui.live_view import facts_table
 from diffbotctl.web.picture import RunPicture
+from tests.support.running import PlainClient, cli, running
 
 STUCK = "the rate that the IMU measures does not change"
 ROBOT = """\

@@ -9,10 +9,10 @@ from rich.console import Console
 from diffbotctl.messages import Duty, GoalState, Odometry, Text, Wheels
 from diffbotctl.processes.screen import RunSnapshot
 from diffbotctl.render.map_scene import Scene
-from diffbotctl.testing.running import command
-from diffbotctl.testing.terminal import Terminal
 from diffbotctl.ui.live_view import LiveView, duration_text, progress_text
 from diffbotctl.ui.run_text import commanded_wheels, wheel_speeds_text
+from tests.support.running import command
+from tests.support.terminal import Terminal
 
 MESSAGES = {
     "odometry.odometry": Odometry(0, 0.5, 0.2, 0.0, 0.1, 0.0, (0.0,) * 6),

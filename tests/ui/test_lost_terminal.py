@@ -3,10 +3,10 @@
 import signal
 
 from diffbotctl.recording.reader import RecordingReader
-from diffbotctl.testing.lost_terminal import drive, lose, ssh_server
-from diffbotctl.testing.running import PlainClient, command, moves, running, stands
-from diffbotctl.testing.terminal import SCREEN_TIMEOUT_S, Terminal
 from tests.sampling import each_once
+from tests.support.lost_terminal import drive, lose, ssh_server
+from tests.support.running import PlainClient, command, moves, running, stands
+from tests.support.terminal import SCREEN_TIMEOUT_S, Terminal
 
 LIMIT = 1_000_000_000  # ns to wheels commanded to zero; `make prove` holds it to half of that
 

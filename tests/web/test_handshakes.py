@@ -6,9 +6,9 @@ from contextlib import ExitStack
 
 import pytest
 
-from diffbotctl.testing.page_server import serving
-from diffbotctl.testing.running import running
 from diffbotctl.web.connections import CONNECTIONS_MAX
+from tests.support.page_server import serving
+from tests.support.running import running
 
 GROWTH_MAX_BYTES = 30 << 20
 COUNT = 500  # which took 90 MB

@@ -11,12 +11,12 @@ from contextlib import suppress
 
 import pytest
 
-from diffbotctl.testing.browser import Browser
-from diffbotctl.testing.page_server import serving
-from diffbotctl.testing.plain_page import TIMEOUT_S, PlainPage
-from diffbotctl.testing.running import PlainClient, running
 from diffbotctl.web.connections import CONNECTIONS_MAX, client_name
 from diffbotctl.web.page_connection import MESSAGE_MAX_BYTES
+from tests.support.browser import Browser
+from tests.support.page_server import serving
+from tests.support.plain_page import TIMEOUT_S, PlainPage
+from tests.support.running import PlainClient, running
 
 
 @pytest.fixture(scope="module")

@@ -10,19 +10,19 @@ from math import pi
 import pytest
 from PIL import Image, ImageChops
 
-from diffbotctl.testing.browser import (
+from diffbotctl.time import SECOND
+from diffbotctl.web.server import load_assets
+from tests.sampling import by_day, each_once
+from tests.support.browser import (
     DESKTOP,
     PHONE,
     POLL_PERIOD_S,
     REPLY_TIMEOUT_S,
     Browser,
 )
-from diffbotctl.testing.page_server import serving
-from diffbotctl.testing.running import PlainClient, moves, running, stands
-from diffbotctl.testing.trials.page_losses import LOSSES, lose_once, station
-from diffbotctl.time import SECOND
-from diffbotctl.web.server import load_assets
-from tests.sampling import by_day, each_once
+from tests.support.page_server import serving
+from tests.support.running import PlainClient, moves, running, stands
+from tests.support.trials.page_losses import LOSSES, lose_once, station
 
 FIRST_MAX_BYTES = 60 << 10  # gzipped, before the view in three dimensions is opened
 TOTAL_MAX_BYTES = 240 << 10
@@ -485,7 +485,7 @@ def test_one_drives_and_others_watch(open_page, parts):
 
 @pytest.mark.parametrize("name", by_day(2, LOSSES))
 def test_a_phone_that_is_lost_stops_the_robot(folder, parts, name):
-    """How soon is measured by `python -m diffbotctl.testing.trials.page_losses`."""
+    """How soon is measured by `python -m tests.support.trials.page_losses`."""
     loss = LOSSES[name]
     result = lose_once(folder, parts, loss)
     assert loss.cause is None or ("phone" in result.cause and "was driving" in result.cause)

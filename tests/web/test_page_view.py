@@ -6,11 +6,11 @@ import pytest
 
 from diffbotctl.config.saved_view import ViewSettings, parse_view, read_view, save_view
 from diffbotctl.errors import Source
-from diffbotctl.testing.browser import DESKTOP, POLL_PERIOD_S, REPLY_TIMEOUT_S, Browser
-from diffbotctl.testing.page_server import serving
-from diffbotctl.testing.running import running
 from diffbotctl.web.page_view import requested_view, view_record
 from diffbotctl.web.request_check import RequestRefusalError
+from tests.support.browser import DESKTOP, POLL_PERIOD_S, REPLY_TIMEOUT_S, Browser
+from tests.support.page_server import serving
+from tests.support.running import running
 
 SAVED = ViewSettings(
     "plots", ("odometry.odometry.x", "odometry.odometry.heading"), 60.0, (0.5, -0.25, 3.0), False

@@ -7,11 +7,11 @@ from math import nan
 import pytest
 
 from diffbotctl.control_socket.protocol import RefusalError
-from diffbotctl.testing.page_server import serving
-from diffbotctl.testing.plain_page import PlainPage
-from diffbotctl.testing.running import running
 from diffbotctl.web.page_commands import plotted_fields, read_request
 from diffbotctl.web.plot_samples import FIELDS_MAX, SAMPLES_MAX, PlotSamples
+from tests.support.page_server import serving
+from tests.support.plain_page import PlainPage
+from tests.support.running import running
 
 SECOND = 1_000_000_000
 

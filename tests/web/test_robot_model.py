@@ -5,8 +5,8 @@ from xml.etree.ElementTree import fromstring
 
 from diffbotctl.config.load import load_robot
 from diffbotctl.model.urdf import urdf
-from diffbotctl.testing.page_server import serving
-from diffbotctl.testing.running import running
+from tests.support.page_server import serving
+from tests.support.running import running
 
 
 def test_the_urdf_is_that_of_the_run_and_needs_a_session(tmp_path):

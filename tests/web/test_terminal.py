@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from diffbotctl.testing.command_process import children_of
-from diffbotctl.testing.page_server import PageServer, free_port, serving
-from diffbotctl.testing.running import cli, running
-from diffbotctl.testing.terminal import Terminal
+from tests.support.command_process import children_of
+from tests.support.page_server import PageServer, free_port, serving
+from tests.support.running import cli, running
+from tests.support.terminal import Terminal
 
 
 @pytest.fixture

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from math import degrees, hypot
 from typing import NamedTuple
 
-from diffbotctl.blocks.scan_stop import ScanStop
 from diffbotctl.config.checks.block_needs import GUARDS
 from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.configuration import Configuration
@@ -102,10 +101,11 @@ def check_scanned_world(context: CheckContext) -> None:
     world = context.pipeline.world if context.pipeline is not None else None
     if context.real or world is None or world.walls or world.obstacles or world.field:
         return
-    for name, block in context.block_classes.items():
+    for name in context.block_classes:
         wire = context.pipeline_value("blocks", name, "in", "scan")
+        # Only guards have this parameter.
         is_open = context.parameters.get(name, {}).get("open_space")
-        if not issubclass(block, ScanStop) or is_open or wire is None:
+        if is_open is not False or wire is None:
             continue
         if not str(wire.data).startswith("robot."):
             continue

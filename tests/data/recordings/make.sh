@@ -65,7 +65,7 @@ wait
 # The book's board, and one with this firmware, on serial ports: with times as they came.
 python - <<'END'
 import subprocess
-from diffbotctl.testing.book_board import BookBoardPort
+from tests.support.book_board import BookBoardPort
 
 port = BookBoardPort()
 words = ["--port", port.name, "--robot", "book_2wd_stock", "--goal", "0.15 0.05", "--no-socket"]

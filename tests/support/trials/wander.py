@@ -1,0 +1,140 @@
+"""A robot that wanders among walls and pillars of chance: does it ever touch one?
+
+The plant's true outline is measured against the true world after every turn of the engine's loop,
+at least 25 times a second.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from math import cos, hypot, inf, pi, sin
+from random import Random
+from typing import NamedTuple
+
+from diffbotctl.config.load import load
+from diffbotctl.geometry.footprint import distance_to_segment
+from diffbotctl.plant.chassis import Pose
+from diffbotctl.plant.collision import BodyOutline, clearance
+from diffbotctl.plant.world import Pillar, Wall, World
+from diffbotctl.runs.options import RunOptions
+from diffbotctl.runs.run import Run
+from tests.support.trials.row import Row, printed
+
+WORLDS = 3
+MINUTES = 10.0
+START_ROOM = 0.45  # m around the start that is left free
+ROOM = (3.0, 5.0)  # m, sides of the room
+PILLARS = (4, 12)
+PILLAR = (0.05, 0.25)  # m, radii
+PARTITIONS = (0, 4)
+PARTITION = (0.3, 1.2)  # m, lengths
+
+
+class WanderRun(NamedTuple):
+    """One run: least distance to anything (m), contacts, way driven (m), turning (rad)."""
+
+    least: float
+    contacts: int
+    way: float
+    turned: float
+
+
+def world_of(rng: Random) -> World:
+    """A closed room with pillars and partitions, the robot's start free."""
+    wide, deep = (0.5 * rng.uniform(*ROOM) for _ in range(2))
+    walls = [
+        Wall(-wide, -deep, wide, -deep),
+        Wall(wide, -deep, wide, deep),
+        Wall(wide, deep, -wide, deep),
+        Wall(-wide, deep, -wide, -deep),
+    ]
+    rounds: list[Pillar] = []
+    while len(rounds) < PILLARS[0] or (len(rounds) < PILLARS[1] and rng.random() < 0.85):
+        x, y, radius = rng.uniform(-wide, wide), rng.uniform(-deep, deep), 0.0
+        radius = rng.uniform(*PILLAR)
+        if hypot(x, y) - radius > START_ROOM:
+            rounds.append(Pillar(x, y, radius))
+    for _ in range(rng.randint(*PARTITIONS)):
+        x, y = rng.uniform(-wide, wide), rng.uniform(-deep, deep)
+        length, bearing = rng.uniform(*PARTITION), rng.uniform(-pi, pi)
+        wall = Wall(x, y, x + length * cos(bearing), y + length * sin(bearing))
+        if distance_to_segment(0.0, 0.0, *wall) > START_ROOM:
+            walls.append(wall)
+    return World(walls, rounds)
+
+
+def sets_of(world: World) -> list[str]:
+    """The world as `--set` has it."""
+    walls = ", ".join(
+        f"{{from: [{w.x1:.6f}, {w.y1:.6f}], to: [{w.x2:.6f}, {w.y2:.6f}]}}" for w in world.walls
+    )
+    rounds = ", ".join(
+        f"{{at: [{r.x:.6f}, {r.y:.6f}], radius: {r.radius:.6f}}}" for r in world.pillars
+    )
+    return [f"world.walls=[{walls}]", f"world.obstacles=[{rounds}]"]
+
+
+def walk(world: World, seed: int, minutes: float) -> WanderRun:
+    """Let the robot that `seed` draws wander through `world`."""
+    setup = load("wander", sets=sets_of(world))
+    assert setup.robot is not None
+    run = Run(setup, RunOptions(seed=seed, fast=True, duration=60.0 * minutes))
+    body = setup.robot.body
+    outline = BodyOutline(body.front, body.back, 0.5 * body.width)
+    plant = run.plant
+    assert plant is not None
+    least, contacts, touching = inf, 0, False
+
+    def look() -> None:
+        nonlocal least, contacts, touching
+        at = plant.chassis
+        far = clearance(outline, Pose(at.x, at.y, at.heading), world, within=max(least, 1e-9))
+        least = min(least, far)
+        contacts += far == 0.0 and not touching
+        touching = far == 0.0
+
+    run.engine.idle = look
+    result = run.go()
+    assert result.truth is not None
+    return WanderRun(least, contacts, result.truth.travel, result.truth.turned)
+
+
+def walks(seed: int, seeds: int, minutes: float) -> Iterator[WanderRun]:
+    """Every robot in its three worlds."""
+    for robot in range(seeds):
+        rng = Random(f"{seed} wander {robot}")
+        for _ in range(WORLDS):
+            yield walk(world_of(rng), rng.getrandbits(32), minutes)
+
+
+def rows(seed: int, seeds: int, minutes: float = MINUTES) -> Iterator[Row]:
+    """Contacts and the least distance, and that it did not just stand there."""
+    done = list(walks(seed, seeds, minutes))
+    runs = f"{seeds} seeds x {WORLDS} worlds x {minutes:g} min"
+    touched = sum(each.contacts for each in done)
+    yield Row(f"wander: contacts, {runs}", str(touched), "0", touched == 0)
+    least = min(each.least for each in done) * 1000
+    yield Row("wander: least distance to anything", f"{least:.1f} mm", "> 0 mm", least > 0.0)
+    ways = sorted(each.way / minutes for each in done)
+    figure = f"{ways[0]:.1f}, {ways[len(ways) // 2]:.1f} m/min"
+    yield Row("wander: way driven, least and median", figure, ">= 1 m/min", ways[0] >= 1.0)
+
+
+def main() -> int:
+    """Print the rows; exit 1 when one is missed."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seeds", type=int, default=50)
+    parser.add_argument("--minutes", type=float, default=MINUTES)
+    parser.add_argument("--each", action="store_true", help="print every run")
+    options = parser.parse_args()
+    if options.each:
+        for each in walks(options.seed, options.seeds, options.minutes):
+            print(each, flush=True)
+        return 0
+    return 1 if printed(rows(options.seed, options.seeds, options.minutes)) else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,140 @@
+"""A virtual board in this process, and diffbotctl's commands as processes of their own.
+
+The board runs the real firmware behind real pseudo-terminals, and keeps pace with real time in a
+thread; a command is what a person types at a prompt.
+"""
+
+import os
+import subprocess
+import threading
+import time
+from contextlib import contextmanager
+
+from diffbotctl.config.load import load_robot
+from diffbotctl.emulator.virtual_board import virtual_board
+from diffbotctl.processes.real_time import ENGINE_PRIORITY, prefer
+from tests.support.command_process import command_line, start_in_pipe
+
+LONGEST = 600  # s; everything that is waited for takes a few, up to thirty, on an idle machine
+# To the questions of `calibrate encoders`, and all of `start`, about a robot that is wired rightly.
+ENCODER_ANSWERS = """\
+encoders.wheel: [left forward, right forward]
+encoders.proof: both forward
+encoders.motion: yes
+"""
+START_ANSWERS = f"lifted: yes\n{ENCODER_ANSWERS}measure: later\nmetre: yes\ngoal: yes\n"
+RESUME_AFTER_S = 20  # s, after which a person looks whether the robot waits
+# Stops that a computer causes which does not run for a while, or the emulated board on it.
+STALLS = ("host_frozen", "block_overrun", "link_lost", "reconnect")
+
+
+@contextmanager
+def board(image="ours", robot="book_2wd"):
+    """A board with this program on it, in this robot; with None, nothing but its bootloader."""
+    ends, end = os.pipe()
+    failures: list[BaseException] = []
+    try:
+        with virtual_board(load_robot(str(robot)).robot, seed=3, image=image) as virtual:
+            virtual.seen = []  # type: ignore[attr-defined]  # reports of its wheels
+
+            def serve() -> None:
+                try:
+                    virtual.serve(ends, virtual.seen.append)  # type: ignore[attr-defined]
+                except BaseException as error:  # a thread would drop it
+                    failures.append(error)
+
+            pace = threading.Thread(target=serve)
+            pace.start()
+            try:
+                yield virtual
+            finally:
+                os.write(end, b"x")
+                pace.join()
+    finally:
+        os.close(ends)
+        os.close(end)
+    if failures:
+        raise failures[0]
+
+
+def start(*words, **options):
+    """Start a command; both its outputs are one pipe.
+
+    A host that waits too long for a processor stops its robot until a person resumes. This is about
+    what it does on a computer that is not overloaded, so it is preferred where that is permitted.
+    """
+    process = start_in_pipe(command_line(*words), stdin=subprocess.DEVNULL, **options)
+    prefer(process.pid, ENGINE_PRIORITY)
+    return process
+
+
+def diffbotctl(*words, **options):
+    """Run a command to its end; (exit code, what it said)."""
+    return outcome(start(*words, **options), **options)
+
+
+def outcome(process, **options):
+    """Exit code of a command that was started, and what it said.
+
+    A computer that gives a run no processor for 0.3 s, or its board none for a second, has the
+    robot wait for a person: the caller.
+    """
+    until = time.monotonic() + LONGEST
+    said = None
+    try:
+        while said is None:
+            try:
+                said, _ = process.communicate(timeout=RESUME_AFTER_S)
+            except subprocess.TimeoutExpired as expired:
+                why = _explanation(options)
+                if time.monotonic() > until:
+                    text = (expired.stdout or b"").decode(errors="replace")
+                    raise AssertionError(
+                        f"no end within {LONGEST} s; it said:\n{text}\n{why}"
+                    ) from None
+                if any(code in why for code in STALLS):
+                    subprocess.run(
+                        command_line("resume"), capture_output=True, check=False, **options
+                    )
+    finally:
+        process.kill()  # a run that is left behind would slow down all tests after it
+        process.wait()
+    return process.returncode, said
+
+
+def _explanation(options):
+    """Why the only run is stopped."""
+    told = subprocess.run(
+        command_line("why"), capture_output=True, text=True, check=False, **options
+    )
+    return told.stdout
+
+
+def flat(said):
+    """What was said, without the line breaks that fold it."""
+    return " ".join(said.split())
+
+
+def run(port, *words):
+    """The words of a run of the book's robot on a port."""
+    return ("run", "goal", "--robot", "book_2wd", "--port", port, "--quiet", *words)
+
+
+def flash(virtual, *words):
+    """Flash our firmware onto the board."""
+    return diffbotctl(
+        "flash", "firmware", "--port", virtual.usb, "--robot", "book_2wd", "--yes", *words
+    )
+
+
+def wait_until(holds):
+    """Wait until it holds; fail when it never does."""
+    until = time.monotonic() + LONGEST
+    while not holds():
+        assert time.monotonic() < until, "it never came to that"
+        time.sleep(0.005)
+
+
+def moving(virtual):
+    """Whether the board gives its motors power."""
+    return max(virtual.board.duty) > 0.1
