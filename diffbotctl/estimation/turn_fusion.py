@@ -15,7 +15,7 @@ from math import radians, sqrt
 from diffbotctl.estimation.geometry_deviation import GeometryDeviation
 from diffbotctl.estimation.gyro_turn import BIAS_WALK, TurnStep
 
-TRACK, RATIO, SCALE, BIAS, WHEELS, GYRO = range(6)
+TRACK, RATIO, SCALE, BIAS, WHEELS, GYRO = 0, 1, 2, 3, 4, 5
 OUTLIER_SDS = 5.0  # of the difference of both turns, for wheels that slide
 # rad in a frame; while both turns differ by more, wheels that have begun to slide slide on.
 SLIDING_TURN_MIN, SLIDING_RATIO = radians(0.3), 3.0
@@ -32,8 +32,8 @@ class TurnFusion:
         self.covariance = [[0.0] * 6 for _ in range(6)]
         self.is_sliding = False
         for state, variance in (
-            (TRACK, sum((0.5 * (e.left + e.right) - e.track) ** 2 for e in geometry)),
-            (RATIO, sum((e.right - e.left) ** 2 for e in geometry)),
+            (TRACK, sum(((0.5 * (e.left + e.right) - e.track) ** 2 for e in geometry), 0.0)),
+            (RATIO, sum(((e.right - e.left) ** 2 for e in geometry), 0.0)),
             (SCALE, scale_sd * scale_sd),
         ):
             self.covariance[state][state] = variance
@@ -87,8 +87,7 @@ class TurnFusion:
         frame is worth `weight` independent ones. Returns by what the wheels have turned too far,
         where they slide; otherwise 0."""
         row = (self.by_wheels, self.path, -self.by_gyro, 0.0, 1.0, -1.0)
-        expected = sum((a * b for a, b in zip(row, self.errors, strict=True)), 0.0)
-        innovation = self.by_wheels - self.by_gyro - expected
+        innovation = self.by_wheels - self.by_gyro - _product(row, self.errors)
         known = self._variance(row)
         slid = 0.0
         if self.is_sliding or innovation * innovation > OUTLIER_SDS**2 * (known + variance):
@@ -115,18 +114,21 @@ class TurnFusion:
         self.covariance[state][state] = variance
 
     def _variance(self, row: Sequence[float]) -> float:
-        rows = self.covariance
-        return sum(
-            (a * sum((b * c for b, c in zip(row, rows[i], strict=True)), 0.0))
-            for i, a in enumerate(row)
-            if a
-        )
+        variance = 0.0
+        for factor, covariances in zip(row, self.covariance, strict=True):
+            if factor:
+                variance += factor * _product(row, covariances)
+        return variance
 
     def _update(self, row: Sequence[float], innovation: float, variance: float) -> None:
         """Kalman update by a scalar with the measurement matrix `row`."""
         rows = self.covariance
-        gains = [sum((a * b for a, b in zip(row, each, strict=True)), 0.0) for each in rows]
+        gains = [_product(row, each) for each in rows]
         for i, gain in enumerate(gains):
             share = gain / variance
             self.errors[i] += share * innovation
             rows[i] = [a - share * b for a, b in zip(rows[i], gains, strict=True)]
+
+
+def _product(a: Sequence[float], b: Sequence[float]) -> float:
+    return sum((x * y for x, y in zip(a, b, strict=True)), 0.0)
