@@ -46,7 +46,7 @@ def test_a_delay_is_told_apart_from_the_motors_lag(seed, delay):
 def test_the_step_writes_it_for_the_blocks_that_look_ahead(tmp_path):
     made, _ = stock(4, 60)
     answers = tmp_path / "answers.yaml"
-    answers.write_text("{}")
+    answers.write_text("motors.motion: yes")
     outcome = run_step(MotorStep(), made, AnswersFile(answers, None), SilentScreen())
     fitted = {each.field: each for each in outcome.findings}
     delay = fitted["link.command_delay"]

@@ -23,7 +23,8 @@ def test_a_simulated_robot_is_refused_on_a_real_port(name):
 @pytest.mark.parametrize(
     ("changes", "code", "words"),
     [
-        ("drive: {left: {motor: {enable: none}}}", "E-BOARD-PIN", "can omit this pin"),
+        ("drive: {left: {motor: {enable: none}}}", "E-DRIVER", "enable of the left motor"),
+        ("drive: {left: {motor: {in1: none}}}", "E-BOARD-PIN", "can omit this pin"),
         ("drive: {right: {motor: {in2: none}}}", "E-BOARD-PIN", "can omit this pin"),
         ("drive: {left: {encoder: {pin: none}}}", "E-BOARD-PIN", "can omit this pin"),
     ],

@@ -229,7 +229,8 @@ def test_a_robot_file_that_still_says_rosserial():
     [
         ({}, False, []),
         ({"ttyS0": None}, True, []),  # a port of the mainboard
-        ({"ttyUSB0": (0x067B, 0x2303)}, True, []),  # an adapter that no Mega carries
+        ({"ttyUSB0": (0x067B, 0x2303)}, True, ["ttyUSB0"]),  # a PL2303, which a clone may carry
+        ({"ttyUSB0": (0x1234, 0x5678)}, True, []),  # in no list: only named, never chosen
         ({"ttyUSB0": CLONE, "ttyACM0": MEGA}, False, ["ttyACM0", "ttyUSB0"]),
         ({"rfcomm0": None, "ttyACM0": MEGA}, False, ["ttyACM0"]),
         ({"rfcomm0": None, "ttyACM0": MEGA}, True, ["rfcomm0", "ttyACM0"]),
