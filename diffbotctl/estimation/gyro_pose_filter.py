@@ -24,6 +24,9 @@ SIGN_TURN, SIGN_SHARE = 20.0 * pi / 180.0, 0.5
 OPPOSED_TURN, OPPOSED_SHARE = 8.0 * pi / 180.0, 0.3  # by which both sizes may differ
 AXIS_TURN, AXIS_SHARE = 60.0 * pi / 180.0, 0.25
 TURN_NS = 5_000_000_000
+# s; standard deviation of the time between both turns: a gyro filters its rate, and the board sums
+# it ten milliseconds apart.
+TURN_TIME_SD = 0.015
 # m of a wheel, within which the errors of its place in a slot are the same; and the least
 # standard deviation of a comparison.
 PLACE_TRAVEL, COMPARED_SD = 0.05, radians(0.05)
@@ -208,7 +211,7 @@ class GyroPoseFilter(PoseFilter):
         self._by_gyro += step.angle
         wheels_variance = (left_variance + right_variance) / (track * track)
         fusion.add(by_wheels, ahead / track, step, wheels_variance)
-        self._compare(abs(left) + abs(right), step.angle)
+        self._compare(abs(left) + abs(right), step)
         turn, self._turned = fusion.turn - self._turned, fusion.turn
         middle = self.heading + 0.5 * turn
         direction = cos(middle), sin(middle)
@@ -224,14 +227,17 @@ class GyroPoseFilter(PoseFilter):
             self.x, self.y, self.heading, ahead - half, ahead + half, track
         )
 
-    def _compare(self, path: float, turn: float) -> None:
-        """Compare both turns after a `path` (m) of both wheels and a `turn` of the gyro."""
+    def _compare(self, path: float, step: TurnStep) -> None:
+        """Compare both turns after a `path` (m) of both wheels and a `step` of the gyro."""
+        turn = abs(step.angle)
         self.agreed_path += 0.5 * path
-        self.agreed_turn += abs(turn)
-        moved = path + abs(turn) * self.track
+        self.agreed_turn += turn
+        moved = path + turn * self.track
         if not moved:
             return
         variance = self._wheel_variance / (self.track * self.track) + COMPARED_SD * COMPARED_SD
+        if step.seconds:
+            variance += (TURN_TIME_SD * turn / step.seconds) ** 2
         slid = self.fusion.compare(variance, min(0.5 * moved / PLACE_TRAVEL, 1.0))
         if slid:
             self.slid_turn += abs(slid)

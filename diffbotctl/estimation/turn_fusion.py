@@ -16,7 +16,8 @@ from diffbotctl.estimation.geometry_deviation import GeometryDeviation
 from diffbotctl.estimation.gyro_turn import BIAS_WALK, TurnStep
 
 TRACK, RATIO, SCALE, BIAS, WHEELS, GYRO = 0, 1, 2, 3, 4, 5
-OUTLIER_SDS = 5.0  # of the difference of both turns, for wheels that slide
+# Standard deviations, and rad, of the difference of both turns, for wheels that slide: tyres scrub.
+OUTLIER_SDS, OUTLIER_MIN = 5.0, radians(2.0)
 # rad in a frame; while both turns differ by more, wheels that have begun to slide slide on.
 SLIDING_TURN_MIN, SLIDING_RATIO = radians(0.3), 3.0
 
@@ -90,7 +91,8 @@ class TurnFusion:
         innovation = self.by_wheels - self.by_gyro - _product(row, self.errors)
         known = self._variance(row)
         slid = 0.0
-        if self.is_sliding or innovation * innovation > OUTLIER_SDS**2 * (known + variance):
+        limit = max(OUTLIER_MIN, OUTLIER_SDS * sqrt(known + variance))
+        if self.is_sliding or abs(innovation) > limit:
             slid, self.is_sliding, weight = innovation, True, 1.0
             self.covariance[WHEELS][WHEELS] += slid * slid
             known += slid * slid

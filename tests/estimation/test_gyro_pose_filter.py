@@ -74,12 +74,13 @@ def test_a_calibrated_gyro_decides_beside_wheels_of_which_little_is_known():
 
 
 def test_the_wheels_decide_beside_a_gyro_of_unknown_scale():
+    """1.6 rad at 0.6 rad/s."""
     pose = GyroPoseFilter(TRACK, SLIP, (GeometryDeviation(track=0.005),), 0.03)
-    wheels = Wheel(-0.01, variance=0.0), Wheel(0.01, variance=0.0)
-    for _ in range(10):
-        pose.step = TurnStep(1.03 * 0.02 / TRACK, 1e-10, 0.025)
+    wheels = Wheel(-0.001, variance=0.0), Wheel(0.001, variance=0.0)
+    for _ in range(100):
+        pose.step = TurnStep(1.03 * 0.002 / TRACK, 1e-10, 0.025)
         pose.move(*wheels)
-    assert pose.heading == pytest.approx(0.2 / TRACK, rel=3e-3)
+    assert pose.heading == pytest.approx(0.2 / TRACK, rel=6e-3)
 
 
 def test_straight_ahead_the_gyro_corrects_unequal_wheels():
