@@ -34,7 +34,11 @@ from diffbotctl.config.configuration import (
     RobotFile,
 )
 from diffbotctl.config.declared_inputs import mark_motion, read_inputs, read_programs, read_sources
-from diffbotctl.config.motor_pulses import calibrated_pulses, fields_of_other_pulses
+from diffbotctl.config.motor_pulses import (
+    calibrated_pulses,
+    fields_of_other_pulses,
+    fill_shorted,
+)
 from diffbotctl.config.named_robots import load_named_robots
 from diffbotctl.config.robot import (
     Robot,
@@ -369,6 +373,7 @@ class _Loader:
         fill_glitch(robot)
         fill_counts(robot)
         fill_bridge(robot)
+        fill_shorted(robot)
         fill_curves(robot)
         self.context.robot_tree, self.context.robot = whole, robot
         self.context.nominal = robot
@@ -378,6 +383,7 @@ class _Loader:
             fill_glitch(self.context.nominal)
             fill_counts(self.context.nominal)
             fill_bridge(self.context.nominal)
+            fill_shorted(self.context.nominal)
             fill_curves(self.context.nominal)
         return file
 

@@ -137,3 +137,14 @@ def _missing_pwm(robot: Robot, board: BoardPins) -> str:
         named = join_words(pins, "and")
         return f"two of the pins {named} of {board.with_article} have one PWM output"
     return ""
+
+
+def fill_shorted(robot: Robot) -> None:
+    """Set whether the pulses of our firmware short each motor between them, where the robot file
+    can be read so far."""
+    try:
+        is_shorted = driver_code(robot) is DriverCode.PULSED_INPUTS
+    except (AttributeError, KeyError, TypeError):
+        return
+    for side in SIDES if is_shorted else ():
+        getattr(robot.drive, side).motor.is_shorted = True

@@ -13,7 +13,7 @@ from __future__ import annotations
 from math import exp, log, sqrt
 
 from diffbotctl.estimation.explained_edges import EdgeRatio
-from diffbotctl.estimation.wheel_side import MotorConfig
+from diffbotctl.estimation.wheel_side import MotorConfig, known_decay
 
 # Logarithms of the edges counted over those explained: of motors at half of their rated speed, and
 # of half of the slots with motors 30 % below it. Healthy simulated robots reach 1.2.
@@ -73,7 +73,7 @@ class CountMismatch:
 
 def is_linear(motor: MotorConfig) -> bool:
     """Whether its speed is linear in the duty, as measured or by its driver's data sheet."""
-    return motor.decay == "slow" or (motor.decay is None and motor.is_shorted)
+    return known_decay(motor) == "slow"
 
 
 def _beyond_most(edges: EdgeRatio) -> float:

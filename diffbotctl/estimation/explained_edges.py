@@ -8,7 +8,7 @@ from math import exp, log, pi
 from typing import NamedTuple
 
 from diffbotctl.control.motor_curve import VISCOUS, MotorCurve
-from diffbotctl.estimation.wheel_side import SideConfig
+from diffbotctl.estimation.wheel_side import SideConfig, known_decay
 
 MEMORY_S = 5.0  # of driving, after which an edge weighs 1/e
 # Duties beyond the static one at which classes of sums begin: what friction and a load take of the
@@ -57,7 +57,7 @@ class ExplainedEdges:
         slow = MotorCurve(static, motor.rated, motor.lag)
         fast = MotorCurve(fast_static, motor.rated, motor.lag, VISCOUS)
         curves = {"slow": [slow], "fast": [fast]}
-        self.curves = curves.get(motor.decay or "", [slow, fast])
+        self.curves = curves.get(known_decay(motor) or "", [slow, fast])
         self.edges_per_rad = 0.5 * side.encoder.counts / pi
         self.static = max(static, STATIC_MIN)
         rate = motor.rated * self.edges_per_rad

@@ -15,7 +15,7 @@ from diffbotctl.estimation.slot_errors import EdgeErrors, SlotEstimate
 from diffbotctl.estimation.undriven_edges import UndrivenEdges
 from diffbotctl.estimation.wheel_filter import LOG_RATIO_MAX, WheelFilter
 from diffbotctl.estimation.wheel_frame import DriveChange, WheelFrame
-from diffbotctl.estimation.wheel_side import EncoderConfig, LinkTiming, SideConfig
+from diffbotctl.estimation.wheel_side import EncoderConfig, LinkTiming, SideConfig, known_decay
 
 UNIFORM_VARIANCE = 1.0 / 12.0  # pitches2; of a place within a slot
 DRY = Response(is_free_wheeling=False, is_dry=True)
@@ -52,7 +52,7 @@ class WheelOdometer:
             shorted_speed=motor.bridge_share * no_load_speed(motor.rated + friction)
             if brakes
             else 0.0,
-            decay=motor.decay,
+            decay=known_decay(motor),
             frame_time=timing.frame_time,
             command_time=timing.command_time,
             has_edge_times=timing.has_edge_times,

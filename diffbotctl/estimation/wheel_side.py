@@ -63,3 +63,9 @@ class LinkTiming(NamedTuple):
     def has_duties(self) -> bool:
         """Whether each duty is known: that of a board's own loop only by the times of the edges."""
         return self.has_edge_times or self.is_published_firmware
+
+
+def known_decay(motor: MotorConfig) -> str | None:
+    """How the current decays between two pulses: as measured, or by what the driver does there;
+    slow, fast, or None where neither is known."""
+    return motor.decay or ("slow" if motor.is_shorted else None)

@@ -16,7 +16,9 @@ RATED, STATIC = 10.0, 0.1  # rad/s, duty
 
 def side(decay=None):
     loop = SimpleNamespace(static=STATIC, speed=None, proportional=None, integral=None)
-    motor = SimpleNamespace(rated=RATED, lag=0.1, loop=loop, decay=decay, friction=None)
+    motor = SimpleNamespace(
+        rated=RATED, lag=0.1, loop=loop, decay=decay, friction=None, is_shorted=False
+    )
     return SimpleNamespace(motor=motor, encoder=SimpleNamespace(counts=COUNTS))
 
 
