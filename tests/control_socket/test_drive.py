@@ -5,13 +5,14 @@ import pytest
 from diffbotctl.cli.drive import DriveProgress
 from tests.support.running import cli, running
 
-WALL = ["--set", "world.walls=[{from: [0.2 m, -1 m], to: [0.2 m, 1 m]}]"]
+# So near that no test moves towards it, whichever is the first one of a run.
+WALL = ["--set", "world.walls=[{from: [0.13 m, -1 m], to: [0.13 m, 1 m]}]"]
 BLOCKED = "stopped by obstacle: something stands"
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A robot that waits 12 cm in front of a wall."""
+    """A robot that waits 5 cm in front of a wall, which stops it from the start."""
     there = tmp_path_factory.mktemp("drive")
     with running(there, "standby", "--robot", "book_2wd", sets=WALL):
         yield there

@@ -206,8 +206,10 @@ def test_a_robot_with_a_board_stops_before_what_only_its_lidar_sees(tmp_path, dr
             goal = status["goal_state"] or {"state": "none", "cause": ""}
             if "the scanner sees" in goal["cause"]:
                 return True
-            # A computer that stands still delays telemetry and scans: then the goal begins anew.
-            if goal["state"] in ("none", "stuck", "blocked") or status["held"]:
+            # A computer that stands still delays telemetry and scans: a latched stop ends the goal,
+            # which then begins anew. At an obstacle it goes on, and counts its patience.
+            held = status["held"]
+            if goal["state"] in ("none", "stuck", "blocked") or (held and held["latched"]):
                 client.request("resume")
                 client.request("goto", x=1.0, y=0.0)
             return False
