@@ -13,6 +13,7 @@ from typing import Any
 
 MAIN = "from diffbotctl.cli.main import main; main()"
 PR_SET_PDEATHSIG = 1  # prctl(2)
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def command_line(*words: object) -> list[str]:
@@ -21,8 +22,10 @@ def command_line(*words: object) -> list[str]:
 
 
 def command_line_with_block(name: str, place: str, *words: object) -> list[str]:
-    """The same with a further block `name`: the class at `place` (module:Class)."""
-    offer = f"from diffbotctl.config import registry\nregistry.BLOCKS['{name}'] = '{place}'\n"
+    """The same with a further block `name`: the class at `place` (module:Class), which may be in
+    `tests`."""
+    offer = f"import sys\nsys.path.append({str(ROOT)!r})\n"
+    offer += f"from diffbotctl.config import registry\nregistry.BLOCKS['{name}'] = '{place}'\n"
     return [sys.executable, "-c", offer + MAIN, *map(str, words)]
 
 

@@ -58,6 +58,7 @@ class ConfinedCommands:
         self.folder = folder
         environment = {**os.environ, "XDG_STATE_HOME": str(folder), "NO_COLOR": "1"}
         environment["XDG_RUNTIME_DIR"] = str(folder)
+        environment["PYTHONPATH"] = str(Path(__file__).resolve().parents[2])  # of this module
         self.process = subprocess.Popen(
             [sys.executable, "-m", __name__],
             stdin=subprocess.PIPE,
