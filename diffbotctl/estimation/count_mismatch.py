@@ -19,7 +19,6 @@ from diffbotctl.estimation.wheel_side import MotorConfig, known_decay
 # of half of the slots with motors 30 % below it. Healthy simulated robots reach 1.2.
 LEAST, MOST = log(0.5), log(1.4)
 HEAVY_LOAD = 0.2  # duty that moving the robot takes of both motors
-SHARE_MIN = 0.1  # of the edges explained, left by the load
 EXPLAINED_MIN = 5.0  # edges
 UNTIMED_MAX = 0.5  # of the edges; the duty of a board's loop is not known from edges without times
 # Standard deviation of the log of a ratio by the friction, relative to the edges that it takes, and
@@ -84,8 +83,7 @@ def _beyond_most(edges: EdgeRatio) -> float:
 
 def _beyond_least(edges: EdgeRatio) -> float:
     """Logarithm by which the edges counted exceed those of a weak motor of a heavy robot."""
-    share = max(1.0 - HEAVY_LOAD * edges.load / edges.explained, SHARE_MIN)
-    return edges.log_ratio - log(share) - LEAST
+    return edges.without_load(HEAVY_LOAD)[0] - LEAST
 
 
 def _share(edges: EdgeRatio) -> float:

@@ -32,7 +32,6 @@ LOADS = (0.0, 0.4), (0.07, 0.2), (0.14, 0.15), (0.21, 0.15), (0.3, 0.1)
 # ends of the time.
 OWN_SD, LEVEL_SD, FRICTION_SD, LOAD_SD, CLASS_SD, ROUNDING_SD = 0.07, 0.2, 0.4, 0.15, 0.06, 0.6
 CLASS_EDGES_MIN = 3.0  # explained; a class with less shows nothing
-SHARE_MIN = 0.1  # of the edges explained, left by the load; less does not differ
 # A load that one wheel has of its own, and what is none of all these: probabilities and standard
 # deviations. The latter is slower on average: a motor makes less speed than stated, seldom more.
 ONE_LOADED, ONE_LOADED_SD = 0.1, 0.35
@@ -276,7 +275,7 @@ def change_probabilities(before: WholePair, now: WholePair) -> Probabilities:
 def _changed(before: EdgeRatio, now: EdgeRatio, load: float) -> tuple[float, float, float]:
     """Log of the ratio before for a robot with this load, its change, and the change's variance."""
     (then, friction, of_load), (value, friction_now, of_load_now) = (
-        _without_load(ratio, load) for ratio in (before, now)
+        ratio.without_load(load) for ratio in (before, now)
     )
     variance = (
         CHANGE_SD**2
@@ -285,15 +284,6 @@ def _changed(before: EdgeRatio, now: EdgeRatio, load: float) -> tuple[float, flo
         + (LOAD_SD * (of_load_now - of_load)) ** 2
     )
     return then, value - then, variance
-
-
-def _without_load(ratio: EdgeRatio, load: float) -> tuple[float, float, float]:
-    """Log of the ratio for a robot whose load takes this duty, and what friction and the load take
-    of the edges that are left."""
-    explained = ratio.explained
-    share = max(1.0 - load * ratio.load / explained, SHARE_MIN)
-    left = explained * share
-    return ratio.log_ratio - log(share), ratio.friction / left, load * ratio.load / left
 
 
 def _logs(pair: WholePair) -> tuple[float, float] | None:
@@ -317,7 +307,7 @@ def _residual(ratios: Sequence[EdgeRatio], load: float, class_sd: float = CLASS_
     for ratio in ratios:
         if ratio.explained < CLASS_EDGES_MIN:
             continue
-        value, friction, of_load = _without_load(ratio, load)
+        value, friction, of_load = ratio.without_load(load)
         variance = (
             class_sd * class_sd
             + (ROUNDING_SD / max(ratio.counted, 1.0)) ** 2

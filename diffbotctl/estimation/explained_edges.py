@@ -19,6 +19,7 @@ DUTY_RATIO_MIN = 1.3  # of the dead band; with a smaller duty a wheel may stick 
 # A duty. A line through the speeds of a motor that is quick at small duties may show no dead band,
 # but the motor has one.
 STATIC_MIN = 0.08
+SHARE_MIN = 0.1  # of the edges explained, left by a load; less does not differ
 FEW_EDGES = 1.5  # in a frame; the times of more matter less, in inverse proportion
 STANDING_SPEED_RATIO = 0.05  # of the rated speed; a slower wheel without a duty stands
 
@@ -39,6 +40,13 @@ class EdgeRatio(NamedTuple):
     def log_ratio(self) -> float:
         """Natural log of the edges counted over those explained."""
         return log(max(self.counted, 0.5) / self.explained)
+
+    def without_load(self, load: float) -> tuple[float, float, float]:
+        """Log of the ratio for a robot whose load takes this duty, and what friction and the load
+        take of the edges that are left."""
+        share = max(1.0 - load * self.load / self.explained, SHARE_MIN)
+        left = self.explained * share
+        return self.log_ratio - log(share), self.friction / left, load * self.load / left
 
 
 def whole(ratios: Sequence[EdgeRatio]) -> EdgeRatio:

@@ -199,11 +199,6 @@ class PredictedWheel:
         return self.covariance[DIAGONAL[1]]
 
     @property
-    def gain_variance(self) -> float:
-        """Variance of `gain`."""
-        return self.covariance[DIAGONAL[2]]
-
-    @property
     def finds_faults(self) -> bool:
         """Whether its predictions are good enough to tell a missing edge from a slower wheel: those
         with wide priors are where the board reports when the edges came."""
