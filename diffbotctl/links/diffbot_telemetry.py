@@ -23,6 +23,7 @@ COMMAND_NUMBERS = 16  # sequence numbers of commands
 # For which a wheel goes on at its speed in a gap: without commands the board stops it after 0.1 to
 # 0.5 s, while a gap in one direction of the radio alone stops nothing.
 DRIVEN_ON_MAX = SECOND // 2
+BURST_PART = 16  # the wire time of one frame, 1 ms or more, suffices for a hundred frames
 CLOCK_WINDOW = 30 * SECOND  # of board time that the line is fitted to
 DRIFT_SPAN_MIN = SECOND  # in a shorter span the jitter of the delays would look like drift
 # A quartz or ceramic resonator is within 0.005, a chip's own RC oscillator is not. Beyond this
@@ -121,7 +122,7 @@ class Telemetry:
             wire_time = WIRE_BYTES[type(frame)] * BITS_PER_BYTE * SECOND // self.baud
             self.clock.observe(board_time, now - wire_time)
         self._measure_latency(now, board_time, frame)
-        time = min(self.clock.to_host(board_time), now)
+        time = self._host_time(now, board_time, elapsed)
         left = self._unwrap_count(0, frame.left, elapsed)
         right = self._unwrap_count(1, frame.right, elapsed)
         left_edge = right_edge = None
@@ -175,6 +176,19 @@ class Telemetry:
         expected = self.clock.to_board(now)
         turns = round((expected - low * TICK) / (WRAP * TICK))
         return (low + turns * WRAP) * TICK
+
+    def _host_time(self, now: int, board_time: int, elapsed: int) -> int:
+        """Host time of a frame, `elapsed` (ns of board time) after the last one, until `now`.
+
+        The clock's line falls when a frame arrives with less delay than all before it. Times then
+        advance at half the rate of the board's until they are on the line, and never go back. In a
+        burst, frames that lower the line have arrived at the same `now`: each then advances by a
+        part of what is left.
+        """
+        time, last = min(self.clock.to_host(board_time), now), self._frame_time
+        if elapsed <= 0 or last >= now:
+            return time
+        return max(time, last + min(elapsed // 2, (now - last) // BURST_PART))
 
     def _count_lost(self, sequence: int) -> None:
         if self._sequence is not None:
@@ -318,6 +332,8 @@ class BoardClock:
         (start, low), (end, high) = hull[index - 1], hull[index]
         drift = (high - low) / (end - start)
         self._drift = min(max(drift, -DRIFT_MAX), DRIFT_MAX)
+        if self._drift != drift:  # no clock: the lowest point that a line with this slope meets
+            start, low = min(hull, key=lambda point: point[1] - self._drift * point[0])
         self._origin, self._offset = start, low
 
 

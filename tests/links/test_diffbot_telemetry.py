@@ -1,5 +1,6 @@
 """Latency of our commands, measured with the state frames of a board."""
 
+from itertools import pairwise
 from math import isnan
 from random import Random
 
@@ -126,3 +127,44 @@ def test_the_time_of_frames_follows_the_clock_of_the_board(rate):
         if step >= 80:
             errors.append(seen.time / MILLISECOND - sampled - FRAME_DELAY)
     assert max(errors) < 3 and min(errors) > -5
+
+
+def read_in_stalls(stalls, delays, late_stamp):
+    """Times of 100 frames, 25 ms apart, for a host that does not run in `stalls`, (begin, length)
+    in ms of its clock: (host time, arrival, board time + FRAME_DELAY) of each, in ms.
+
+    `late_stamp`: the host has taken the time before each stall and reads the frames after it.
+    """
+    telemetry, seen = Telemetry(115200), []
+    for step in range(100):
+        arrival = 1000 + 25 * step + FRAME_DELAY + delays[step]
+        for begin, length in stalls:
+            if begin <= arrival < begin + length:
+                arrival = begin + length if late_stamp else begin
+        arrival = max(arrival, seen[-1][1] if seen else 0)
+        now = round(arrival * MILLISECOND)
+        board = 1000 + 25 * step
+        frame = state(board, NUMBER, None)._replace(
+            time=board * MILLISECOND // TICK % 65536, sequence=step % 64
+        )
+        seen.append((telemetry.read(now, frame).time / MILLISECOND, arrival, board + FRAME_DELAY))
+    return seen
+
+
+@pytest.mark.parametrize("late_stamp", [True, False])
+@pytest.mark.parametrize("seed", range(20))
+def test_the_times_of_frames_never_go_back(seed, late_stamp):
+    """Not in the burst after a stall, whenever it was: with the first frames of a board, too."""
+    rng = Random(seed)
+    stalls = [(rng.uniform(900, 3500), rng.choice((50, 200, 500, 900))) for _ in range(3)]
+    stalls.append((900 + rng.uniform(0, 100), rng.choice((0, 300, 500))))
+    seen = read_in_stalls(stalls, [rng.expovariate(1 / 3) for _ in range(100)], late_stamp)
+    times = [time for time, _, _ in seen]
+    assert all(before < after for before, after in pairwise(times))
+    assert all(time <= arrival for time, arrival, _ in seen)
+
+
+def test_the_first_burst_of_a_board_does_not_bend_its_clock():
+    """The first frames are late by up to 0.5 s: no clock that is slow by that much."""
+    for time, _, sent in read_in_stalls([(990, 500)], [0.0] * 100, late_stamp=True)[60:]:
+        assert time == pytest.approx(sent, abs=5)
