@@ -29,6 +29,7 @@ LAYERS = [
         "device",
         "printable",
         "user_folders",
+        "parts",
     ],
     ["geometry", "control", "estimation", "blocks", "links", "graph"],
     ["config"],

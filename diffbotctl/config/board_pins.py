@@ -1,9 +1,11 @@
-"""Pin functions of each board, from the data sheets and board drawings."""
+"""Pin functions of each board; the rows are in parts/boards.yaml."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from diffbotctl import parts
 
 
 class BoardSupplyPins(NamedTuple):
@@ -91,71 +93,19 @@ class BoardPins:
         return pin in self.digital or pin in self.analog
 
 
-def _pwm(pins_of_timer: dict[int, str]) -> dict[str, int]:
-    return {pin: timer for timer, pins in pins_of_timer.items() for pin in pins.split()}
+def _board(row: dict[str, Any]) -> BoardPins:
+    """A row of the table, which has numbers of pins in place of names, and counts of pins."""
+    names = {
+        "digital": tuple(map(str, range(row["digital"]))),
+        "analog": tuple(f"A{number}" for number in range(row["analog"])),
+        "pwm": {str(pin): output for output, pins in row["pwm"].items() for pin in pins},
+        "uarts": {port: tuple(map(str, pins)) for port, pins in row["uarts"].items()},
+        "supply": BoardSupplyPins(*row.get("supply", FIVE_VOLTS)),
+    }
+    for column in ("analog_only", "interrupts", "changes", "i2c"):
+        names[column] = tuple(map(str, row[column]))
+    return BoardPins(**row | names)
 
-
-NO_TIMER = -1  # a clock beside the PWM units
-
-MEGA_2560 = BoardPins(
-    title="Mega 2560",
-    digital=tuple(str(number) for number in range(54)),
-    analog=tuple(f"A{number}" for number in range(16)),
-    analog_only=(),
-    first_analog=54,
-    pwm=_pwm({0: "4 13", 1: "11 12", 2: "9 10", 3: "2 3 5", 4: "6 7 8", 5: "44 45 46"}),
-    interrupts=("2", "3", "18", "19", "20", "21"),
-    changes=tuple(str(number) for number in (*range(10, 14), *range(50, 54))),
-    uarts={0: ("0", "1"), 1: ("19", "18"), 2: ("17", "16"), 3: ("15", "14")},
-    clock_timer={"diffbot": 1, "rosserial": 0},
-    links={"diffbot": (0, 1), "rosserial": (0, 1, 2, 3)},
-    chip="MEGA2560",
-    i2c=("20", "21"),
-)
-
-NANO = BoardPins(
-    title="Nano",
-    digital=tuple(str(number) for number in range(14)),
-    analog=tuple(f"A{number}" for number in range(8)),
-    analog_only=("A6", "A7"),
-    first_analog=14,
-    pwm=_pwm({0: "5 6", 1: "9 10", 2: "3 11"}),
-    interrupts=("2", "3"),
-    changes=(*map(str, range(2, 14)), *(f"A{n}" for n in range(6))),
-    uarts={0: ("0", "1")},
-    clock_timer={"diffbot": 2, "rosserial": 0},
-    links={"diffbot": (0,), "rosserial": (0,)},
-    chip="ATMEGA328P",
-    i2c=("A4", "A5"),
-)
-
-# The same chip in a package without A6 and A7.
-UNO = replace(NANO, title="Uno", analog=NANO.analog[:6], analog_only=())
-
-# Numbers of its GP pins; A0 to A2 are GP26 to GP28. The others serve its supply and its LED. Pins
-# 16 numbers apart have one PWM output.
-PICO = BoardPins(
-    title="Pico",
-    digital=tuple(str(number) for number in range(23)),
-    analog=("A0", "A1", "A2"),
-    analog_only=(),
-    first_analog=26,
-    pwm={str(number): number % 16 for number in range(2, 23)},
-    interrupts=tuple(str(number) for number in range(2, 23)),
-    changes=tuple(str(number) for number in range(2, 23)),
-    uarts={0: ("1", "0")},
-    clock_timer={"diffbot": NO_TIMER, "rosserial": NO_TIMER},
-    links={"diffbot": (0,), "rosserial": ()},
-    chip="RP2040",
-    i2c=("4", "5"),
-    volts=3.3,
-    led=None,
-    supply=BoardSupplyPins("VSYS", "VBUS", "3V3"),
-    has_usb_serial=False,
-    shares_pwm=True,
-    counts_of_slot=4,
-    slot_rate=20_000,
-)
 
 SIMULATED = "simulated"  # board type of a robot that exists only in the simulator
-BOARDS = {"mega2560": MEGA_2560, "uno": UNO, "nano": NANO, "pico": PICO}
+BOARDS = {name: _board(row) for name, row in parts.rows("boards").items()}

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from typing import NamedTuple, assert_never
 
 from diffbotctl.config.board_pins import BOARDS, BoardPins
-from diffbotctl.config.imu_chips import IMU_CHIPS, imu_address
+from diffbotctl.config.imu_chips import IMU_CHIPS
 from diffbotctl.config.motor_drivers import MotorDriverFacts, driver_facts, driver_names
 from diffbotctl.config.motor_pulses import motor_pulses, pulses_text
 from diffbotctl.config.robot import SIDES, Robot, SideSection, board_sensors
@@ -279,7 +279,8 @@ def _imu(robot: Robot, board: BoardPins) -> Iterator[HarnessWire]:
     if robot.imu.type is None:
         return
     data, clock = board.i2c
-    chip, address = IMU_CHIPS[robot.imu.type], imu_address(robot.imu)
+    chip = IMU_CHIPS[robot.imu.type]
+    address = chip.address(robot.imu.address)
     yield from _supplied(board, IMU, IMU, pin=chip.supply_pin)
     yield _wire(IMU, "SDA", BOARD, data, SENSOR, "IMU: data of the I2C bus")
     yield _wire(BOARD, clock, IMU, "SCL", FROM_BOARD, "IMU: clock of the I2C bus")

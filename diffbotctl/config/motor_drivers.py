@@ -1,6 +1,6 @@
 """Motor drivers: inputs, supply, electrical figures and printed names of the pins.
 
-The rows are in motor_drivers.yaml. The figures are typical ones of the data sheet named by
+The rows are in parts/motor_drivers.yaml. The figures are typical ones of the data sheet named by
 `source`. Voltages are those of the motor supply, currents continuous ones of one motor. Only the
 checks, the wiring and the plant read them: what an estimator knows of a robot is measured on it.
 """
@@ -8,11 +8,9 @@ checks, the wiring and the plant read them: what an estimator knows of a robot i
 from __future__ import annotations
 
 import re
-from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-import yaml
-
+from diffbotctl import parts
 from diffbotctl.config.unsupported_parts import UnsupportedPart
 
 # Inputs of one motor: PWM, two directions; PWM, one direction; two PWMs.
@@ -133,13 +131,7 @@ def _facts(row: dict[str, Any]) -> MotorDriverFacts:
     return MotorDriverFacts(**rest | halves | {"bridge": bridge})
 
 
-def _rows() -> dict[str, dict[str, Any]]:
-    text = Path(__file__).with_name("motor_drivers.yaml").read_text(encoding="utf-8")
-    rows: dict[str, dict[str, Any]] = yaml.load(text, getattr(yaml, "CSafeLoader", yaml.SafeLoader))
-    return rows
-
-
-_ROWS = _rows()
+_ROWS = parts.rows("motor_drivers")
 MOTOR_DRIVERS = {name: _facts(row) for name, row in _ROWS.items() if "unsupported" not in row}
 
 

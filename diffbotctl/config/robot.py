@@ -11,9 +11,10 @@ from math import pi
 from typing import Any, Literal
 
 from diffbotctl.config.board_pins import BOARDS, SIMULATED
+from diffbotctl.config.imu_chips import IMU_CHIPS
 from diffbotctl.config.motor_drivers import MOTOR_DRIVERS
 from diffbotctl.config.simulation import LAG_MIN_S, ImuAxis, Simulation
-from diffbotctl.geometry.distance_sensors import SHARPS
+from diffbotctl.geometry.distance_sensors import CUSTOM, ECHOES, SHARPS
 from diffbotctl.links.diffbot_frames import SLOTS_MAXIMUM
 from diffbotctl.links.link_protocol import USB_BAUD
 from diffbotctl.params import Choice, Param, Pin, Section
@@ -30,7 +31,6 @@ GRIP_REASON = "no tyre has grip for more; state mm/s2 if that was meant"
 
 USUAL_BATTERY = 7.6  # V; two charged lithium cells under a light load
 
-BoardType = Literal["mega2560", "uno", "nano", "pico", "simulated"]
 BoardSupply = Literal["vin", "regulator", "usb"]
 Protocol = Literal["diffbot", "rosserial"]
 BaudRate = Literal[9600, 19200, 38400, 57600, 115200]
@@ -42,25 +42,14 @@ IdleMode = Literal["coast", "brake"]
 Decay = Literal["slow", "fast"]
 CountedEdge = Literal["rising", "falling"]
 Polarity = Literal["unproven", "checked_by_hand", "calibrated"]
-SensorType = Literal[
-    "sharp_gp2y0a41sk0f",
-    "sharp_gp2y0a21yk0f",
-    "sharp_gp2y0a02yk0f",
-    "sharp_custom",
-    "hc_sr04",
-    "lds01",
-    "overhead_camera",
-]
-
-
-ImuType = Literal["mpu6050", "mpu6500", "mpu9250", "lsm6ds3", "lsm6dso"]
 
 
 class BoardSection(Section):
     """The microcontroller board."""
 
-    type: BoardType = Choice(
-        BoardType,
+    type = Param(
+        str,
+        choices=(*BOARDS, SIMULATED),
         default="mega2560",
         help="Board type; it decides what each pin can do. simulated: no board, the robot exists "
         "only in the simulator and all its pins are `none`.",
@@ -455,8 +444,9 @@ class CurveSection(Section):
 class SensorSection(Section):
     """One sensor. A board reads those at its pins; a source of the pipeline may read the others."""
 
-    type: SensorType = Choice(
-        SensorType,
+    type = Param(
+        str,
+        choices=(*SHARPS, CUSTOM, *ECHOES, "lds01", "overhead_camera"),
         help="Part name. sharp_custom: another Sharp, with near, reach and curve; overhead_camera: "
         "sees the actual pose from above.",
     )
@@ -506,7 +496,9 @@ class SensorSection(Section):
 class ImuSection(Section):
     """The inertial sensor on the board's I2C bus; its gyro measures the turns of the robot."""
 
-    type: ImuType | None = Choice(ImuType, none=True, default=None, help="Part name; none: no IMU.")
+    type: str | None = Param(
+        str, choices=tuple(IMU_CHIPS), none=True, default=None, help="Part name; none: no IMU."
+    )
     address: int | None = Param(
         int,
         none=True,

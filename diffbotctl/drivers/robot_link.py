@@ -6,7 +6,7 @@ from dataclasses import replace
 from math import pi
 
 from diffbotctl.config.board_pins import BOARDS, BoardPins
-from diffbotctl.config.imu_chips import IMU_CHIPS, imu_address
+from diffbotctl.config.imu_chips import IMU_CHIPS
 from diffbotctl.config.motor_pulses import driver_code, pulse_fields
 from diffbotctl.config.robot import (
     ImuSection,
@@ -125,11 +125,12 @@ def _range_input(pins: BoardPins, name: str, sensor: SensorSection) -> RangeInpu
 def _gyro_input(imu: ImuSection, is_upward_checked: bool) -> GyroInput | None:
     if imu.type is None:
         return None
+    chip = IMU_CHIPS[imu.type]
     return GyroInput(
-        imu_address(imu),
+        chip.address(imu.address),
         "xyz".index(imu.axes[-1]),
         is_reversed=imu.axes.startswith("-"),
-        is_lsm6=IMU_CHIPS[imu.type].is_lsm6,
+        is_lsm6=chip.is_lsm6,
         is_upward_checked=is_upward_checked,
     )
 

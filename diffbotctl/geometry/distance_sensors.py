@@ -1,10 +1,8 @@
 """Distance sensors that a robot file can name, with the figures of their data sheets.
 
 Sharp sensors have an analog output. Their voltage falls with the distance, and falls again closer
-than a few centimetres, where the light misses the detector. The curves are those of white paper:
-GP2Y0A41SK0F ED-05G101, GP2Y0A21YK0F E4-A00201EN, GP2Y0A02YK0F E4-A00101EN. Ends and supply of the
-latter two are the tables' typical values; the points between were read by eye, within 0.05 V, and
-not compared again with the sheets.
+than a few centimetres, where the light misses the detector. The rows are in
+parts/distance_sensors.yaml.
 
 An HC-SR04 answers a trigger with a pulse as long as the sound was on its way.
 """
@@ -15,6 +13,8 @@ from bisect import bisect_right
 from collections.abc import Mapping
 from math import inf
 from typing import Literal, NamedTuple
+
+from diffbotctl import parts
 
 SPEED_OF_SOUND = 343.2  # m/s, in air of 20 C; 0.6 m/s more for each degree
 TURN = 0.051  # s, that the firmware gives each of the sensors that it measures in turn
@@ -78,63 +78,13 @@ class EchoFacts(NamedTuple):
     mass: float
 
 
-_A41 = (
-    *((0.000, 0.03), (0.005, 1.38), (0.010, 1.85), (0.020, 2.22), (0.025, 2.73), (0.030, 3.03)),
-    *((0.035, 2.99), (0.040, 2.72), (0.050, 2.34), (0.060, 2.02), (0.070, 1.765), (0.080, 1.56)),
-    *((0.090, 1.395), (0.100, 1.265), (0.120, 1.06), (0.140, 0.928), (0.160, 0.813)),
-    *((0.180, 0.735), (0.200, 0.656), (0.250, 0.525), (0.300, 0.430), (0.350, 0.370)),
-    (0.400, 0.312),
-)
-_A21 = (
-    *((0.00, 0.05), (0.01, 1.30), (0.02, 1.75), (0.03, 2.20), (0.04, 2.65), (0.05, 3.00)),
-    *((0.06, 3.15), (0.07, 2.98), (0.08, 2.74), (0.10, 2.31), (0.12, 1.99), (0.14, 1.75)),
-    *((0.16, 1.57), (0.18, 1.41), (0.20, 1.29), (0.25, 1.07), (0.30, 0.91), (0.40, 0.72)),
-    *((0.50, 0.60), (0.60, 0.51), (0.70, 0.45), (0.80, 0.40)),
-)
-_A02 = (
-    *((0.00, 0.05), (0.02, 0.90), (0.05, 1.60), (0.08, 2.10), (0.10, 2.40), (0.12, 2.60)),
-    *((0.15, 2.80), (0.17, 2.73), (0.20, 2.51), (0.25, 2.23), (0.30, 1.95), (0.40, 1.52)),
-    *((0.50, 1.24), (0.60, 1.05), (0.70, 0.91), (0.80, 0.81), (0.90, 0.72), (1.00, 0.65)),
-    *((1.10, 0.59), (1.20, 0.54), (1.30, 0.49), (1.40, 0.45), (1.50, 0.42)),
-)
-# The peak of a GP2Y0A41, 3.03 V, is 1.14 times the voltage at 4.2 cm; over 9 mm (3.7 to 2.8 cm) it
-# is above 1.09 times. An object at 5 mm gives 1.38 V, half of it; 2.5 cm give as much as 4.2 cm.
-_A41_FOLD = SensorFold(1.09, 0.009, 0.5, 0.020)
-SHARPS: dict[str, SharpFacts] = {
-    "sharp_gp2y0a41sk0f": SharpFacts(
-        "Sharp GP2Y0A41",
-        *(0.042, 0.30, 0.0165, 0.0252, 0.012),  # measures from 4 cm; the curve is good to 2 mm
-        (0.1498, 0.0134, -0.047),
-        (0.1502, 0.0135, -0.048),
-        _A41,
-        _A41_FOLD,
-        (0.0135, 0.0295, 0.0130),
-        0.0036,
-    ),
-    "sharp_gp2y0a21yk0f": SharpFacts(
-        "Sharp GP2Y0A21",
-        *(0.10, 0.80, 0.0383, 0.0529, 0.030),
-        (0.2708, 0.0214, 0.0736),  # within 1.4 % of the points
-        (0.2708, 0.0214, 0.0736),
-        _A21,
-        SensorFold(1.25, 0.028, 0.5, 0.023),  # 1.25 x 2.30 V: 7.4 to 4.7 cm
-        (0.0135, 0.0295, 0.0130),
-        0.0035,
-    ),
-    "sharp_gp2y0a02yk0f": SharpFacts(
-        "Sharp GP2Y0A02",
-        *(0.20, 1.50, 0.0383, 0.0529, 0.033),
-        (0.8118, 0.1067, -0.0861),  # within 3 %
-        (0.8118, 0.1067, -0.0861),
-        _A02,
-        SensorFold(1.05, 0.042, 0.5, 0.080),  # 1.05 x 2.56 V: 17.6 to 13.3 cm
-        (0.0216, 0.0295, 0.0130),
-        0.0048,
-    ),
+_ROWS = parts.rows("distance_sensors")
+SHARPS = {
+    name: SharpFacts(**row | {"fold": SensorFold(**row["fold"])})
+    for name, row in _ROWS.items()
+    if "points" in row
 }
-ECHOES: dict[str, EchoFacts] = {
-    "hc_sr04": EchoFacts("HC-SR04", 0.02, 4.0, 0.015, (0.015, 0.045, 0.020), 0.0085)
-}
+ECHOES = {name: EchoFacts(**row) for name, row in _ROWS.items() if name not in SHARPS}
 CUSTOM = "sharp_custom"
 """a Sharp sensor of another type: its reach and curve are in the robot file"""
 FACTS: dict[str, SharpFacts | EchoFacts] = {**SHARPS, **ECHOES}

@@ -2,7 +2,7 @@
 
 import pytest
 
-from diffbotctl.config.board_pins import BOARDS, MEGA_2560, NANO
+from diffbotctl.config.board_pins import BOARDS
 from diffbotctl.config.checks import graph
 from diffbotctl.config.checks.drive import resolution
 from diffbotctl.config.checks.pins import pins_for
@@ -135,14 +135,14 @@ def test_loops(sources, expected):
 @pytest.mark.parametrize(
     "board, role, protocol, pins",
     [
-        (MEGA_2560, "interrupt", "diffbot", "2 3 18 19 20 21"),
+        (BOARDS["mega2560"], "interrupt", "diffbot", "2 3 18 19 20 21"),
         # The clock of our firmware is timer 1 (11, 12), that of the Arduino core timer 0 (4, 13).
-        (MEGA_2560, "pwm", "diffbot", "2 3 4 5 6 7 8 9 10 13 44 45 46"),
-        (MEGA_2560, "pwm", "rosserial", "2 3 5 6 7 8 9 10 11 12 44 45 46"),
-        (NANO, "interrupt", "rosserial", "2 3"),
-        (NANO, "pwm", "rosserial", "3 9 10 11"),  # 5 and 6 use the timer of the clock
-        (NANO, "pwm", "diffbot", "5 6 9 10"),  # 3 and 11 use the timer of the clock
-        (NANO, "analog", "rosserial", "A0 A1 A2 A3 A4 A5 A6 A7"),
+        (BOARDS["mega2560"], "pwm", "diffbot", "2 3 4 5 6 7 8 9 10 13 44 45 46"),
+        (BOARDS["mega2560"], "pwm", "rosserial", "2 3 5 6 7 8 9 10 11 12 44 45 46"),
+        (BOARDS["nano"], "interrupt", "rosserial", "2 3"),
+        (BOARDS["nano"], "pwm", "rosserial", "3 9 10 11"),  # 5 and 6 use the timer of the clock
+        (BOARDS["nano"], "pwm", "diffbot", "5 6 9 10"),  # 3 and 11 use the timer of the clock
+        (BOARDS["nano"], "analog", "rosserial", "A0 A1 A2 A3 A4 A5 A6 A7"),
     ],
 )
 def test_pins_for_each_role(board, role, protocol, pins):
@@ -163,12 +163,12 @@ def test_the_tables_contain_only_pins_of_the_board(board):
 @pytest.mark.parametrize(
     "board, number, name",
     [
-        (MEGA_2560, "54", "A0"),
-        (MEGA_2560, "69", "A15"),
-        (MEGA_2560, "70", "70"),
-        (MEGA_2560, "A3", "A3"),
-        (NANO, "14", "A0"),
-        (NANO, "13", "13"),
+        (BOARDS["mega2560"], "54", "A0"),
+        (BOARDS["mega2560"], "69", "A15"),
+        (BOARDS["mega2560"], "70", "70"),
+        (BOARDS["mega2560"], "A3", "A3"),
+        (BOARDS["nano"], "14", "A0"),
+        (BOARDS["nano"], "13", "13"),
     ],
 )
 def test_analog_pins_have_two_names(board, number, name):

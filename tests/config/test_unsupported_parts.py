@@ -4,7 +4,7 @@ import pytest
 
 from diffbotctl.config.load import check
 from diffbotctl.config.motor_drivers import MODE_TEXT, MOTOR_DRIVERS, unknown_driver
-from diffbotctl.config.unsupported_parts import PARTS, unsupported_part
+from diffbotctl.config.unsupported_parts import unsupported_part, unsupported_parts
 
 
 def problems(folder, line):
@@ -41,6 +41,9 @@ def test_a_part_is_answered_with_what_to_write(tmp_path, line, cause, fix):
     (problem,) = problems(tmp_path, line)
     assert cause in problem.cause
     assert fix in problem.fix
+
+
+PARTS = unsupported_parts()
 
 
 @pytest.mark.parametrize("field", PARTS)

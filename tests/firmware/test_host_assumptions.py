@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from diffbotctl.config.board_pins import MEGA_2560, NANO
+from diffbotctl.config.board_pins import BOARDS
 from diffbotctl.config.checks.pins import pins_for, serial_pins
 from diffbotctl.config.robot import BoardSection, EncoderSection, LinkSection, SpeedLoopSection
 from diffbotctl.links import diffbot_frames as frames
@@ -18,15 +18,15 @@ FIRMWARE = Path(__file__).parents[2] / "firmware"
 # Timers of three PWM outputs each, in the order of the firmware's numbers.
 TIMERS = {"mega2560": (0, 2, 3, 4, 5), "atmega328p": (0, 1)}
 NOTHING, LINK = 15, 14  # of board.h
-BOARDS = "diffbotctl/config/board_pins.py"
+TABLE = "diffbotctl/parts/boards.yaml"
 BUDGET = "diffbotctl/links/link_protocol.py"
 ROBOT = "diffbotctl/config/robot.py"
 
 
-@pytest.fixture(params=[MEGA_2560, NANO], ids=lambda pins: pins.title)
+@pytest.fixture(params=["mega2560", "nano"])
 def pins(request):
     """The host's table of a board."""
-    return request.param
+    return BOARDS[request.param]
 
 
 @pytest.fixture
@@ -45,14 +45,14 @@ def differ(what, host, firmware, place):
 
 def test_the_board_has_the_pins_of_the_host_s_table(pins, table):
     host = len(pins.digital) + len(pins.analog)
-    assert host == len(table), differ("pins", host, len(table), BOARDS)
+    assert host == len(table), differ("pins", host, len(table), TABLE)
     source = (FIRMWARE / f"board_{pins.chip.lower()}.c").read_text()
     for name, expected in (
         ("board_first_analog", pins.first_analog),
         ("board_analogs", len(pins.analog)),
     ):
         actual = int(re.search(rf"{name} = (\d+);", source)[1])
-        assert expected == actual, differ(name, expected, actual, BOARDS)
+        assert expected == actual, differ(name, expected, actual, TABLE)
     assert source.count("ANALOG_ONLY") == len(pins.analog_only)
 
 
@@ -60,21 +60,21 @@ def test_pins_with_pwm_and_their_timers(pins, table):
     expected = {int(pin): pins.pwm[pin] for pin in pins_for(pins, "pwm", "diffbot")}
     timers = TIMERS[pins.chip.lower()]
     actual = {number: timers[pwm // 3] for number, (pwm, _) in enumerate(table) if pwm != NOTHING}
-    assert expected == actual, differ("timers of PWM pins", expected, actual, BOARDS)
+    assert expected == actual, differ("timers of PWM pins", expected, actual, TABLE)
 
 
 def test_pins_with_interrupts(pins, table):
     serial = serial_pins(pins, pins.links["diffbot"][-1], "diffbot")
     expected = {int(pin) for pin in pins.interrupts if pin not in serial}
     actual = {number for number, (_, line) in enumerate(table) if line < LINK}
-    assert expected == actual, differ("pins with interrupts", expected, actual, BOARDS)
+    assert expected == actual, differ("pins with interrupts", expected, actual, TABLE)
 
 
 def test_pins_of_the_serial_links(pins, table):
     for uart in pins.links["diffbot"]:
         expected = {int(pin) for pin in serial_pins(pins, uart, "diffbot")}
         actual = {number for number, (_, line) in enumerate(table) if line == LINK}
-        assert expected == actual, differ("pins of serial links", expected, actual, BOARDS)
+        assert expected == actual, differ("pins of serial links", expected, actual, TABLE)
 
 
 @pytest.mark.parametrize(

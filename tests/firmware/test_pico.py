@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from diffbotctl.config.board_pins import PICO as PINS
+from diffbotctl.config.board_pins import BOARDS
 from diffbotctl.config.checks.pins import pins_for, serial_pins
 from diffbotctl.emulator import program
 from diffbotctl.emulator.process import BROWNOUT, POWER, Emulator, PinTransition
@@ -24,6 +24,7 @@ from tests.support.trials import (
     frame_damage,
 )
 
+PINS = BOARDS["pico"]
 SLOT = 128  # bytes of one in the store
 
 
