@@ -5,9 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from textwrap import wrap
 from typing import Literal
 from unicodedata import east_asian_width
+
+from diffbotctl.printable import fold_words
 
 WIDTH = 80  # columns of the narrowest terminal in common use
 CONTEXT_COLUMNS_MIN = 24  # of the user's line, kept before the caret when it is shortened
@@ -192,11 +193,4 @@ def _display_width(text: str) -> int:
 
 
 def _wrapped(text: str, indent: str, width: int) -> list[str]:
-    return wrap(
-        text,
-        max(width, len(indent) + 20),
-        initial_indent=indent,
-        subsequent_indent=indent,
-        break_long_words=False,
-        break_on_hyphens=False,
-    )
+    return fold_words(text, max(width, len(indent) + 20), indent, indent)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from io import TextIOWrapper
+from textwrap import wrap
 from typing import Any, TextIO
 
 # C0 but tab and newline, DEL, C1, the line separators, and what reorders text (Unicode TR36, 2.4).
@@ -15,6 +16,9 @@ CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202
 STYLE = re.compile("\x1b\\[[0-9;]*m")
 REPLACEMENT = "\N{MIDDLE DOT}"
 NAME_LENGTH_MAX = 60
+# A command of which the user copies a whole row: in backticks, or on a line of its own.
+COMMAND = re.compile(r"`[^`\n]{1,200}`|^(?: {4,}|Now: )diffbotctl .*", re.MULTILINE)
+JOINT = "\x00"  # stands for a space within a command while a text is folded
 HANG = 2  # columns by which the rest of a folded line is indented
 
 
@@ -41,15 +45,36 @@ def printable_values(value: Any) -> Any:
     return value
 
 
+def fold_words(text: str, width: int, first: str = "", rest: str = "") -> list[str]:
+    """Rows of at most `width` columns, folded between words; `first` and `rest` indent them.
+
+    A longer word and a command in backticks stay whole, so that they can be copied.
+    """
+    rows = wrap(
+        _joined(text),
+        width,
+        initial_indent=first,
+        subsequent_indent=rest,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+    return [row.replace(JOINT, " ") for row in rows]
+
+
+def _joined(text: str) -> str:
+    """`text` with JOINT for each space within a command."""
+    return COMMAND.sub(lambda found: found[0].replace(" ", JOINT), text)
+
+
 def fold_line(line: str, width: int, column: int = 0) -> str:
     """`line` in rows of at most `width` columns, broken at spaces, the first at `column`.
 
     Continued rows are indented further than the first. A word that is longer than a row, such as
-    a path, stays whole, so that it can be copied.
+    a path, and a command stay whole, so that they can be copied.
     """
     begin = len(line) - len(line.lstrip(" "))
     hang = " " * min((0 if column else begin) + HANG, width // 2)
-    rows, rest, room = [], line, width - column
+    rows, rest, room = [], _joined(line), width - column
     while len(rest) > room:
         end = rest.rfind(" ", begin, room + 1)
         end = end if end > begin else rest.find(" ", max(room, begin + 1))
@@ -57,7 +82,7 @@ def fold_line(line: str, width: int, column: int = 0) -> str:
             break
         rows.append(rest[:end].rstrip(" "))
         rest, room, begin = hang + rest[end:].lstrip(" "), width, len(hang)
-    return "\n".join([*rows, rest])
+    return "\n".join([*rows, rest]).replace(JOINT, " ")
 
 
 class PrintableStream(TextIOWrapper):

@@ -94,6 +94,7 @@ if TYPE_CHECKING:
 @click.option("--no-socket", is_flag=True, help="No control socket: no client can connect.")
 @click.option("--allow-programs", is_flag=True, help="Start the pipeline's programs, unasked.")
 @click.option("--quiet", is_flag=True, help="Print the summary only.")
+@click.option("--verbose", is_flag=True, help="Print the errors as estimated in the summary too.")
 @json_option
 def command(
     pipeline: str,
@@ -118,6 +119,7 @@ def command(
     no_socket: bool,
     allow_programs: bool,
     quiet: bool,
+    verbose: bool,
     log: Path | None,
     levels: tuple[str, ...],
     as_json: bool,
@@ -262,7 +264,8 @@ def _finish(run: Run, stderr: NonBlockingStderr, as_json: bool) -> int:
     else:
         from diffbotctl.ui.run_text import summary_lines
 
-        for line in summary_lines(result, run.operator.last_reached):
+        verbose = click.get_current_context().params["verbose"]
+        for line in summary_lines(result, run.configuration.robot, verbose):
             click.echo(line)
     if result.failure is not None:
         raise result.failure
@@ -281,14 +284,19 @@ def _result_code(result: RunResult) -> int:
 
 
 def _result_record(result: RunResult, code: int) -> dict[str, Any]:
+    from diffbotctl.ui.run_text import PoseErrors
+
     pose = result.odometry
+    errors = PoseErrors.of(result)._asdict()
     return {
         "exit_code": code,
         "cause": result.ending.cause,
         "duration": result.ending.time / 1e9,
         "goals": result.goals,
         "reached": result.reached,
+        "reached_unsure": result.unsure,
         "pose": None if pose is None else {"x": pose.x, "y": pose.y, "heading": pose.heading},
+        **{name: error and error._asdict() for name, error in errors.items()},
         "path": result.path,
         "stops": [{"code": stop.code, "cause": stop.cause} for stop in result.stops],
         "stop_confirmed": result.ending.stopped,

@@ -11,6 +11,7 @@ import click
 from diffbotctl.cli.contradictions import exclusive, needs
 from diffbotctl.cli.options import json_option, output_option, robot_object
 from diffbotctl.cli.output import print_json, write_output
+from diffbotctl.printable import fold_words
 
 if TYPE_CHECKING:
     from diffbotctl.config.harness import Harness
@@ -97,7 +98,6 @@ def table_lines(harness: Harness) -> Iterator[str]:
 
 def _draw(harness: Harness, notes: Iterable[str]) -> None:
     from shutil import get_terminal_size
-    from textwrap import fill
 
     from diffbotctl.render.wiring_terminal import wiring_text
     from diffbotctl.ui.console import PrintableConsole
@@ -107,7 +107,6 @@ def _draw(harness: Harness, notes: Iterable[str]) -> None:
         PrintableConsole(width=WIDTH, highlight=False).print(wiring_text(harness))
         click.echo()
     for note in notes:
-        click.echo(
-            fill(note, max(columns - 2, NOTE_MIN), initial_indent="- ", subsequent_indent="  ")
-        )
+        for row in fold_words(note, max(columns - 2, NOTE_MIN), "- ", "  "):
+            click.echo(row)
     click.echo()

@@ -52,7 +52,7 @@ class Operator:
         self.waiting = list(goals)
         self.active: Goal | None = None
         self.paused: Goal | None = None
-        self.last_reached: Goal | None = None
+        self.goal_reached: Goal | None = None  # at which the robot stands, as it estimates
         self.number = 0  # of the goal sent last; the first one is 1
         self.reached = 0
         self.reached_unsure = 0
@@ -97,12 +97,11 @@ class Operator:
             return
         if state.state == "reached":
             self.reached += 1
-            self.last_reached = self.active
-            self._send_next(now, self.rest)
+            self._send_next_from(now, self.active)
         elif state.state == "reached_unsure":
             self.reached_unsure += 1
             self.unsure = self.unsure or f"goal {state.number} reached, but {state.cause}"
-            self._send_next(now, self.rest)
+            self._send_next_from(now, self.active)
         elif state.state in GOAL_EXIT_CODES:
             self.active = None
             if not self.stay:
@@ -151,6 +150,7 @@ class Operator:
 
     def pause(self, now: int) -> None:
         """Withdraw the active goal until `resume`, for manual driving."""
+        self.goal_reached = None
         if self.active is not None:
             self._next_goal = None
             self.paused, self.active = self.active, None
@@ -175,8 +175,14 @@ class Operator:
         """Set the lowest level that is logged from `source`."""
         self._send(now, "setting", Setting(now, source, LEVEL, None, level))
 
+    def _send_next_from(self, now: int, reached: Goal) -> None:
+        self._send_next(now, self.rest)
+        if self.active is None:
+            self.goal_reached = reached
+
     def _send_next(self, now: int, rest: int = 0) -> None:
         self._next_goal = None
+        self.goal_reached = None
         if self.waiting:
             self.number += 1
             self.active = self.waiting.pop(0)._replace(number=self.number)

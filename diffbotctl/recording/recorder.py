@@ -15,7 +15,7 @@ from diffbotctl.config.configuration import Configuration
 from diffbotctl.engine.loop import INTERRUPTED, RunOutcome
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.graph import Sink
-from diffbotctl.messages import LogLevel, LogLine
+from diffbotctl.messages import REACHED_UNSURE, LogLevel, LogLine
 from diffbotctl.processes.child_process import ANSWER_TIMEOUT_S, ChildSender
 from diffbotctl.recording.writer import start_log_writer
 from diffbotctl.time import MILLISECOND
@@ -88,7 +88,8 @@ def spans_batch(instants: list[tuple[Any, ...]]) -> bool:
     return bool(instants[-1][0] - instants[0][0] >= BATCH_PERIOD)
 
 
-END_LEVELS: dict[int, LogLevel] = {0: "info", INTERRUPTED: "warning"}  # by exit code
+# By exit code.
+END_LEVELS: dict[int, LogLevel] = {0: "info", REACHED_UNSURE: "warning", INTERRUPTED: "warning"}
 FINAL_STOP = {None: "", True: "; final stop confirmed", False: "; final stop NOT CONFIRMED"}
 
 

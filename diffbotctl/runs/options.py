@@ -50,8 +50,10 @@ class RunResult(NamedTuple):
 
     ending: RunOutcome
     failure: UserError | None
-    reached: int
+    reached: int  # goals, surely
     goals: int
+    unsure: int  # goals reached with a pose that is known less well than they ask for
+    goal: Goal | None  # the one at which the robot ended
     stops: tuple[Stop, ...]
     odometry: Odometry | None  # the last estimate
     # of a simulated robot, its pose in the frame in which the goals were given

@@ -20,7 +20,7 @@ from diffbotctl.engine.loop import Engine, RunOutcome, SignalSource
 from diffbotctl.errors import Problem, RunError, join_words
 from diffbotctl.graph import Sink
 from diffbotctl.log import ALL
-from diffbotctl.messages import Goal
+from diffbotctl.messages import REACHED_UNSURE, Goal
 from diffbotctl.processes.real_time import preferred_engine
 from diffbotctl.recording import snapshot
 from diffbotctl.runs.build_graph import assemble
@@ -184,6 +184,8 @@ class Run:
             failure=self.engine.failure,
             reached=reached,
             goals=goals,
+            unsure=self._unsure(),
+            goal=robot.operator.goal_reached if is_alone else None,
             stops=stops_of(self.robots),
             odometry=robot.monitor.odometry if is_alone else None,
             truth=robot.truth() if is_alone else None,
@@ -196,8 +198,13 @@ class Run:
 
     def _limit_code(self) -> int:
         """Exit code at the time limit: 1 when a goal of the run was not reached."""
-        reached, goals = self._progress()
-        return int(not self.options.stay and reached < goals)
+        (reached, goals), unsure = self._progress(), self._unsure()
+        if self.options.stay:
+            return 0
+        return int(reached + unsure < goals) or (REACHED_UNSURE if unsure else 0)
+
+    def _unsure(self) -> int:
+        return sum(robot.operator.reached_unsure for robot in self.robots)
 
     def _progress(self) -> tuple[int, int]:
         return all_goals(self.robots)

@@ -14,6 +14,7 @@ from rich.text import Text as StyledText
 
 from diffbotctl.estimation.imu_text import imu_text
 from diffbotctl.messages import Goal, GoalState, Imu, Link, Range, Text
+from diffbotctl.printable import fold_words
 from diffbotctl.processes.screen import RunSnapshot
 from diffbotctl.render.map_scene import Scene
 from diffbotctl.time import SECOND
@@ -23,11 +24,12 @@ from diffbotctl.ui.map.layers import draw_map, overview_camera
 from diffbotctl.ui.map.state import MapState
 from diffbotctl.ui.text import shorten_text
 
-FACTS_MAX_ROWS, SUMMARY_MAX_ROWS = 11, 13  # below the map
+FACTS_MAX_ROWS, SUMMARY_MAX_ROWS = 11, 14  # below the map
 FRAME_WIDTH = 6  # columns of a title's frame
 FAST_MIN_SPEED = 1.5  # times real time: the run is not paced
 ESTIMATE_MIN_S = 1.0
 MAP_MIN_ROWS = 5
+LOG_INDENT = " " * 12  # of the rest of a line, below its text
 
 
 class LiveView:
@@ -148,6 +150,7 @@ def show_live(
         for snapshot in snapshots:
             for line in snapshot.lines:
                 style = run_text.LOG_STYLES.get(line.level)
-                live.console.print(run_text.log_line_text(line), style=style, markup=False)
+                rows = fold_words(run_text.log_line_text(line), console.width, rest=LOG_INDENT)
+                live.console.print("\n".join(rows), style=style, markup=False, soft_wrap=True)
             picture = view.render(snapshot, console.width, console.height, monotonic())
             live.update(picture, refresh=True)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from math import degrees, hypot
-from textwrap import wrap
-from typing import TypeVar
+from math import ceil, degrees, hypot, pi
+from operator import itemgetter
+from typing import NamedTuple, TypeVar
 
+from diffbotctl.config.checks.calibration import uncalibrated_pose
+from diffbotctl.config.robot import Robot
 from diffbotctl.control.goal_pursuit import PoseSd
-from diffbotctl.errors import WIDTH
+from diffbotctl.errors import WIDTH, join_words
 from diffbotctl.messages import (
     Duty,
     Goal,
@@ -23,6 +25,7 @@ from diffbotctl.messages import (
     Text,
     Wheels,
 )
+from diffbotctl.printable import fold_words
 from diffbotctl.processes.screen import RunSnapshot
 from diffbotctl.runs.options import RunResult
 from diffbotctl.time import SECOND
@@ -34,6 +37,8 @@ LOG_STYLES = {"debug": "dim", "warning": "yellow", "error": "bold red"}  # of a 
 NAME_WIDTH = 16  # columns of the names in the summary
 GATE_WHEELS = "gate.wheels"
 PERCENT = 100
+LIMIT_SDS = 2.0  # standard deviations above the estimated error that an error is probably below
+HALF_TURN_DEG = 180.0  # a larger error of the heading means that nothing is known of it
 
 
 def newest_message(snapshot: RunSnapshot, kind: type[M]) -> M | None:
@@ -143,13 +148,16 @@ def log_lines(snapshots: Iterator[RunSnapshot]) -> Iterator[str]:
     """The lines of the log, and each new text of a wire that carries texts."""
     shown: dict[str, int] = {}  # time of the text shown last, by wire
     for snapshot in snapshots:
-        yield from map(log_line_text, snapshot.lines)
+        lines = [(line.time, log_line_text(line)) for line in snapshot.lines]
         for wire, message in snapshot.messages.items():
             if not isinstance(message, Text) or wire == BOARD_TEXT_WIRE:
                 continue
             if shown.get(wire, -1) < message.time:
                 shown[wire] = message.time
-                yield f"{message.time / SECOND:8.2f} s  {wire}: {message.text}"
+                lines.append(
+                    (message.time, f"{message.time / SECOND:8.2f} s  {wire}: {message.text}")
+                )
+        yield from (text for _, text in sorted(lines, key=itemgetter(0)))
 
 
 def print_log(snapshots: Iterator[RunSnapshot]) -> None:
@@ -158,32 +166,85 @@ def print_log(snapshots: Iterator[RunSnapshot]) -> None:
         print(text, file=sys.stdout, flush=True)
 
 
-def summary_lines(result: RunResult, last_goal: Goal | None) -> list[str]:
-    """The summary of a run as lines: names and values; long values are folded."""
+def summary_lines(result: RunResult, robot: Robot | None, verbose: bool = False) -> list[str]:
+    """The summary of a run as lines: names and values; long values are folded.
+
+    `verbose`: with the errors as estimated.
+    """
     lines = []
-    for name, text in _summary(result, last_goal):
-        first, *others = wrap(text, WIDTH - NAME_WIDTH) or [""]
+    for name, text in _summary(result, robot, verbose):
+        first, *others = fold_words(text, WIDTH - NAME_WIDTH) or [""]
         lines.append(f"{name:>{NAME_WIDTH - 1}} {first}")
         lines += [" " * NAME_WIDTH + part for part in others]
     return lines
 
 
-def _summary(result: RunResult, last_goal: Goal | None) -> Iterator[tuple[str, str]]:
+class PoseError(NamedTuple):
+    """Distance of two poses, or a standard deviation, in m and rad. None: no heading was asked."""
+
+    position: float
+    heading: float | None = None
+
+    @classmethod
+    def of(cls, goal: Goal, x: float, y: float, heading: float) -> PoseError:
+        """The error of a pose at `goal`."""
+        distance = hypot(goal.x - x, goal.y - y)
+        if goal.heading is None:
+            return cls(distance)
+        return cls(distance, abs((heading - goal.heading + pi) % (2.0 * pi) - pi))
+
+    def text(self) -> str:
+        """`2.8 mm, 1.4 deg`."""
+        turn = "" if self.heading is None else f", {degrees(self.heading):.1f} deg"
+        return f"{self.position * 1000:.1f} mm{turn}"
+
+
+class PoseErrors(NamedTuple):
+    """How far the robot is from the goal at which its run ended; None where that is not known."""
+
+    estimated_error: PoseError | None = None  # by odometry
+    pose_sd: PoseError | None = None  # standard deviation of odometry, with that of the geometry
+    actual_error: PoseError | None = None  # of a simulated robot
+
+    @classmethod
+    def of(cls, result: RunResult) -> PoseErrors:
+        """Those of a run."""
+        goal, pose, truth = result.goal, result.odometry, result.truth
+        if goal is None or pose is None:
+            return cls()
+        sd = None
+        if any(pose.covariance):  # it was computed from wheels
+            sd = PoseError(*PoseSd.of(pose, counts_geometry=True))
+        actual = None if truth is None else PoseError.of(goal, *truth.pose)
+        return cls(PoseError.of(goal, pose.x, pose.y, pose.heading), sd, actual)
+
+    def limit_text(self) -> str:
+        """What the error probably is below: the estimated one and twice the standard deviation.
+
+        Empty where none is known.
+        """
+        error, sd = self.estimated_error, self.pose_sd
+        if error is None or sd is None or sd.heading is None:
+            return ""
+        position = error.position + LIMIT_SDS * sd.position
+        length = f"{ceil(position * 100)} cm" if position < 1.0 else f"{position:.1f} m"
+        if error.heading is None:
+            return f"probably below {length}"
+        turn = degrees(error.heading + LIMIT_SDS * sd.heading)
+        heading = f" and {ceil(turn)} deg" if turn < HALF_TURN_DEG else "; heading not known"
+        return f"probably below {length}{heading}"
+
+
+def _summary(result: RunResult, robot: Robot | None, verbose: bool) -> Iterator[tuple[str, str]]:
     """The summary as (name, text)."""
-    outcome, pose, truth = result.ending, result.odometry, result.truth
+    outcome, pose = result.ending, result.odometry
     yield "ended", f"{outcome.cause}, after {outcome.time / SECOND:.1f} s"
     if result.goals:
-        yield "goals", f"{result.reached} of {result.goals} reached"
+        unsure = f", {result.unsure} of them unsure" if result.unsure else ""
+        yield "goals", f"{result.reached + result.unsure} of {result.goals} reached{unsure}"
     if pose is not None:
         yield "pose", pose_text(pose)
-        if last_goal is not None:
-            error = _goal_error(last_goal, pose.x, pose.y, pose.heading)
-            yield "estimated error", error + _known_to(pose)
-    if last_goal is not None and truth is not None:
-        actual = truth.pose
-        error = _goal_error(last_goal, actual.x, actual.y, actual.heading)
-        yield "actual error", f"{error} (simulation)"
-    if pose is not None:
+        yield from _error_summary(PoseErrors.of(result), pose, robot, verbose)
         yield "path", f"{result.path:.2f} m"
     for stop in result.stops:
         yield "stop", f"at {stop.time / SECOND:.1f} s, {stop_text(stop)}"
@@ -202,18 +263,30 @@ def _summary(result: RunResult, last_goal: Goal | None) -> Iterator[tuple[str, s
         yield "digest", result.digest
 
 
-def _known_to(pose: Odometry) -> str:
-    """How well the pose is known: a small estimated error proves little without it."""
-    if not any(pose.covariance):  # of a robot without wheels
-        return ""
+def _error_summary(
+    errors: PoseErrors, pose: Odometry, robot: Robot | None, verbose: bool
+) -> Iterator[tuple[str, str]]:
+    if limit := errors.limit_text():
+        yield "error", limit + _error_cause(pose, robot)
+    if verbose and errors.estimated_error is not None:
+        yield "estimated error", errors.estimated_error.text()
+    if verbose and errors.pose_sd is not None:
+        yield "pose sd", f"{errors.pose_sd.text()} (standard deviation)"
+    if errors.actual_error is not None:
+        yield "actual error", f"{errors.actual_error.text()} (simulation)"
+
+
+def _error_cause(pose: Odometry, robot: Robot | None) -> str:
+    """Why the error may be that large, and the command that makes it smaller."""
+    if pose.warning:
+        return f": {pose.warning}"
     sd = PoseSd.of(pose, counts_geometry=True)
-    distance, turn = sd.position * 1000, degrees(sd.heading)
-    return f"; known to {distance:.0f} mm, {turn:.1f} deg (standard deviation)"
-
-
-def _goal_error(goal: Goal, x: float, y: float, heading: float) -> str:
-    text = f"{hypot(goal.x - x, goal.y - y) * 1000:.1f} mm"
-    if goal.heading is None:
-        return text
-    turn = (degrees(heading - goal.heading) + 180) % 360 - 180
-    return f"{text}, {abs(turn):.1f} deg"
+    is_by_geometry = (
+        2.0 * pose.geometry_sd**2 > sd.position**2
+        or 2.0 * pose.geometry_heading_sd**2 > sd.heading**2
+    )
+    lacking = uncalibrated_pose(robot) if robot is not None and is_by_geometry else {}
+    if not lacking:
+        return ""
+    calls = join_words([f"`diffbotctl calibrate {name}`" for name in lacking], "and")
+    return f": {join_words(lacking.values(), 'and')} are not calibrated; run {calls}"

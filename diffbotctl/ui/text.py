@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from textwrap import wrap
 
 from diffbotctl.errors import WIDTH
-from diffbotctl.printable import printable
+from diffbotctl.printable import fold_words, printable
 
 EIGHTHS = " ▏▎▍▌▋▊▉█"
 
@@ -41,8 +40,7 @@ def render_columns(rows: Sequence[Sequence[str]]) -> Iterator[str]:
 def fold_text(text: str, hang: int = 0, width: int = WIDTH) -> str:
     """Each line of `text` folded at `width` columns; continued lines keep the indentation.
 
-    `hang`: columns by which continued lines are indented further. A word that is longer than a
-    line, such as a path, stays whole, so that it can be copied.
+    `hang`: columns by which continued lines are indented further.
     """
     lines = printable(text).split("\n")
     return "\n".join(part for line in lines for part in _parts(line, hang, width))
@@ -59,11 +57,4 @@ def _parts(line: str, hang: int, width: int) -> list[str]:
     if len(line) <= width:
         return [line]
     indent = " " * (len(line) - len(line.lstrip(" ")))
-    return wrap(
-        line.strip(" "),
-        width,
-        initial_indent=indent,
-        subsequent_indent=indent + " " * hang,
-        break_long_words=False,
-        break_on_hyphens=False,
-    )
+    return fold_words(line.strip(" "), width, indent, indent + " " * hang)

@@ -1,5 +1,6 @@
 """Every kit's file is checked, wired and driven, in simulation and on the emulated board."""
 
+import json
 import os
 import re
 from math import radians
@@ -117,6 +118,21 @@ def test_four_wheels_never_claim_a_goal_behind_a_turn(seed):
     assert Run(load("goal", "four_wheels", ["world.walls=[]"]), options).go().reached == 0
     straight = Run(load("distance", "four_wheels"), RunOptions(seed=seed, fast=True))
     assert straight.go().reached == 1
+
+
+def test_goals_reached_unsurely_are_counted_and_the_error_is_that_of_the_last_one():
+    new_robot("--kit", "four_wheels")
+    words = ("run", "square", "--robot", "four_wheels", "--fast", "--quiet")
+    code, said = diffbotctl(*words)
+    assert code == 3 and "goals 4 of 4 reached, 3 of them unsure" in flat(said), said
+    code, said = diffbotctl(*words, "--json")
+    record = json.loads(said[said.index("{") :])
+    assert (record["reached"], record["reached_unsure"], record["goals"]) == (1, 3, 4)
+    assert record["estimated_error"]["position"] < 0.01  # from goal 4, not from goal 1
+    for limit, goals in (("8s", "2 of 4"), ("15.7s", "4 of 4")):  # on the way to goal 3, at goal 4
+        code, said = diffbotctl(*words, "--for", limit)
+        assert f"goals {goals} reached" in flat(said) and code == (1 if goals < "4" else 3), said
+        assert ("error probably" in said) == (code == 3)
 
 
 @pytest.mark.parametrize("slots", [1496, 187, 94])

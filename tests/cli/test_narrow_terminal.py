@@ -36,6 +36,8 @@ FOLDED = (
     ("see /a/path/longer/than/that x", 10, 0, "see\n  /a/path/longer/than/that\n  x"),
     ("/a/path/longer/than/that", 10, 0, "/a/path/longer/than/that"),
     ("", 10, 0, ""),
+    ("see `diffbotctl run goal` now", 12, 0, "see\n  `diffbotctl run goal`\n  now"),
+    ("    diffbotctl run goal", 12, 0, "    diffbotctl run goal"),
 )
 
 

@@ -1,8 +1,11 @@
 """What becomes of words that their terminal, pipe or disk does not take."""
 
+import json
 import os
+import re
 import resource
 import subprocess
+from math import degrees
 
 import pytest
 
@@ -101,10 +104,40 @@ def test_a_full_disk_is_named_and_is_no_defect(words):
     assert "Traceback" not in done.stderr and "Exception" not in done.stderr
 
 
-def test_the_end_of_a_run_states_how_well_the_pose_is_known():
+LIMIT = "error probably below 9 cm and 11 deg: track and wheel diameters are not calibrated; run"
+
+
+def test_the_end_of_a_run_states_its_error_in_one_plain_sentence():
     process = said("run", "goal", "--fast", "--quiet")
-    line = next(line for line in process.stdout.splitlines() if "estimated error" in line)
-    assert line.endswith("deg (standard deviation)") and "; known to " in line and len(line) <= 80
+    assert LIMIT in " ".join(process.stdout.split())
+    assert "`diffbotctl calibrate geometry`" in process.stdout  # on one line, to be copied
+    assert "standard deviation" not in process.stdout and "estimated" not in process.stdout
+
+
+def test_the_figures_of_the_error_are_behind_an_option_and_in_json():
+    shown = said("run", "goal", "--fast", "--quiet", "--verbose").stdout
+    sd = re.search(r"pose sd ([\d.]+) mm, ([\d.]+) deg \(standard deviation\)", shown)
+    estimated = re.search(r"estimated error ([\d.]+) mm, ([\d.]+) deg", shown)
+    record = json.loads(said("run", "goal", "--fast", "--json").stdout)
+    for found, name in ((sd, "pose_sd"), (estimated, "estimated_error")):
+        values = record[name]["position"] * 1000, degrees(record[name]["heading"])
+        assert [float(text) for text in found.groups()] == pytest.approx(values, abs=0.06)
+    assert record["actual_error"]["position"] < 0.01
+
+
+def test_a_calibrated_robot_is_not_sent_to_calibrate(tmp_path):
+    path = tmp_path / "robot.yaml"
+    entries = ", ".join(
+        f"{field}: {{value: {value}, sd: {sd}}}"
+        for field, value, sd in (
+            ("drive.track", "125 mm", "0.3 mm"),
+            ("drive.left.wheel.diameter", "65 mm", "0.1 mm"),
+            ("drive.right.wheel.diameter", "65 mm", "0.1 mm"),
+        )
+    )
+    path.write_text(f"format: 1\nkind: robot\ninclude: book_2wd\ncalibration: {{{entries}}}\n")
+    shown = said("run", "goal", "--fast", "--quiet", "--robot", str(path)).stdout
+    assert re.search(r"(?m)^ +error probably below [1-5] cm and \d deg$", shown), shown
 
 
 @each_once(

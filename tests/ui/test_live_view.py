@@ -6,11 +6,11 @@ import os
 import pytest
 from rich.console import Console
 
-from diffbotctl.messages import Duty, GoalState, Odometry, Text, Wheels
+from diffbotctl.messages import Duty, GoalState, LogLine, Odometry, Text, Wheels
 from diffbotctl.processes.screen import RunSnapshot
 from diffbotctl.render.map_scene import Scene
 from diffbotctl.ui.live_view import LiveView, duration_text, progress_text
-from diffbotctl.ui.run_text import commanded_wheels, wheel_speeds_text
+from diffbotctl.ui.run_text import commanded_wheels, log_lines, wheel_speeds_text
 from tests.support.running import command
 from tests.support.terminal import Terminal
 
@@ -51,6 +51,15 @@ def test_the_wheels_are_what_the_gate_commands(messages, text):
 )
 def test_progress(time, elapsed, duration, text):
     assert progress_text(time, elapsed, duration) == text
+
+
+def test_the_lines_of_a_log_are_in_the_order_of_time():
+    messages = {"talker.text": Text(100_000_000, "hello")}
+    ended = LogLine(150_000_000, "info", "engine", "ended")
+    assert list(log_lines(iter([RunSnapshot(150_000_000, messages, 0, 0, (ended,))]))) == [
+        "    0.10 s  talker.text: hello",
+        "    0.15 s  engine: ended",
+    ]
 
 
 @pytest.mark.parametrize(

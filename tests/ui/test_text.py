@@ -13,6 +13,7 @@ CASES = (
     ("/a/path/longer/than/that x", 0, 10, "/a/path/longer/than/that\nx"),  # whole, to be copied
     ("a-hyphen-stays whole", 0, 10, "a-hyphen-stays\nwhole"),
     ("one\n\ntwo three", 0, 5, "one\n\ntwo\nthree"),  # lines of its own stay its own
+    ("now run `diffbotctl run goal` or", 0, 20, "now run\n`diffbotctl run goal`\nor"),
     ("a    column", 0, 20, "a    column"),  # what fits is left alone
 )
 

@@ -70,6 +70,20 @@ def found_by(robot: Robot) -> dict[str, str]:
     return FOUND_BY | sensors | imu
 
 
+# Calibration -> what of the pose depends on it.
+POSE_CALIBRATIONS = {"geometry": "track and wheel diameters", "imu": "scale of the gyro"}
+
+
+def uncalibrated_pose(robot: Robot) -> dict[str, str]:
+    """Calibration that the robot lacks -> what it would measure, on which the pose depends."""
+    lacking = {
+        command
+        for field, command in found_by(robot).items()
+        if field not in (robot.calibration or {})
+    }
+    return {name: what for name, what in POSE_CALIBRATIONS.items() if name in lacking}
+
+
 def check_calibration(context: CheckContext) -> None:
     """Refuse implausible entries; for a real robot also warn of fields never calibrated."""
     if context.robot is None:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections import deque
-from textwrap import wrap
 from typing import Any, Literal, get_args
 
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from diffbotctl.printable import fold_words
 from diffbotctl.time import SECOND
 from diffbotctl.ui.dash.state import RunView
 from diffbotctl.ui.plot.chart import ChartCurve, render_chart
@@ -162,13 +162,7 @@ def log_panel(view: RunView, width: int, height: int) -> Text:
     """The newest lines of the log that fit, folded between words."""
     shown: deque[Text] = deque()
     for line in reversed(view.log):
-        folded = wrap(
-            log_line_text(line),
-            max(width, 2 * LOG_HANG),
-            subsequent_indent=" " * LOG_HANG,
-            break_long_words=False,
-            break_on_hyphens=False,
-        )
+        folded = fold_words(log_line_text(line), max(width, 2 * LOG_HANG), rest=" " * LOG_HANG)
         rows = [Text(row, LOG_STYLES.get(line.level, "")) for row in folded]
         if shown and len(shown) + len(rows) > height:
             break
