@@ -76,7 +76,7 @@ test: packages pico $(VENV)/tested
 	$(BIN)/python -m pytest $(WORKERS) -rsfE
 
 # A separate environment with ROS 2 from third-party wheels (x86-64; Python 3.10 to 3.13; 250 MB), for the
-# tests of `diffbotctl ros2` against real nodes. Without it `make test` says that they did not run. tf2_msgs
+# tests of `diffbotctl ros2` against real nodes. Without it `make test` reports that they did not run. tf2_msgs
 # is not among the wheels; it is generated and compiled. `make ros2 ROS_DISTRIBUTION=kilted` makes another
 # one, which the tests use when DIFFBOTCTL_ROS2_PYTHON names its Python.
 ROS_DISTRIBUTION ?= jazzy

@@ -14,7 +14,7 @@ WIDTH = 80  # columns of the narrowest terminal in common use
 CONTEXT_COLUMNS_MIN = 24  # of the user's line, kept before the caret when it is shortened
 CAUSE_COLUMNS_MIN = 34  # columns; a cause beside the caret is not wrapped into fewer
 WRAP_ALLOWANCE_COLUMNS = 12  # columns that wrapping between words may waste
-PROBLEMS_SHOWN_MAX = 30  # nobody corrects more at once; most follow from the first ones
+PROBLEMS_SHOWN_MAX = 30  # more do not help: most of the others follow from the first ones
 TEXT_LENGTH_MAX = (
     500  # characters of a cause or a fix; texts of this package have at most half of it
 )

@@ -10,14 +10,14 @@ The rules in each instant `now` (one logical time with all messages that arrived
 
 A message passes along a wire by assignment to a local variable: the graph is compiled into one
 function, because a loop over the wires takes twice as long as the calls of the blocks. For a talker
-with a timer of 1 s and an echo with `heard = In(Text, fresh_for=0.5)`, both recorded, it is
+with a timer of 1 s and an echo with `received = In(Text, fresh_for=0.5)`, both recorded, it is
 
     def make():
         next_talker_tick = 1000000000
-        fresh_echo_heard = None
-        deadline_echo_heard = NEVER
+        fresh_echo_received = None
+        deadline_echo_received = NEVER
         def instant(now):
-            nonlocal next_talker_tick, fresh_echo_heard, deadline_echo_heard
+            nonlocal next_talker_tick, fresh_echo_received, deadline_echo_received
             new_talker_text = new_echo_text = None
             fired_talker_tick = None
             if now >= next_talker_tick:
@@ -25,19 +25,19 @@ with a timer of 1 s and an echo with `heard = In(Text, fresh_for=0.5)`, both rec
                 next_talker_tick += 1000000000
             if fired_talker_tick is not None:
                 new_talker_text = react_talker(now, fired_talker_tick)
-            expired_echo_heard = False
+            expired_echo_received = False
             if new_talker_text is not None:
-                fresh_echo_heard = new_talker_text
-                deadline_echo_heard = now + 500000000
-            elif now >= deadline_echo_heard:
-                fresh_echo_heard = None
-                deadline_echo_heard = NEVER
-                expired_echo_heard = True
-            if new_talker_text is not None or expired_echo_heard:
-                new_echo_text = react_echo(now, fresh_echo_heard)
+                fresh_echo_received = new_talker_text
+                deadline_echo_received = now + 500000000
+            elif now >= deadline_echo_received:
+                fresh_echo_received = None
+                deadline_echo_received = NEVER
+                expired_echo_received = True
+            if new_talker_text is not None or expired_echo_received:
+                new_echo_text = react_echo(now, fresh_echo_received)
             record((now, new_talker_text, new_echo_text))
         def due():
-            return min(next_talker_tick, deadline_echo_heard)
+            return min(next_talker_tick, deadline_echo_received)
         def timers():
             return [next_talker_tick]
         return instant, due, timers

@@ -125,7 +125,8 @@ class Encoders(NamedTuple):
     ] = None
     turn_fault: Annotated[str, Field("", "Why the turn is wrong; empty when it is not.")] = ""
     left_level: Annotated[
-        int | None, Field("", "Level of the left encoder's pin, 0 or 1; none where it is not told.")
+        int | None,
+        Field("", "Level of the left encoder's pin, 0 or 1; none if not sent."),
     ] = None
     right_level: Annotated[int | None, Field("", "The same, right.")] = None
 

@@ -1,6 +1,6 @@
 """Folders for the files of the program that belong to one user (XDG base directory specification).
 
-A variable that is no absolute path is ignored, as the specification says.
+As the specification requires, a variable that is not an absolute path is ignored.
 """
 
 from __future__ import annotations

@@ -196,10 +196,10 @@ void encoders_check(encoder_t *encoder)
     storm_check(&encoder->storm, changes, edges);
 }
 
-void encoders_set_direction(encoder_t *encoder, int16_t wanted)
+void encoders_set_direction(encoder_t *encoder, int16_t command)
 {
-    if (wanted != 0 && !encoder->in_b.at)
-        encoder->direction = wanted < 0 ? -1 : 1;
+    if (command != 0 && !encoder->in_b.at)
+        encoder->direction = command < 0 ? -1 : 1;
 }
 
 uint16_t encoders_age(encoder_t *encoder, ticks_t now)

@@ -48,7 +48,7 @@ void encoders_tick(encoder_t *encoder);
 void encoders_check(encoder_t *encoder);
 
 /* Sets the counting direction to the sign of the motor's command. No effect with quadrature. */
-void encoders_set_direction(encoder_t *encoder, int16_t wanted);
+void encoders_set_direction(encoder_t *encoder, int16_t command);
 
 /* Age of the last edge in 64 us; AGE_NONE when there was none, or too long ago. To be called with
    interrupts off. */

@@ -4,10 +4,10 @@
 #include "board.h"
 #include "settings.h"
 
-/* One sensor has the turn for this time, so that no two are heard at once: sound goes 17 m meanwhile,
-   and a sensor hears a wall at 4 m. */
+/* One sensor has the turn for this time, so that no two echoes overlap: sound travels 17 m in it, and a sensor
+   measures up to 4 m. */
 #define TURN_MS 50
-/* An HC-SR04 begins its echo 0.5 ms after the trigger, and ends it after 38 ms when it heard nothing. An
+/* An HC-SR04 begins its echo 0.5 ms after the trigger, and ends it after 38 ms if nothing reflects. An
    echo that goes on has no meaning: it may never end. */
 #define BEGIN_MS 5
 #define LISTEN_TICKS (30 * TICKS_PER_MS)

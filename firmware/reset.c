@@ -24,12 +24,12 @@ uint8_t reset_cause;
 static uint8_t cause(void)
 {
     bool kept_memory = kept.magic == MAGIC;
-    uint8_t told = board_reset_cause();
-    if (told != RESET_UNKNOWN && told != RESET_LINE)
-        return told;
+    uint8_t reported = board_reset_cause();
+    if (reported != RESET_UNKNOWN && reported != RESET_LINE)
+        return reported;
     if (kept_memory && kept.silent >= BITTEN_MS)
         return RESET_WATCHDOG;
-    return told == RESET_LINE || kept_memory ? RESET_LINE : RESET_POWER;
+    return reported == RESET_LINE || kept_memory ? RESET_LINE : RESET_POWER;
 }
 
 void reset_begin(void)

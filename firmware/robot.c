@@ -124,24 +124,24 @@ static void use(void)
 }
 
 /* Applies new settings, or returns the refusal and the field that causes it. */
-static uint8_t take(uint8_t link, const settings_t *wanted, uint8_t *field)
+static uint8_t take(uint8_t link, const settings_t *received, uint8_t *field)
 {
     *field = 0;
     if (!deadman_allows(&deadman, link))
         return REFUSAL_OWNED;
-    if (!settings_known(wanted, link_size(link), field))
+    if (!settings_known(received, link_size(link), field))
         return REFUSAL_UNKNOWN;
     if (settings_mark != 0) {
-        if (codec_check(wanted, sizeof *wanted) == settings_mark)
+        if (codec_check(received, sizeof *received) == settings_mark)
             return REFUSAL_NONE; /* unchanged; the host, too, identifies settings by their checksum */
         if (rest < REST_PERIODS)
             return REFUSAL_MOVING;
     }
-    uint8_t refusal = settings_check(wanted, field);
+    uint8_t refusal = settings_check(received, field);
     if (refusal != REFUSAL_NONE)
         return refusal;
-    store_begin(wanted);
-    settings = *wanted;
+    store_begin(received);
+    settings = *received;
     use();
     return REFUSAL_NONE;
 }
@@ -187,15 +187,15 @@ void robot_start(void)
         hello(link, sizeof(hello_t)); /* informs a host that was driving of the restart */
 }
 
-static void drive_wheel(wheel_t *wheel, int16_t wanted)
+static void drive_wheel(wheel_t *wheel, int16_t command)
 {
-    encoders_set_direction(&wheel->encoder, wanted);
+    encoders_set_direction(&wheel->encoder, command);
     if (deadman.mode == MODE_DUTY)
-        wheel->speed.duty = wanted;
+        wheel->speed.duty = command;
     else if (!wheel->encoder.in.at)
         speed_stop(&wheel->speed); /* a speed cannot be kept without an encoder */
     else
-        speed_command(&wheel->speed, wanted, board_now());
+        speed_command(&wheel->speed, command, board_now());
     motors_set(&wheel->motor, wheel->speed.duty);
 }
 

@@ -136,7 +136,7 @@ void board_start_watchdog(void)
     REGISTER(WATCHDOG) = WATCHDOG_ON;
 }
 
-/* The boot ROM's function for BOOTSEL, found as the data sheet says (section 2.8.3). */
+/* The boot ROM's function for BOOTSEL, found as in section 2.8.3 of the data sheet. */
 void rp2040_boot_from_usb(void)
 {
     typedef void (*function_t)(uint32_t light, uint32_t without);

@@ -276,7 +276,7 @@ uint8_t rp2040_usb_received(void)
     return packet(DATA_OUT)[taken++];
 }
 
-/* What nobody reads is dropped: no program has the port open, or the cable is off and the packet stays. It
+/* What no program reads is dropped: no program has the port open, or the cable is off and the packet stays. It
    would be old when it is read, and the link's ring would count it as lost. */
 bool rp2040_usb_begin_packet(void)
 {

@@ -89,10 +89,10 @@ static uint8_t use(uses_t *uses, uint8_t pin, uint8_t role)
 }
 
 /* *field is the refused one. */
-static uint8_t check_pins(const uint8_t *wanted, uint8_t driver, uses_t *uses, uint8_t *field)
+static uint8_t check_pins(const uint8_t *numbers, uint8_t driver, uses_t *uses, uint8_t *field)
 {
     for (uint8_t i = 0; i < PINS; i++) {
-        uint8_t role = pgm_read_byte(&roles[i]), pin = wanted[i];
+        uint8_t role = pgm_read_byte(&roles[i]), pin = numbers[i];
         *field = (uint8_t)(FIELD_LEFT_ENABLE + i);
         if (role == MOTOR_PIN)
             role = pgm_read_byte(&motor_roles[driver][i % PINS_OF_WHEEL]);

@@ -94,8 +94,8 @@ static int32_t unlimited(const speed_t *speed)
 static void apply(speed_t *speed, int16_t growth)
 {
     bool backwards = speed->target < 0;
-    int32_t wanted = unlimited(speed);
-    int16_t duty = wanted > FULL ? DUTY_FULL : wanted < 0 ? 0 : (int16_t)(wanted >> 8);
+    int32_t raw = unlimited(speed);
+    int16_t duty = raw > FULL ? DUTY_FULL : raw < 0 ? 0 : (int16_t)(raw >> 8);
     int16_t before = backwards ? -speed->duty : speed->duty;
     if (speed->slewing) {
         int16_t most = before > DUTY_FULL - growth ? DUTY_FULL : before + growth;
@@ -206,8 +206,8 @@ static void measure(speed_t *speed, int32_t target, ticks_t now)
 /* Adds to the integral, unless the duty is limited on that side. */
 static void integrate(speed_t *speed, int32_t change)
 {
-    int32_t wanted = unlimited(speed);
-    if (change > 0 ? wanted > FULL : wanted < 0)
+    int32_t raw = unlimited(speed);
+    if (change > 0 ? raw > FULL : raw < 0)
         return;
     change += speed->sum;
     if (change > FULL)
@@ -234,7 +234,7 @@ static int32_t overdue_change(speed_t *speed, int32_t lag)
     if (speed->overdue < UINT16_MAX)
         speed->overdue++;
     int32_t late = ((int32_t)speed->overdue - KICK_DELAY) * INTERVAL_ONE;
-    if (speed->measured == MEASURED) /* it was turning: only slower than wanted, perhaps */
+    if (speed->measured == MEASURED) /* it was turning: perhaps only slower than its target */
         late -= interval / 4;
     if (late <= 0)
         return change;

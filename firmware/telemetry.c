@@ -23,7 +23,7 @@ static uint8_t state_type = TYPE_STATE;
 static bool capturing;
 static ticks_t next_state;
 static uint8_t sequence, dropped, item;
-static uint16_t told_faults;
+static uint16_t sent_faults;
 
 void telemetry_configure(const settings_t *settings)
 {
@@ -111,9 +111,9 @@ static void send_status(const deadman_t *deadman, uint16_t faults)
 /* A change of the faults is sent at once, so that the host knows the cause of the next state frame. */
 static void send_faults(const deadman_t *deadman, uint16_t faults)
 {
-    if (faults == told_faults)
+    if (faults == sent_faults)
         return;
-    told_faults = faults;
+    sent_faults = faults;
     status[ITEM_FLAGS] = flags(deadman, faults);
     send_item(ITEM_FLAGS, ANY_BACKLOG);
 }

@@ -86,19 +86,19 @@ def pair(address: str, pin: str, again: bool, seconds: float) -> None:
     """Pair with the module of ADDRESS; needed once."""
     from diffbotctl.bluetooth.bluez import BluezService, parse_port
 
-    wanted = parse_port(address)
+    port = parse_port(address)
     with BluezService() as service:
-        found = service.find(wanted.address, seconds)
+        found = service.find(port.address, seconds)
         if again and found.is_paired:
             service.forget(found)
             click.echo("the old pairing is forgotten")
-            found = service.find(wanted.address, seconds)
+            found = service.find(port.address, seconds)
         if found.is_paired:
-            click.echo(f"{found.name or wanted.address} is paired already")
+            click.echo(f"{found.name or port.address} is paired already")
         else:
             service.pair(found, pin)
-            click.echo(f"paired with {found.name or wanted.address}")
-    click.echo(LINKED.format(port=wanted))
+            click.echo(f"paired with {found.name or port.address}")
+    click.echo(LINKED.format(port=port))
 
 
 @command.command()
@@ -131,16 +131,16 @@ def test(port: str, robot: str | None, seconds: float) -> None:
     device = _device(port)
     file = load_robot(robot)
     click.echo(f"robot {file.file}, port {device}, {seconds:g} s")
-    for said in measure_link(device, diffbot_host(file.robot, device), seconds):
-        if not isinstance(said, LinkFigures):
-            click.echo(said.text)
+    for report in measure_link(device, diffbot_host(file.robot, device), seconds):
+        if not isinstance(report, LinkFigures):
+            click.echo(report.text)
             continue
-        for line in _figures(said):
+        for line in _figures(report):
             click.echo(line)
         link, board = file.robot.link, file.robot.board
         frame = link_protocol.frame_bytes(link.protocol, board.edge_times)
         baud = link_protocol.USB_BAUD if is_usb(device) else line_baud(file.robot)
-        for line in _proposal(advise_rate(said, baud, frame), file.robot, baud):
+        for line in _proposal(advise_rate(report, baud, frame), file.robot, baud):
             click.echo(line)
 
 
@@ -187,7 +187,7 @@ The board is flashed twice. After each reset its pins float for 0.83 s, and a mo
 inputs float may turn the wheels: lift them, or switch the motors' supply off."""
 DONE = "The module went from {before} to {now} baud, and the board expects it so."
 BY_HAND = """\
-{file} still says {old} baud, and the board would be told so at the next run. It must say:
+{file} still states {old} baud, and the next run would set the board to it. It must state:
     link: {{baud: {now}}}"""
 
 
@@ -235,7 +235,7 @@ def _noted(file: RobotFile, now: int, yes: bool) -> bool:
 
     old = file.robot.link.baud
     if old == now:
-        click.echo(f"{file.file} says so already.")
+        click.echo(f"{file.file} already states this baud rate.")
         return True
     try:
         if put(plan_value_change(own(file.file), ("link", "baud"), str(now)), yes):
@@ -264,5 +264,7 @@ def _wait(yes: bool) -> None:
     if yes:
         return
     if not sys.stdin.isatty():
-        raise click.UsageError("Nobody is there to lift wheels and hold buttons: add --yes.")
-    click.prompt("Enter when it is so", default="", show_default=False, prompt_suffix=". ")
+        raise click.UsageError("There is no terminal to ask on: lift the wheels, and add --yes.")
+    click.prompt(
+        "Press Enter when this is done", default="", show_default=False, prompt_suffix=". "
+    )

@@ -9,7 +9,7 @@ import click
 
 from diffbotctl.calibrate.runner import STEPS
 from diffbotctl.cli import calibrate_steps
-from diffbotctl.cli.calibrate_results import keep, refuse_nobody, show_results, undo
+from diffbotctl.cli.calibrate_results import keep, require_consent, show_results, undo
 from diffbotctl.cli.options import CommandGroup, robot_option, yes_option
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def from_log(
     if folders and (save or yes):
         raise click.UsageError("A session is of another robot than yours: nothing to save.")
     if save and not yes:
-        refuse_nobody("leave out --save")
+        require_consent("leave out --save")
     if folders:
         drives, stated = _sessions(files, folders, bool(robot or ends or truth))
         sd = None
@@ -166,7 +166,7 @@ def _logs(
 def _placed(
     counts: list[CountLog], ends: Path | None, truth: tuple[Path, ...], diameter: float
 ) -> list[RecordedDrive]:
-    """The drives with the poses that are known of them, from wherever they are told."""
+    """The drives with their measured poses, of truth files, ends or their own columns."""
     from diffbotctl.calibrate.csv_table import unusable_log
     from diffbotctl.calibrate.log_reader import (
         with_end,
@@ -179,12 +179,12 @@ def _placed(
         return [with_truth(*each) for each in zip(counts, truth, strict=True)]
     if ends is None:
         return [with_own_poses(each) for each in counts]
-    told = read_ends(ends)
+    measured = read_ends(ends)
     for each in counts:
-        if each.name not in told:
-            shown = [*told][:ENDS_SHOWN_MAX] + ["..."] * (len(told) > ENDS_SHOWN_MAX)
+        if each.name not in measured:
+            shown = [*measured][:ENDS_SHOWN_MAX] + ["..."] * (len(measured) > ENDS_SHOWN_MAX)
             cause = f"has no line for the recording {each.name}"
             raise unusable_log(ends, cause, f"its recordings are {', '.join(shown) or 'none'}")
         refuse_part(each)
-        refuse_too_far(each, told[each.name], diameter, ends)
-    return [with_end(each, told[each.name]) for each in counts]
+        refuse_too_far(each, measured[each.name], diameter, ends)
+    return [with_end(each, measured[each.name]) for each in counts]

@@ -79,18 +79,18 @@ def _short(difference: str) -> str:
     )
 
 
-def refuse_nobody(otherwise: str) -> None:
-    """Raises click.UsageError where nobody is there to agree, before anything moves.
+def require_consent(otherwise: str) -> None:
+    """Raises click.UsageError without a terminal to ask on, before anything moves.
 
     `otherwise`: what the command offers beside --yes.
     """
     # Standard input is None if it was closed.
     if sys.stdin is None or not sys.stdin.isatty():
-        raise click.UsageError(f"Nobody is there to agree: add --yes to write, or {otherwise}.")
+        raise click.UsageError(f"There is no terminal to ask on: add --yes, or {otherwise}.")
 
 
 def _agreed() -> bool:
-    refuse_nobody("start it in a terminal")
+    require_consent("start it in a terminal")
     return click.confirm("Write this?", default=True)
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
-from diffbotctl.cli.calibrate_results import keep, own, refuse_nobody
+from diffbotctl.cli.calibrate_results import keep, own, require_consent
 from diffbotctl.cli.options import (
     answers_option,
     choice_option,
@@ -71,7 +71,7 @@ def run(names: Sequence[str], options: CalibrateOptions, **settings: object) -> 
     from diffbotctl.ui.calibration_screen import CalibrationScreen, truth_report
 
     if not options.yes and not options.dry_run:
-        refuse_nobody("--dry-run")
+        require_consent("--dry-run")
     refuse_unwritable(FOLDER)
     screen = CalibrationScreen()
     steps = [make_step(name, **settings) for name in names]
@@ -80,8 +80,8 @@ def run(names: Sequence[str], options: CalibrateOptions, **settings: object) -> 
         for number, step in enumerate(steps, 1):
             if len(steps) > 1:
                 with lines():
-                    is_wanted = _confirm_step(step, number, len(steps), options)
-                if not is_wanted:
+                    is_confirmed = _confirm_step(step, number, len(steps), options)
+                if not is_confirmed:
                     continue
             _run_step(step, session, prompter, screen, options, lines)
         if tools is not None:

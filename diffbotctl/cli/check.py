@@ -36,11 +36,11 @@ def check(
     if not any(takes_robot(file) for file in files):
         _refuse_pipeline_options(files[0], robot, sets)
     problems: list[Problem] = []
-    told: set[str] = set()
+    reported: set[str] = set()
     for file in files:
         file_problems, omissions = _problems(file, robot, sets, real)
-        new_problems = [problem for problem in file_problems if problem.render() not in told]
-        told |= {problem.render() for problem in new_problems}
+        new_problems = [problem for problem in file_problems if problem.render() not in reported]
+        reported |= {problem.render() for problem in new_problems}
         problems += new_problems
         if as_json:
             for problem in new_problems:
@@ -48,17 +48,17 @@ def check(
         else:
             for text in rendered(new_problems):
                 click.echo(f"{text}\n")
-            above = ", told above" if file_problems and not new_problems else ""
+            above = ", reported above" if file_problems and not new_problems else ""
             click.echo(f"{file}: {_verdict(file_problems)}{above}")
             for omission in omissions:
                 click.echo(fold_text(f"  {omission.text()}", hang=4))
-            _tell_pulses(file, file_problems)
+            _print_pulses(file, file_problems)
     if problems and not as_json:
         click.echo(f"`diffbotctl explain {problems[0].code}` explains more.")
     return 2 if any(problem.severity == "error" for problem in problems) else 0
 
 
-def _tell_pulses(file: str, problems: list[Problem]) -> None:
+def _print_pulses(file: str, problems: list[Problem]) -> None:
     """Print where the pulses for the motors of a robot file are, and why, if it has a board."""
     from diffbotctl.config.board_pins import BOARDS
     from diffbotctl.config.load import load_robot, takes_robot

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def choose_port(radio: bool = False, simulates: bool = False) -> str:
     """The device of the board; with `radio`, bound Bluetooth ports count too.
 
-    `simulates`: the command works on the simulated robot too, as the error then says.
+    `simulates`: the command works on the simulated robot too; the error then mentions it.
 
     Raises NoBoardError, with `radio` one that names the modules that are paired but not bound;
     SeveralBoardsError without a terminal to ask at.

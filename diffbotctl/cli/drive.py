@@ -77,7 +77,7 @@ class DriveProgress:
         self.progress_at = self.driven, self.turned
 
     def update_stop(self, stop: dict[str, Any]) -> None:
-        """Take the stop in force; one without a code says that there is none."""
+        """Take the stop in force; one without a code means that there is none."""
         if stop["code"]:
             self._stop, self._stop_end = f"{stop['code']}: {stop['cause']}", inf
         else:

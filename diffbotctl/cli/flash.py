@@ -165,7 +165,7 @@ def blink(port: str, robot: str | None, times: int) -> None:
     file = load_robot(robot)
     click.echo(f"robot {file.file}, port {device}")
     host = diffbot_host(file.robot, device)
-    for said in blink(device, host, times):
-        click.echo(said.text)
-    if not host.has_older_pulses:  # else its description tells it
+    for report in blink(device, host, times):
+        click.echo(report.text)
+    if not host.has_older_pulses:  # else its description states it
         click.echo(pulses_text(file.robot))

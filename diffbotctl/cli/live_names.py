@@ -126,10 +126,10 @@ def _replies(ctx: click.Context, method: str) -> Iterator[Reply]:
 
     if host():
         return
-    wanted = _named_engine(ctx)
+    chosen = _named_engine(ctx)
     deadline = time.monotonic() + ANSWER_TIMEOUT_S
     for engine in engines():
-        if wanted not in (None, engine.name):
+        if chosen not in (None, engine.name):
             continue
         with suppress(UserError, OSError):
             client = ControlClient(engine, "diffbotctl completion", deadline)

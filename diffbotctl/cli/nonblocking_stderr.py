@@ -22,7 +22,7 @@ class NonBlockingStderr:
     """Writes lines to standard error without waiting; the rest of them at the end."""
 
     def __init__(self) -> None:
-        self._unsaid = b""
+        self._unwritten = b""
         self._file: int | None = None
 
     def say(self, text: str) -> None:
@@ -31,17 +31,17 @@ class NonBlockingStderr:
         if file is None:
             click.echo(text, err=True)
             return
-        self._unsaid += f"{printable(text)}\n".encode(errors="replace")
+        self._unwritten += f"{printable(text)}\n".encode(errors="replace")
         with suppress(OSError):
-            self._unsaid = self._unsaid[os.write(file, self._unsaid) :]
+            self._unwritten = self._unwritten[os.write(file, self._unwritten) :]
 
     def end(self) -> None:
         """The robot stands: write the rest, however long that takes."""
-        if self._unsaid:
-            click.echo(self._unsaid, nl=False, err=True)
+        if self._unwritten:
+            click.echo(self._unwritten, nl=False, err=True)
         if self._file is not None:
             os.close(self._file)
-        self._unsaid, self._file = b"", None
+        self._unwritten, self._file = b"", None
 
     def _opened(self) -> int | None:
         """Standard error, opened anew: not to wait is a property of our own opening alone.

@@ -42,7 +42,7 @@ class CommandGroup(click.Group):
         return super().resolve_command(ctx, args)
 
     def unknown_command(self, word: str) -> str:
-        """What is said of a command that this group does not have."""
+        """The error text for a command that this group does not have."""
         known = sorted(name for name, command in self.commands.items() if not command.hidden)
         from diffbotctl.errors import closest_match
 

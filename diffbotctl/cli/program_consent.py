@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 def allowed_programs(configuration: Configuration, is_given: bool) -> type[ProgramsDriver] | None:
     """The driver of the pipeline's programs, once they are allowed; None if there are none.
 
-    `is_given`: --allow-programs; otherwise a person is asked, once. Raises RunError where nobody
-    can be asked, or says no.
+    `is_given`: --allow-programs; otherwise a person is asked, once. Raises RunError without
+    a terminal to ask on, or if the person refuses.
     """
     if not configuration.programs:
         return None

@@ -103,7 +103,7 @@ def check_has_end(configuration: Configuration, options: RunOptions) -> None:
     if has_goals and not options.stay:
         return
     if options.stay:
-        cause = "--stay waits for goals, and nobody can send one to a --fast run without --name"
+        cause = "--stay waits for goals, and a --fast run without --name has no socket for them"
         fix = "leave out --stay or --fast, or limit the time: --for 60s"
     else:
         cause = "this pipeline has no goals, so that a --fast run of it would never end"

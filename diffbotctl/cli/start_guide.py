@@ -324,7 +324,7 @@ class GuidePrompter:
             raise StopGuide("Do that first; `diffbotctl start` continues here.")
 
     def ask(self, question: Question) -> str:
-        """The answer. Raises UsageError if nobody can answer."""
+        """The answer. Raises UsageError without answers file and terminal."""
         from diffbotctl.errors import Problem, UsageError
         from diffbotctl.ui.terminal_prompter import TerminalPrompter
 

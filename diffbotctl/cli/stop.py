@@ -70,10 +70,10 @@ def stop(
     text, names = " ".join(reason), {} if every_engine else dict.fromkeys(engine)
     stops: dict[str, Callable[[], int]]
     if hosts:
-        wanted = [(host, name) for host in dict.fromkeys(hosts) for name in names or (None,)]
+        targets = [(host, name) for host in dict.fromkeys(hosts) for name in names or (None,)]
         stops = {
             f"{host}: {name}" if name else host: partial(_stop_far, host, name, text)
-            for host, name in wanted
+            for host, name in targets
         }
     elif names:
         stops = {name: partial(_stop_named, name, text) for name in names}

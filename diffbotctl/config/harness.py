@@ -305,12 +305,12 @@ def battery_divider(robot: Robot, board: BoardPins, pin: str) -> Divider:
     """
     ratio = robot.battery.divider
     full = robot.battery.full or SUPPLY_FULL_V
-    wanted = (ratio or 1.1 * full / board.volts) - 1.0
+    required = (ratio or 1.1 * full / board.volts) - 1.0
     kilohms = [tens * decade for decade in (0.1, 1.0, 10.0) for tens in E24]
     if ratio is None:
-        series = next(value for value in kilohms if value >= wanted * PARALLEL_KOHM)
+        series = next(value for value in kilohms if value >= required * PARALLEL_KOHM)
     else:
-        series = min(kilohms, key=lambda value: abs(value - wanted * PARALLEL_KOHM))
+        series = min(kilohms, key=lambda value: abs(value - required * PARALLEL_KOHM))
     return Divider(_resistor(series), _resistor(PARALLEL_KOHM), pin, True)
 
 

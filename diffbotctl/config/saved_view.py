@@ -129,7 +129,7 @@ def save_view(path: Path, view: ViewSettings) -> str:
 
 
 def is_view(path: Path) -> bool:
-    """Whether the file at `path` says that it is a view."""
+    """Whether the file at `path` is a saved view: `kind: view`."""
     try:
         kind = yaml_reader.read(str(path)).entries.get("kind")
     except (ConfigurationError, OSError, ValueError):

@@ -77,7 +77,7 @@ class Client:
         self.sending = b""
         self.events = int(select.EPOLLIN)  # that are waited for
         self.is_readable = True  # False once the other end sends no more
-        self.is_for_stop = False  # all other seats are taken: it may only stop the robot
+        self.is_for_stop = False  # beyond CLIENTS_MAX: it may only stop the robot
         self.is_closing = False  # closed when what waits is sent
         self.unanswered = 0  # commands without the engine's answer
         self.has_driven = False  # or published: the engine must know when it disconnects

@@ -66,7 +66,7 @@ METHODS: dict[str, Method[Any]] = {
 }
 
 
-STOP_METHODS = ("stop", "status")  # of a client that came when all seats were taken
+STOP_METHODS = ("stop", "status")  # of a client beyond the limit of ordinary clients
 
 
 class Dispatcher:

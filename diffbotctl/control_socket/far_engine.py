@@ -47,14 +47,14 @@ def sockets():
     run = os.environ.get("DIFFBOTCTL_RUN", "/run")
     for folder in [*folders, *glob.glob(run + "/diffbotctl-*")]:
         yield from sorted(glob.glob(folder + "/*.socket"))
-found, wanted = {}, sys.argv[1]
+found, chosen = {}, sys.argv[1]
 for path in sockets():
     name, end = os.path.basename(path)[:-7], socket.socket(socket.AF_UNIX)
     try:
         end.connect(path)
     except OSError:
         continue
-    if not wanted or name == wanted:
+    if not chosen or name == chosen:
         found.setdefault(name, end)
 if len(found) != 1:
     code = "E-SEVERAL-ENGINES" if found else "E-NO-ENGINE"
@@ -117,8 +117,8 @@ class SshConnection:
         fix = f"if the robot moves, switch it off; `ssh {self.at} true` shows whether ssh works"
         if code == 255 and self.process.stderr is not None:
             lines = self.process.stderr.read(ERROR_MAX_BYTES).decode(errors="replace").split("\n")
-            said = [line.strip() for line in lines if line.strip()]
-            cause = f"ssh: {said[-1][:200]}" if said else "ssh did not get through"
+            errors = [line.strip() for line in lines if line.strip()]
+            cause = f"ssh: {errors[-1][:200]}" if errors else "ssh did not get through"
             fix = f"`ssh {self.at} true` must work without a question: use a key; {fix}"
         return RunError(Problem("E-SSH", self.at, f"the engine cannot be reached: {cause}", fix))
 
@@ -178,11 +178,11 @@ class SeveralEnginesError(UsageError):
         self.engines = engines
 
 
-def no_engine(at: str, wanted: str, reply: dict[str, Any]) -> UsageError:
+def no_engine(at: str, name: str, reply: dict[str, Any]) -> UsageError:
     """The error when there is no engine there, or more than one."""
-    names = [str(name) for name in reply.get("engines", [])]
+    names = [str(engine) for engine in reply.get("engines", [])]
     if names:
         return SeveralEnginesError(at, names)
-    cause = f"no engine called '{wanted}' is running there" if wanted else "no engine runs there"
+    cause = f"no engine called '{name}' is running there" if name else "no engine runs there"
     fix = "start one there as the user with whom you log in"
     return UsageError(Problem("E-NO-ENGINE", at, cause, fix))

@@ -19,8 +19,8 @@ from diffbotctl.control_socket.run_state import RunInfo, RunState
 from diffbotctl.recording.black_box_store import BlackBoxStore
 
 CLIENTS_MAX = 100
-STOP_SEATS = 8  # for further clients, which may only stop the robot
-STOP_SEAT_TIMEOUT_S = 5.0  # then the next one may have the seat
+STOP_CLIENTS_MAX = 8  # further clients, which may only stop the robot
+STOP_CLIENT_TIMEOUT_S = 5.0  # after which such a client is disconnected
 ACCEPTS_AT_ONCE = 32  # connections accepted between two polls of the others
 LINES_AT_ONCE = 2  # of one client, before the next client has its turn
 ROUND_S = 0.01  # for the lines of all clients, between two polls
@@ -137,12 +137,12 @@ class Server:
             )
             return
         client.replies.append(self.greeting)
-        if len(self.clients) > CLIENTS_MAX + STOP_SEATS:
+        if len(self.clients) > CLIENTS_MAX + STOP_CLIENTS_MAX:
             self._refuse(self._dispensable(client), TOO_MANY)
         self._serve(client)
 
     def _dispensable(self, newcomer: Client) -> Client:
-        """Who leaves for `newcomer`: who has not greeted, or else the first in a seat for `stop`.
+        """The client to disconnect for `newcomer`: one without a hello, else the first stop client.
 
         So a client that connects in order to stop the robot always succeeds.
         """
@@ -151,10 +151,10 @@ class Server:
         stopping = (client for client in others if client.is_for_stop and not client.unanswered)
         return next(silent, None) or next(stopping, newcomer)
 
-    def _choose_seat(self, client: Client) -> None:
-        """An ordinary seat for a client that has just greeted, or one for `stop` alone."""
-        seated = sum(bool(each.name) and not each.is_for_stop for each in self.clients.values())
-        client.is_for_stop = seated > CLIENTS_MAX
+    def _classify(self, client: Client) -> None:
+        """Accept a client that has just greeted as an ordinary one, or for `stop` alone."""
+        ordinary = sum(bool(each.name) and not each.is_for_stop for each in self.clients.values())
+        client.is_for_stop = ordinary > CLIENTS_MAX
 
     def _refuse(self, client: Client, refusal: RefusalError) -> None:
         client.answer(refusal.fields())
@@ -188,7 +188,7 @@ class Server:
                 is_greeting = not client.name
                 self.dispatcher.line(client, data)
                 if is_greeting:
-                    self._choose_seat(client)
+                    self._classify(client)
         except RefusalError as refusal:  # of the line as such: what follows it cannot be trusted
             self._refuse(client, refusal)
 
@@ -237,5 +237,5 @@ class Server:
                 continue
             elif client.is_late(now):
                 self._refuse(client, RefusalError("E-PROTOCOL", "no hello came in time"))
-            elif client.is_for_stop and now - client.connected_at > STOP_SEAT_TIMEOUT_S:
+            elif client.is_for_stop and now - client.connected_at > STOP_CLIENT_TIMEOUT_S:
                 self._refuse(client, TOO_MANY)

@@ -117,7 +117,7 @@ def _imu(state: RunState) -> list[str]:
 def _how_it_ends(episode: StopEpisode, state: RunState) -> str:
     in_force = state.stop_in_force()
     if in_force is None:
-        return "Nothing stops the robot any more."
+        return "The robot may move again."
     _, stop = in_force
     other = (
         "" if stop.code == episode.stop.code else f"It is stopped by {stop.code}: {stop.cause}. "

@@ -41,9 +41,9 @@ MODELS: dict[LidarModel, LidarCommands] = {
 class Lidar(DeviceDriver):
     """Read the scans of a USB lidar: LDS-01 or RPLIDAR A1.
 
-    A turn with damaged or missing parts is dropped. What is too near to be measured (12 cm, 15 cm)
-    cannot be told from free space by these devices: mount them where the robot itself keeps that
-    distance. A scan is stamped when its turn is complete.
+    A turn with damaged or missing parts is dropped. These devices report an object that is
+    too near to be measured (LDS-01: 12 cm, RPLIDAR A1: 15 cm) as free space: mount them where the
+    robot itself keeps that distance. A scan is stamped when its turn is complete.
 
     sources:
       lidar: {driver: lidar, with: {device: /dev/ttyUSB1, model: rplidar_a1}}

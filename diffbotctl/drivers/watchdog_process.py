@@ -52,7 +52,7 @@ STOPPED_TEXT = "diffbotctl has died; its watchdog process has stopped the robot"
 LOOK_TEXT = "diffbotctl has died, and {}: look at the robot, and switch the motor battery off"
 PORT_GONE, NO_STANDSTILL = (
     "its watchdog process lost the port",
-    "after a minute of stops from its watchdog process the robot has not told that it stands",
+    "after a minute of stops from its watchdog process the robot has not reported standstill",
 )
 # Kinds of messages, by their first byte: from the engine,
 PORT, ORDER, HEARTBEAT, RELEASE, EXIT = b"P", b"S", b"H", b"R", b"X"
@@ -165,7 +165,7 @@ class _Watch:
         self.is_moving = False
         self.written = b""  # by the engine, the last bytes
         self.unsent = b""  # rest of a write of this process
-        self.heard_at = 0
+        self.heartbeat_at = 0
         self.is_intervening = False
         self.is_over = self.is_dead = False
         self.poll = select.poll()
@@ -178,7 +178,7 @@ class _Watch:
                 self._receive()
             elif self.is_intervening:
                 self._send_stop()
-            elif self.is_moving and time.monotonic_ns() - self.heard_at >= HEARTBEAT_TIMEOUT:
+            elif self.is_moving and time.monotonic_ns() - self.heartbeat_at >= HEARTBEAT_TIMEOUT:
                 self._intervene()
         if self.is_dead and self.order is not None and self.port is not None:
             _print(self._stop_for_good(self.order, self.port))
@@ -189,7 +189,7 @@ class _Watch:
             return STOP_PERIOD // MILLISECOND
         if not self.is_moving:
             return None
-        remaining = self.heard_at + HEARTBEAT_TIMEOUT - time.monotonic_ns()
+        remaining = self.heartbeat_at + HEARTBEAT_TIMEOUT - time.monotonic_ns()
         return max(0, -(-remaining // MILLISECOND))
 
     def _receive(self) -> None:
@@ -209,7 +209,7 @@ class _Watch:
         elif kind == RELEASE:
             self.is_intervening = False
         else:
-            self.heard_at = time.monotonic_ns()
+            self.heartbeat_at = time.monotonic_ns()
             self.is_moving, self.written = body[:1] == MOVING, body[1:]
             self._tell(ANSWER)
 

@@ -127,7 +127,7 @@ def _compile(sources: list[Path], program: Path) -> None:
     command = [compiler, *options, str(partial), *map(str, sources), "-lsimavr"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
-        raise EmulatorError(f"it does not compile; gcc says:\n{done.stderr.strip()}")
+        raise EmulatorError(f"it does not compile; output of gcc:\n{done.stderr.strip()}")
     partial.replace(program)
 
 

@@ -46,13 +46,13 @@ class PseudoTerminal:
 
 
 class UsbTerminal(PseudoTerminal):
-    """The USB port of a board, which is told who opens and closes it, and at which rate."""
+    """The USB port of a board, which receives each opening and closing and the line rate."""
 
     def __init__(self) -> None:
         super().__init__()
         os.close(self._host)  # otherwise it would never be seen closed
         self._host = -1
-        self.is_open = True  # the first call of `changed` tells that it is not
+        self.is_open = True  # the first call of `changed` reports that it is not
         self.baud = BAUDS.get(termios.tcgetattr(self._board)[OUTPUT_SPEED], 0)
         self._poll = select.poll()
         self._poll.register(self._board, 0)
@@ -60,8 +60,9 @@ class UsbTerminal(PseudoTerminal):
     def changed(self) -> bool:
         """Whether a client has opened or closed it, or has changed its rate, since the last call.
 
-        The rate stays after the last client has closed it. A client that has come and gone since
-        the last call shows by its rate: the port is told as open, and as closed by the next call.
+        The rate stays after the last client has closed it. If a client has opened, set to
+        another rate and closed the port since the last call, the port is reported as open, and by
+        the next call as closed.
         """
         before = self.baud, self.is_open
         self.baud = BAUDS.get(termios.tcgetattr(self._board)[OUTPUT_SPEED], self.baud)

@@ -69,7 +69,7 @@ class InstantMonitor:
         self._warned: set[str] = set()
         self._delay_before = self._spent_before = 0
         self._slow: dict[str, int] = {}  # ns that each slow block took since `begin`
-        self._are_slow_told = False  # since `begin`
+        self._is_slowness_reported = False  # since `begin`
         self._schedstat: int | None = None
         with suppress(OSError):
             self._schedstat = os.open(SCHEDSTAT, os.O_RDONLY | os.O_CLOEXEC)
@@ -79,7 +79,7 @@ class InstantMonitor:
         self._delay_before = self._run_delay()
         self._spent_before = time.thread_time_ns()
         if self._slow:
-            self._slow, self._are_slow_told = {}, False
+            self._slow, self._is_slowness_reported = {}, False
 
     def take_events(self) -> list[Delivery]:
         """The events since the last call."""
@@ -105,7 +105,7 @@ class InstantMonitor:
         """Check the time between two waits of the loop, which no single block accounts for."""
         if self.limits.frozen is None or busy <= self.limits.stop or self.stops:
             return
-        if self._are_slow_told:
+        if self._is_slowness_reported:
             return
         waited = self._run_delay() - self._delay_before
         spent = time.thread_time_ns() - self._spent_before
@@ -151,8 +151,8 @@ class InstantMonitor:
         elif spent > limits.stop and limits.frozen is not None:
             self._pause("host_frozen", OVERLOADED.format(spent / SECOND, waited / SECOND))
         self._slow[name] = self._slow.get(name, 0) + own
-        if sum(self._slow.values()) > limits.stop and not self._are_slow_told:
-            self._are_slow_told = True
+        if sum(self._slow.values()) > limits.stop and not self._is_slowness_reported:
+            self._is_slowness_reported = True
             if not self.stops:
                 self._pause("block_overrun", self._slow_blocks())
 

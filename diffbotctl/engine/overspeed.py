@@ -12,7 +12,7 @@ does not use of the limits is left for those that queued up behind it. After a g
 its begin hold for all of it and decay from its end: a stop that was sent in the gap may reach the
 board only then.
 
-A wheel that was at rest and turns without a command is pushed by hand: that is told, and is no
+A wheel that was at rest and turns without a command is pushed by hand: this is reported, and is no
 fault.
 """
 
@@ -34,9 +34,8 @@ COASTING_RATIO = 1.5  # lag of a motor without drive, whose gear the wheel has t
 # false counts of an edge that chatters.
 RESOLUTION_COUNTS = 4.0
 FALSE_COUNTS_SHARE = 0.1  # counts of chatter and noise that a usable encoder may add
-EDGE_INTERVAL_MAX_S = (
-    0.3  # between two edges; a slower wheel turns as friction lets it, not as told
-)
+# Between two edges; the speed of a slower wheel depends on friction more than on the command.
+EDGE_INTERVAL_MAX_S = 0.3
 SPEED_RATIO = 1.5  # to the command; above it a wheel whose loop has settled is too fast
 # Until the loop, on the board or on the host, has corrected the feed-forward; after the lag.
 BOARD_SETTLING_S, HOST_SETTLING_S = 0.6, 2.0
@@ -45,7 +44,7 @@ STANDSTILL_TIME = 300 * MILLISECOND  # without a count
 # the others arrive nearly at once, within QUEUE_TIME.
 QUEUE_TIME = 300 * MILLISECOND
 GAP_TIME = 200 * MILLISECOND  # without counts, in which commands may not have reached the board
-SPEED_TIME = 500 * MILLISECOND  # over which the speed is told
+SPEED_TIME = 500 * MILLISECOND  # over which the reported speed is averaged
 PUSHED_COUNTS_MIN = 2  # a wheel that rests on an edge may give one
 
 

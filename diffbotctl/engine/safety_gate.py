@@ -115,7 +115,7 @@ class Gate(Block):
         return outgoing, changed
 
     def end_stop(self, encoders: Encoders | None) -> None:
-        """End the active stop, unless nothing is heard from the board."""
+        """End the active stop, unless the board sends no telemetry."""
         if encoders is not None:
             self.active_stop = None
             self.directions.restart()

@@ -150,7 +150,9 @@ def bring_to_bootsel(device: str) -> Path:
     port = open_port(device, TOUCH_BAUD)
     try:
         time.sleep(TOUCH_S)
-        with suppress(OSError):  # a pseudo-terminal has no such line; closing it says the same
+        with suppress(
+            OSError
+        ):  # a pseudo-terminal has no such line; closing it has the same effect
             fcntl.ioctl(port.fd, termios.TIOCMBIC, struct.pack("I", termios.TIOCM_DTR))
     finally:
         port.close()

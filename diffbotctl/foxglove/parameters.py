@@ -20,9 +20,9 @@ def parameter_values(reply: Fields) -> Values:
 
 def parameter_rows(values: Values, names: Iterable[str]) -> list[Fields]:
     """The parameters `names`, or all without any, as the operation `parameterValues` has them."""
-    wanted = list(names) or list(values)
+    chosen = list(names) or list(values)
     rows = []
-    for name in wanted:
+    for name in chosen:
         if name in values:
             row = {"name": name, "value": values[name]}
             rows.append(row | {"type": "float64"} if isinstance(values[name], float) else row)

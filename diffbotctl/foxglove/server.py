@@ -116,8 +116,8 @@ class FoxgloveServer:
         scene = await self.client.request("scene")
         topics = []
         for row in (await self.client.request("list_topics"))["topics"]:
-            told = await self.client.request("describe_topic", topic=row["topic"])
-            topics.append(RunTopic(row["topic"], told["type"], told["schema"]))
+            fields = await self.client.request("describe_topic", topic=row["topic"])
+            topics.append(RunTopic(row["topic"], fields["type"], fields["schema"]))
         model = viewer_model(self._configuration(status), scene)
         commands = {str(command): TOPICS[command] for command in self.allowed}
         self.channels = RunChannels(topics, model, epoch, commands)

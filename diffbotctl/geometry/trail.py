@@ -1,4 +1,4 @@
-"""The trail of a robot: the last points of its way that can be told apart."""
+"""The trail of a robot: the latest points of its path that differ visibly."""
 
 from __future__ import annotations
 

@@ -20,9 +20,9 @@ STOP_PERIOD = 60 * MILLISECOND  # a stop and the frame that shows it take about 
 REPEAT_PERIOD = 100 * MILLISECOND  # a lost command is replaced within the dead-man time
 REPEAT_TIMEOUT = 200 * MILLISECOND  # a command is not repeated when the engine is silent
 TAKE_OVER_TIMEOUT = 600 * MILLISECOND  # maximum dead-man time, and a frame
-UNHEARD_TIMEOUT = SECOND  # 16 stops in a row are not lost by a radio that works
+UNANSWERED_TIMEOUT = SECOND  # 16 stops in a row are not lost by a radio that works
 TELEMETRY_GAP_MAX = 250 * MILLISECOND  # frames after a longer gap may be older than the commands
-UNHEARD_CAUSE = (
+UNANSWERED_CAUSE = (
     "no command reaches the board, although its telemetry arrives: check the wire to RX of the "
     "board (with a radio module: from its TXD)"
 )
@@ -66,7 +66,7 @@ class CommandSender:
         self._actions: list[frames.ActionFrame] = []
         self._clear_fault = False  # clear the hold before the next stop
         self._state_at = now
-        self._unheard_since = now
+        self._unanswered_since = now
         self._drop_command()
 
     # --- requests ---
@@ -169,7 +169,7 @@ class CommandSender:
         """
         self._mode = ModeCode(frame.mode)
         self._check_stop(now, frame.command)
-        return self._check_hold(now) or self._check_heard(now)
+        return self._check_hold(now) or self._check_claim(now)
 
     def _check_stop(self, now: int, command: int) -> None:
         if self._mode is ModeCode.OVERRULED and now < self._claimed_at + TAKE_OVER_TIMEOUT:
@@ -189,15 +189,15 @@ class CommandSender:
         cause = cause.format(fault=wheel_fault_cause(self.flags), volts=self.battery)
         return Stop(now, code, cause, True)
 
-    def _check_heard(self, now: int) -> Stop | None:
+    def _check_claim(self, now: int) -> Stop | None:
         """The stop for a motion that waits for a claim of which telemetry shows nothing."""
         gap, self._state_at = now - self._state_at, now
         if not self._awaits_motion() or gap > TELEMETRY_GAP_MAX:
-            self._unheard_since = now
-        if now - self._unheard_since < UNHEARD_TIMEOUT:
+            self._unanswered_since = now
+        if now - self._unanswered_since < UNANSWERED_TIMEOUT:
             return None
-        self._unheard_since = now
-        return Stop(now, "commands_lost", UNHEARD_CAUSE, True)
+        self._unanswered_since = now
+        return Stop(now, "commands_lost", UNANSWERED_CAUSE, True)
 
     def _awaits_motion(self) -> bool:
         """True while a motion is to be sent and the stop before it is unconfirmed."""

@@ -169,8 +169,8 @@ class SimulatedBoard:
             self._sent.append((arrival, command.left, command.right))
         for side, value in zip(self.sides, (command.left, command.right), strict=True):
             # The speeds in a frame are whole numbers.
-            told = value if is_duty else in_frame(value, frames.SPEED_ONE) / frames.SPEED_ONE
-            self._queue(side, arrival, told, is_duty)
+            received = value if is_duty else in_frame(value, frames.SPEED_ONE) / frames.SPEED_ONE
+            self._queue(side, arrival, received, is_duty)
         self._update_due()
 
     def _queue(self, side: BoardSide, arrival: int, value: float, is_duty: bool) -> None:

@@ -104,7 +104,7 @@ class SimulatedRobot:
         self._next_battery = 0
         self._next_roll = ROLL_PERIOD
         self._next_frame = model.period
-        self._shown_side = 1  # whose level the last frame has told: 0 left, 1 right
+        self._shown_side = 1  # whose level was in the last frame: 0 left, 1 right
         self._arriving: deque[tuple[int, str, Message]] = deque()
 
     @property

@@ -70,7 +70,7 @@ class WheelModel(EncoderWheel):
 
     `angle` (rad since the start, forward positive) and `speed` (rad/s) hold at `now`.
 
-    Time is divided into stretches of exact exponential motion: within one the speed tends from
+    Time is divided into segments of exact exponential motion: within one the speed tends from
     `_settled_speed` + `_excess_speed` towards `_settled_speed`.
     """
 
@@ -84,12 +84,12 @@ class WheelModel(EncoderWheel):
         "_phase",
         "_ripple",
         "_scale",
+        "_segment_end",
+        "_segment_start",
         "_settled_speed",
         "_start_angle",
         "_step_decay",
         "_stops_at_end",
-        "_stretch_end",
-        "_stretch_start",
         "angle",
         "duty",
         "motor",
@@ -115,50 +115,50 @@ class WheelModel(EncoderWheel):
         self._scale = motor.speed / (1.0 - motor.keep)
         self._step_decay = exp(-RIPPLE_STEP * 1e-9 / motor.lag)
         self._hand_until, self._hand_speed = 0, 0.0  # a hand turns it until then (ns), rad/s
-        self._begin_stretch()
+        self._begin_segment()
 
     def turn_by_hand(self, angle: float, speed: float) -> int:
         """From now on a hand turns it by `angle` rad at `speed` rad/s. Returns its end, ns."""
         until = self.now + round(abs(angle) / speed * SECOND)
         self._hand_until, self._hand_speed = until, speed if angle > 0.0 else -speed
-        self._begin_stretch()
+        self._begin_segment()
         return until
 
     def set_drag(self, drag: float) -> None:
         """From now on a friction brakes it that it takes `drag` (duty) to overcome."""
         self._drag, self._keep = drag, self.motor.keep + drag
-        self._begin_stretch()
+        self._begin_segment()
 
     def advance(self, until: int, duty: float) -> Sequence[int]:
         """Drive with `duty` (-1 to 1) from `now` until `until`.
 
         Returns the times (ns) of the counted edges until then, in order.
         """
-        if duty != self.duty or self.now == self._stretch_end:
+        if duty != self.duty or self.now == self._segment_end:
             self.duty = duty
-            self._begin_stretch()
-        while until > self._stretch_end:
-            self._follow(self._stretch_end)
-            self._begin_stretch()
-        if self._stretch_end == NEVER:
+            self._begin_segment()
+        while until > self._segment_end:
+            self._follow(self._segment_end)
+            self._begin_segment()
+        if self._segment_end == NEVER:
             self.now = until
         elif until > self.now:
             self._follow(until)
         return self._pins.take(until)
 
-    def _begin_stretch(self) -> None:
-        """Start a stretch of exact exponential motion at `now`."""
+    def _begin_segment(self) -> None:
+        """Start a segment of exact exponential motion at `now`."""
         now, angle, speed, duty = self.now, self.angle, self.speed, self.duty
-        self._stretch_start, self._start_angle = now, angle
+        self._segment_start, self._start_angle = now, angle
         self._stops_at_end = False
         if now < self._hand_until:
             self._settled_speed, self._excess_speed = self._hand_speed, 0.0
-            self._stretch_end = min(self._hand_until, (now // RIPPLE_STEP + 1) * RIPPLE_STEP)
-            self._stops_at_end = self._stretch_end == self._hand_until
+            self._segment_end = min(self._hand_until, (now // RIPPLE_STEP + 1) * RIPPLE_STEP)
+            self._stops_at_end = self._segment_end == self._hand_until
             return
         if speed == 0.0 and abs(duty) <= self.motor.start + self._drag:
             self._settled_speed = self._excess_speed = 0.0
-            self._stretch_end = NEVER
+            self._segment_end = NEVER
             return
         if self._ripple:
             duty *= 1.0 + self._ripple * sin(RIPPLE_CYCLES * angle + self._phase)
@@ -167,23 +167,23 @@ class WheelModel(EncoderWheel):
         else:
             settled = settled_speed(self.motor, duty, speed, self._drag)
         self._settled_speed, self._excess_speed = settled, speed - settled
-        self._stretch_end = (now // RIPPLE_STEP + 1) * RIPPLE_STEP
-        # Only a slowing wheel can come to rest within this stretch.
+        self._segment_end = (now // RIPPLE_STEP + 1) * RIPPLE_STEP
+        # Only a slowing wheel can come to rest within this segment.
         if speed * settled <= 0.0 and speed != 0.0:
             self._end_at_rest(speed, settled)
 
     def _end_at_rest(self, speed: float, settled: float) -> None:
-        """End the stretch where the wheel comes to rest, if that is within it."""
+        """End the segment where the wheel comes to rest, if that is within it."""
         ratio = abs(speed) / REST_SPEED if settled == 0.0 else (speed - settled) / -settled
         time = self.motor.lag * log(ratio) if ratio > 1.0 else 0.0
         end = self.now + int(time * SECOND) + 1
-        if end <= self._stretch_end:
-            self._stretch_end, self._stops_at_end = end, True
+        if end <= self._segment_end:
+            self._segment_end, self._stops_at_end = end, True
 
     def _follow(self, until: int) -> None:
-        """Follow the stretch until `until`, which lies within it."""
+        """Follow the segment until `until`, which lies within it."""
         settled, excess, lag = self._settled_speed, self._excess_speed, self._lag
-        span = until - self._stretch_start
+        span = until - self._segment_start
         elapsed = span * 1e-9
         decay = self._step_decay if span == RIPPLE_STEP else exp(-elapsed / lag)
         self.speed = settled + excess * decay
@@ -192,16 +192,16 @@ class WheelModel(EncoderWheel):
             self._cross_edges(angle, lambda place: self._time_at(place, angle, elapsed))
         self.angle = angle
         self.now = until
-        if self._stops_at_end and until == self._stretch_end:
+        if self._stops_at_end and until == self._segment_end:
             self.speed = 0.0
 
     def _time_at(self, place: float, angle: float, elapsed: float) -> int:
-        """When (ns) the angle was `place`; it is `angle` at `elapsed` seconds of the stretch."""
+        """When (ns) the angle was `place`; it is `angle` at `elapsed` seconds of the segment."""
         guess = elapsed * (place - self._start_angle) / (angle - self._start_angle)
-        return self._stretch_start + round(self._crossing_time(place, guess, elapsed) * SECOND)
+        return self._segment_start + round(self._crossing_time(place, guess, elapsed) * SECOND)
 
     def _crossing_time(self, place: float, elapsed: float, high: float) -> float:
-        """Seconds from the stretch's start at which the angle is `place` (Newton, bracketed).
+        """Seconds from the segment's start at which the angle is `place` (Newton, bracketed).
 
         `elapsed` is a guess; at `high` seconds the place has been passed.
         """

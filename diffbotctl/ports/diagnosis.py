@@ -72,7 +72,7 @@ class PortSurvey(NamedTuple):
 def survey_ports(root: Path, user: SystemUser) -> PortSurvey:
     """Examine every port below `root`, for `user`. Opens none."""
     ports = serial_ports(root)
-    twins = _twins(ports)
+    indistinct = _indistinct_devices(ports)
     reports = []
     for port in ports:
         holder = port_user(root, port.device)
@@ -85,7 +85,7 @@ def survey_ports(root: Path, user: SystemUser) -> PortSurvey:
             *_chip_problems(port),
             *_service_problems(root, port, holder),
             *_mode_problems(port),
-            *(_twin_problems(port) if port.device in twins else []),
+            *(_indistinct_problems(port) if port.device in indistinct else []),
         ]
         reports.append(PortReport(port, _title(port), holder, tuple(problems)))
     places = {port.usb.place for port in ports if port.usb}
@@ -214,7 +214,7 @@ def _mode_problems(port: SerialPort) -> Iterator[Problem]:
         yield _port_problem(port.device, "W-PORT-WORLD", cause, fix)
 
 
-def _twins(ports: list[SerialPort]) -> set[str]:
+def _indistinct_devices(ports: list[SerialPort]) -> set[str]:
     """Devices that share one stable name, since their chips have no serial number."""
     devices: defaultdict[tuple[str, str], list[str]] = defaultdict(list)
     for port in ports:
@@ -223,16 +223,16 @@ def _twins(ports: list[SerialPort]) -> set[str]:
     return {device for group in devices.values() if len(group) > 1 for device in group}
 
 
-def _twin_problems(port: SerialPort) -> Iterator[Problem]:
+def _indistinct_problems(port: SerialPort) -> Iterator[Problem]:
     fix = (
         f"use the name of its USB socket: {port.place}"
         if port.place
         else "plug in one board at a time"
     )
     cause = (
-        "another port has the same chip without a serial number, so by-id cannot tell them apart"
+        "another port has the same chip without a serial number, so by-id cannot distinguish them"
     )
-    yield _port_problem(port.device, "W-PORT-TWINS", cause, fix)
+    yield _port_problem(port.device, "W-PORT-INDISTINCT", cause, fix)
 
 
 def _portless_problem(root: Path, usb: UsbDevice, chip: UsbChip) -> Problem:

@@ -288,7 +288,7 @@ class ProgramsDriver:
         self._lose(now, link, f"{link.who} was ended: {cause}")
 
     def _lose_without_report(self, now: int, link: ProgramLink) -> None:
-        """Its socket is closed, and the supervisor has not told why: a busy computer delays it."""
+        """Its socket is closed, and the report of the supervisor is late (a busy computer)."""
         end = end_of(link.pid)
         if end:
             self._lose(now, link, f"{link.who} {end}")

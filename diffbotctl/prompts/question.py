@@ -216,7 +216,7 @@ class Prompter(Protocol):
         """Wait until the floor is marked where the robot stands."""
 
     def act(self, action: ManualAction) -> None:
-        """Wait until the action is done. Raises RunError if nobody can do it."""
+        """Wait until the action is done. Raises RunError if it cannot be done."""
 
     def answer(self, question: Question) -> Answer:
         """A valid answer. Raises RunError if there is none."""

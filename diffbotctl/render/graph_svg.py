@@ -17,7 +17,7 @@ from diffbotctl.render.svg import element, format_number, svg_document, text_ele
 
 MARGIN, HEAD, FONT_SIZE, TITLE_SIZE = 30.0, 60.0, 12, 14  # px
 KEY_HEIGHT, KEY_LINE = 40.0, 24.0  # px
-# Of Okabe and Ito, which can be told apart with colour vision deficiency too; then dashed again.
+# Of Okabe and Ito, distinct with colour vision deficiency too; further lines repeat them dashed.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000")
 DRIVER_FILL, BLOCK_FILL = "#eeeeee", "#e8f1fa"
 

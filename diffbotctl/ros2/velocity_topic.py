@@ -71,13 +71,13 @@ class VelocityTopic:
         one of another type beside it.
         """
         self.check_publishers()
-        wanted = next(reversed(self.types.values()), self.kind)
+        published = next(reversed(self.types.values()), self.kind)
         if self.subscription is not None:
-            if wanted is self.kind or self.driver.is_moving:
+            if published is self.kind or self.driver.is_moving:
                 return
             self.node.destroy_subscription(self.subscription)
             self.subscription = None
-        self.kind = wanted
+        self.kind = published
         self.ready_at = time.monotonic() + SWITCH_TIME_S
         with suppress(RCLError):  # the old one still exists: again at the next check
             self.subscription = self._subscribe()

@@ -49,7 +49,7 @@ class PageHost(Protocol):
         """A page has been closed."""
 
     def require_control(self, page: PageConnection) -> None:
-        """Give control to `page` if nobody has it. Raises RefusalError if another page has."""
+        """Give control to `page` if no page has it. Raises RefusalError if another page has."""
 
     def take_control(self, page: PageConnection) -> None:
         """Give control to `page`. Raises RefusalError while another one drives by hand."""

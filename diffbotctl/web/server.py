@@ -265,7 +265,7 @@ class WebServer:
         self.tell_roles()
 
     def require_control(self, page: PageConnection) -> None:
-        """Give control to `page` if nobody has it. Raises RefusalError if another page has."""
+        """Give control to `page` if no page has it. Raises RefusalError if another page has."""
         if self.driver is None:
             self.driver = page
             self.tell_roles()

@@ -15,10 +15,10 @@ enum {
     STARTED = 0x08,
     STARTED_AGAIN = 0x10,
     WRITES = 0x18,
-    WRITES_NOBODY = 0x20,
+    WRITES_UNANSWERED = 0x20,
     WRITTEN = 0x28,
     READS = 0x40,
-    READS_NOBODY = 0x48,
+    READS_UNANSWERED = 0x48,
     RECEIVED = 0x50,
     RECEIVED_LAST = 0x58,
 };
@@ -122,7 +122,7 @@ static uint8_t exchange(gyro_t *gyro, uint8_t control)
     case ADDRESSING:
         gyro->phase = *data & 1 ? READING : POINTING;
         if (*data >> 1 != gyro->board->options.gyro || !answers)
-            return *data & 1 ? READS_NOBODY : WRITES_NOBODY;
+            return *data & 1 ? READS_UNANSWERED : WRITES_UNANSWERED;
         return *data & 1 ? READS : WRITES;
     case POINTING:
         gyro->pointer = *data % GYRO_REGISTERS;

@@ -94,14 +94,14 @@ void board_start_timers(void)
 }
 
 /* Interrupts are attached and detached by board_sleep: the core's functions for it must run neither in an
-   interrupt nor with interrupts off. Meanwhile `wanted` decides which edges count. */
-static volatile uint8_t wanted[PINS]; /* EDGE_..., 0 for none */
+   interrupt nor with interrupts off. Meanwhile `sensed` decides which edges count. */
+static volatile uint8_t sensed[PINS]; /* EDGE_..., 0 for none */
 static bool attached[PINS];
 static const bit_t *volatile watched;
 
-static bool is_wanted(uint8_t number)
+static bool is_needed(uint8_t number)
 {
-    return wanted[number] || (watched && *watched->at == number);
+    return sensed[number] || (watched && *watched->at == number);
 }
 
 static void IRAM_ATTR pin_changed(void *argument)
@@ -110,14 +110,14 @@ static void IRAM_ATTR pin_changed(void *argument)
     uint8_t edge = digitalRead(number) ? EDGE_RISING : EDGE_FALLING;
     if (watched && *watched->at == number)
         ranges_changed();
-    else if (wanted[number] == edge || wanted[number] == EDGE_BOTH)
+    else if (sensed[number] == edge || sensed[number] == EDGE_BOTH)
         encoders_edge(number == LEFT->encoder.interrupt ? &LEFT->encoder : &RIGHT->encoder);
 }
 
 static void attach_pins(void)
 {
     for (uint8_t number = 0; number < PINS; number++) {
-        if (is_wanted(number) == attached[number])
+        if (is_needed(number) == attached[number])
             continue;
         attached[number] = !attached[number];
         if (attached[number])
@@ -130,20 +130,20 @@ static void attach_pins(void)
 void board_mute(uint8_t number)
 {
     if (number < PINS)
-        wanted[number] = 0;
+        sensed[number] = 0;
 }
 
 void board_mute_all(void)
 {
     for (uint8_t number = 0; number < PINS; number++)
-        wanted[number] = 0;
+        sensed[number] = 0;
     watched = 0;
 }
 
 void board_sense(uint8_t number, uint8_t sense)
 {
     if (number < PINS)
-        wanted[number] = sense;
+        sensed[number] = sense;
 }
 
 uint8_t board_group(const bit_t *bit)

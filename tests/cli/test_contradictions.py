@@ -157,7 +157,10 @@ def test_what_else_has_no_effect(words, cause, tmp_path):
         (("standby",), "this pipeline has no goals, so that a --fast run of it would never end"),
         (("wander",), "this pipeline has no goals"),
         (("turtles",), "this pipeline has no goals"),
-        (("goal", "--stay"), "--stay waits for goals, and nobody can send one to a --fast run"),
+        (
+            ("goal", "--stay"),
+            "--stay waits for goals, and a --fast run without --name",
+        ),
     ],
 )
 def test_a_run_as_fast_as_possible_that_would_never_end(words, cause, tmp_path):

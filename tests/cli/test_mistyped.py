@@ -103,7 +103,7 @@ def test_a_problem_of_two_files_is_told_once(tmp_path):
     (tmp_path / "mine.yaml").write_text(f"format: 1\nkind: pipeline\ninclude: goal\n{robot}")
     code, text = told(tmp_path, "check", "./mine.yaml", "./robot.yaml")
     assert code == 2 and text.count("unknown key 'wheels'") == 1
-    assert "./mine.yaml: 1 error" in text and "./robot.yaml: 1 error, told above" in text
+    assert "./mine.yaml: 1 error" in text and "./robot.yaml: 1 error, reported above" in text
 
 
 @pytest.mark.parametrize("content", ["format: 1\n", '[{"a": 1}]\n'])

@@ -144,8 +144,8 @@ def test_a_calibrated_robot_is_not_sent_to_calibrate(tmp_path):
     closed=[(0,), (1,), (2,), (0, 1), (0, 1, 2)],
     typed=[
         (("flash", "firmware", "--port", "PORT"), 2, "no terminal to confirm"),
-        (("bluetooth", "baud", "9600", "--port", "PORT"), 2, "Nobody is there"),
-        (("calibrate", "encoders", "--port", "sim"), 2, "Nobody is there"),
+        (("bluetooth", "baud", "9600", "--port", "PORT"), 2, "no terminal to ask on"),
+        (("calibrate", "encoders", "--port", "sim"), 2, "no terminal to ask on"),
         (("run", "goal", "--dash"), 2, "--dash needs a terminal"),
         (("dash",), 2, "E-NO-ENGINE"),
         (("run", "goal", "--fast", "--for", "0.5s", "--record", "a.mcap"), 1, ""),

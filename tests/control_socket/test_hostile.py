@@ -15,7 +15,7 @@ import pytest
 
 from diffbotctl.control_socket.address import group_folder
 from diffbotctl.control_socket.protocol import LINE_MAX_BYTES
-from diffbotctl.control_socket.server import CLIENTS_MAX, STOP_SEATS
+from diffbotctl.control_socket.server import CLIENTS_MAX, STOP_CLIENTS_MAX
 from tests.support.command_process import children_of
 from tests.support.running import REPLY_TIMEOUT_S, PlainClient, cli, running
 from tests.support.trials import hostile_sockets
@@ -312,7 +312,7 @@ def test_a_name_with_a_slash_is_refused(tmp_path):
 def test_a_seat_is_kept_for_stop_when_all_others_are_taken(folder):
     crowd = [PlainClient(folder) for _ in range(CLIENTS_MAX)]
     assert crowd[-1].request("status")["ok"]
-    for _ in range(2 * STOP_SEATS):  # also when those seats are taken and kept
+    for _ in range(2 * STOP_CLIENTS_MAX):  # also when those connections are taken and kept
         late = PlainClient(folder)
         refusal = late.request("goto", x=1.0, y=0.0)
         assert refusal["error"] == "E-BUSY" and "stop" in refusal["cause"]

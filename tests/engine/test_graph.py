@@ -196,15 +196,15 @@ class Talker(Block):
 class Echo(Block):
     """Publishes the text that it received, until it is stale."""
 
-    heard = In(Text, fresh_for=0.5)
+    received = In(Text, fresh_for=0.5)
     text = Out(Text)
 
-    def react(self, now, heard):
-        return heard
+    def react(self, now, received):
+        return received
 
 
 def talker_and_echo():
-    nodes = [Node("talker", Talker(), {}), Node("echo", Echo(), {"heard": "talker.text"})]
+    nodes = [Node("talker", Talker(), {}), Node("echo", Echo(), {"received": "talker.text"})]
     return Graph(nodes, {}).compile({}, lambda instant: None)
 
 

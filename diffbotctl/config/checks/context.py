@@ -81,7 +81,7 @@ class CheckContext:
 
     @property
     def board(self) -> BoardPins | None:
-        """What the table says of the robot's board; None for none, or where it is not readable."""
+        """The data of the robot's board; None without a board, or if its type is not readable."""
         (kind,) = self.values("board.type") or (None,)
         return BOARDS.get(kind) if isinstance(kind, str) else None
 

@@ -14,7 +14,7 @@ from diffbotctl.geometry.footprint import Footprint, distance_to_segment, into_f
 
 # The odometry of a calibrated two-wheel robot is off by about 1 to 3 % of the way.
 GOAL_FAR_M = 100.0
-# The standard deviations that are told fit the errors of robots that slip by twice the default.
+# The reported standard deviations fit the errors of robots that slip by twice the default.
 SLIP_RATIO_MAX = 2.5
 # Keys of simulation.encoder that encoders with two channels ignore.
 OF_ONE_CHANNEL = ("bounce", "covered", "missed", "doubled")
@@ -44,14 +44,14 @@ def check_ranges(context: CheckContext) -> None:
 
 
 def check_slip(context: CheckContext) -> None:
-    """Warn of simulated wheels that slip by far more than odometry is told."""
+    """Warn of simulated wheels that slip by far more than odometry assumes."""
     values = context.values("simulation.slip", "drive.slip")
     if context.real or values is None or values[0] <= SLIP_RATIO_MAX * values[1]:
         return
     simulated, stated = (1000.0 * value for value in values)
     cause = (
-        f"the simulated wheels slip by {simulated:.3g} mm after 1 m, and odometry is told "
-        f"{stated:.3g} mm; encoders cannot see slip, so the robot will be farther off than it says"
+        f"the simulated wheels slip by {simulated:.3g} mm after 1 m, and odometry assumes "
+        f"{stated:.3g} mm; encoders cannot see slip, so the pose will be worse than reported"
     )
     fix = "`diffbotctl calibrate geometry` measures drive.slip; a gyro sees turns by slip"
     context.warn("W-SLIP", context.robot_place("simulation", "slip"), cause, fix)

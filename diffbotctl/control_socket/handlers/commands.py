@@ -84,7 +84,7 @@ def handle_drive(context: RequestContext, request: requests.DriveRequest) -> req
     _require_input(context, "operator.twist", "this pipeline accepts no velocity from a client")
     if not context.info.is_paced:
         # Its lease of 0.3 s of the run is over before the next command can come.
-        cause = "this run is faster than real time, so that nobody can drive the robot"
+        cause = "this run is faster than real time, too fast for a client to drive the robot"
         raise RefusalError("E-REQUEST", cause, "run it without --fast")
     _require_limit("linear", request.linear, context.info.speed, "m/s")
     _require_limit("angular", request.angular, context.info.turn_rate, "rad/s")

@@ -65,7 +65,7 @@ class MapBox(Widget):
         self.drawn: Camera | None = None  # the camera of the last drawing
         self.drawn_width = 0  # its characters; a map that is hidden has no size
         self.follows = follows
-        self.wanted = place  # until the size of the window is known
+        self.requested = place  # until the size of the window is known
         self.pressed: Point | None = None  # where the left button went down, in characters
         self.dragged: Point | None = None  # where the mouse is since
         self.panning: Point | None = None
@@ -107,8 +107,8 @@ class MapBox(Widget):
 
     def place(self) -> tuple[float, float, float] | None:
         """Middle (x, y) and width in m of the part that is shown; None: everything is in view."""
-        if self.wanted is not None:
-            return self.wanted
+        if self.requested is not None:
+            return self.requested
         if self.camera is None or self.drawn is None:
             return None
         return self.drawn.x, self.drawn.y, self.drawn_width * DOTS_ACROSS / self.drawn.scale
@@ -181,9 +181,9 @@ class MapBox(Widget):
     def _camera(self, run_view: RunView) -> Camera:
         if self.pressed is not None and self.drawn is not None:
             return self.drawn  # the floor must not move under the mouse
-        if self.wanted is not None:
-            x, y, width = self.wanted
-            self.camera, self.wanted = Camera(x, y, self.size.width * DOTS_ACROSS / width), None
+        if self.requested is not None:
+            x, y, width = self.requested
+            self.camera, self.requested = Camera(x, y, self.size.width * DOTS_ACROSS / width), None
         if self.camera is None:
             return self._fitted_camera(run_view)
         if self.follows and run_view.trail.points:

@@ -13,7 +13,7 @@ from diffbotctl.render.map_scene import Scene
 from diffbotctl.ui.map.canvas import Point
 from diffbotctl.ui.run_text import newest_message, newest_odometry
 
-POINT_SPACING_M = 0.01  # closer points cannot be told apart on the map
+POINT_SPACING_M = 0.01  # closer points coincide on the map
 TRAIL_MAX_POINTS = 3000  # then the oldest is dropped
 TURTLE_MAX_LINES = 5000  # then the oldest is dropped
 

@@ -22,7 +22,7 @@ TIME_TICKS, VALUE_TICKS = 9, 5
 VALUE_MARGIN = 0.04  # of the span of the values, so that the frame hides no curve
 FONT_SIZE = 12  # pixels
 LETTER_WIDTH = 7.4  # pixels of a letter of that size in the widest of common fonts
-# The colours of Okabe and Ito, which can be told apart with colour vision deficiency too.
+# The colours of Okabe and Ito, distinct with colour vision deficiency too.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000")
 GRID_COLOUR, INK_COLOUR = "#dddddd", "#333333"
 

@@ -15,7 +15,7 @@ export class Connection {
     this.onState = onState;
     this.socket = null;
     this.number = 0; // the newest of the server, echoed by drive commands
-    this.heardAt = 0;
+    this.receivedAt = 0;
     this.ended = false;
     this.isSilent = false;
     setInterval(() => this.checkSilence(), CHECK_MS);
@@ -52,7 +52,7 @@ export class Connection {
     this.socket.onmessage = (event) => this.take(JSON.parse(event.data));
     this.socket.onclose = () => this.retry("no connection to the robot's computer");
     this.socket.onopen = () => {
-      this.heardAt = performance.now();
+      this.receivedAt = performance.now();
       this.isSilent = false;
       this.onState("");
     };
@@ -67,7 +67,7 @@ export class Connection {
   }
 
   take(message) {
-    this.heardAt = performance.now();
+    this.receivedAt = performance.now();
     if (this.isSilent) {
       this.isSilent = false;
       this.onState("");
@@ -84,7 +84,7 @@ export class Connection {
   checkSilence() {
     if (this.socket?.readyState !== WebSocket.OPEN) return;
     if (document.hidden || this.ended) return;
-    const silence = performance.now() - this.heardAt;
+    const silence = performance.now() - this.receivedAt;
     if (silence > SILENCE_MS && !this.isSilent) {
       this.isSilent = true;
       this.onState("nothing comes from the robot's computer; what is shown is old");

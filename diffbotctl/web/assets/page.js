@@ -97,7 +97,7 @@ function notify(words) {
 
 function showRole(role) {
   state.role = role;
-  const driver = role.is_driver ? "this page" : role.driver ?? "nobody";
+  const driver = role.is_driver ? "this page" : role.driver ?? "none";
   element("role").textContent = `${role.you}; in control: ${driver}`;
   element("take").textContent = role.is_driver ? "Give up control" : "Take control";
   if (!role.driver || role.is_driver) return;

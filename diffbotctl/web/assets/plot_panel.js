@@ -11,7 +11,7 @@ const VALUE_MARGIN = 0.04; // of the span of the values, so that the frame hides
 const FONT = "13px system-ui, sans-serif";
 const SVG = "http://www.w3.org/2000/svg";
 
-// Each line has dashes of its own: lines are told apart without colours, too.
+// Each line has dashes of its own: lines are distinct without colours, too.
 const STYLES = [
   ["trail", []], ["scan", [9, 5]], ["robot", [2, 4]], ["goal", [12, 4, 2, 4]],
   ["ink", [18, 6]], ["beam", [5, 3]], ["trail", [14, 4, 2, 4, 2, 4]], ["scan", [2, 9]],

@@ -60,7 +60,7 @@ export class Plots {
     this.draw();
   }
 
-  /** Ask for the samples of the chosen fields, or for none while nobody can see them. */
+  /** Ask for the samples of the chosen fields, or for none while they are not visible. */
   ask() {
     const names = this.isShown && !document.hidden ? this.lines.map((line) => line.name) : [];
     this.connection.send({ do: "plot", fields: names });

@@ -6,7 +6,7 @@ const SECTIONS = { plots: "plot-keys", parameters: "parameters", blocks: "blocks
 /** Show the view with which the server was started, if there is one. */
 export async function openSavedView(map, plots, showView) {
   const reply = await fetch("/view.json");
-  if (!reply.ok) return; // no session, which the page says elsewhere
+  if (!reply.ok) return; // no session; the page shows that elsewhere
   const { panel, fields, span, place, follows } = await reply.json();
   if (!panel) return;
   plots.choose(fields, span);

@@ -121,8 +121,8 @@ export class Board {
       watchdog.alarm.enable = false; // else it would go off again and again at this time
       this.resets = WATCHDOG;
     };
-    const told = cause & LINE ? HAD_RUN_PIN : cause & (POWER | BROWNOUT) ? HAD_POWER_ON : 0;
-    chip.peripherals[0x40064].readUint32 = (offset) => (offset === 8 ? told : 0);
+    const causes = cause & LINE ? HAD_RUN_PIN : cause & (POWER | BROWNOUT) ? HAD_POWER_ON : 0;
+    chip.peripherals[0x40064].readUint32 = (offset) => (offset === 8 ? causes : 0);
     const { adc } = chip;
     const readUint32 = adc.readUint32.bind(adc);
     adc.readUint32 = (offset) => {

@@ -305,7 +305,7 @@ SITUATIONS = [
         "two clones with one by-id name",
         twins,
         U,
-        "W-PORT-TWINS",
+        "W-PORT-INDISTINCT",
         "serial number",
         "/dev/serial/by-path/pci-0000:00:14.0-usb-0:1:1.0",
     ),
