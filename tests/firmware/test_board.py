@@ -37,8 +37,6 @@ DAY = {
     "bounce": lambda: board.bounce(3, 1),
     "settings": lambda: board_settings.refused_settings(3, 25),
     "deadman": lambda: board.deadman(3, 18),
-    "healthy starts": lambda: wheel_loop.starts(3, 30),
-    "stalls": lambda: wheel_loop.stalls(3, 20),
     "damage": lambda: frame_damage.through_binary(3, 60),
     "speed loop": lambda: board_runs.agreement(3, 2),
 }
@@ -50,6 +48,8 @@ NIGHT = {
     "hello after a reset": lambda: board_faults.hellos(3, 10),
     "healthy starts of the binary": lambda: wheel_loop.starts(4, 4, emulated=True),
     "stalls of the binary": lambda: wheel_loop.stalls(4, 4, emulated=True),
+    "healthy starts": lambda: wheel_loop.starts(3, 30),
+    "stalls": lambda: wheel_loop.stalls(3, 20),
     "same twice": lambda: board_runs.same_twice(3),
     "restarts under a goal": lambda: board_restarts.rows(3, 3),
 }

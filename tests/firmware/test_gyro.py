@@ -18,7 +18,7 @@ from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import pack
 from diffbotctl.links.diffbot_settings import GyroInput, RangeInput
 from diffbotctl.time import MILLISECOND as MS
-from tests.sampling import each_once
+from tests.sampling import by_day, each_once
 from tests.support import firmware_parts
 from tests.support.board_bench import BOOK, PICO, RADIO, UNO, BoardBench, speed
 
@@ -32,7 +32,7 @@ SETTINGS = {
     )
 }
 BOARDS, CHIPS = tuple(SETTINGS), (MPU6050, LSM6)
-ALL = pytest.mark.parametrize("board", BOARDS)
+ALL = pytest.mark.parametrize("board", by_day(1, BOARDS))
 NOISE_SD = 0.05  # deg/s in readings at 100 Hz, of 0.005 deg/s/sqrt(Hz)
 PERIOD = 10 * MS
 

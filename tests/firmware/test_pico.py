@@ -167,7 +167,7 @@ def test_a_dip_of_the_supply_is_told_from_power_on():
         assert bench.ask().reset == frames.ResetCode.BROWNOUT
 
 
-@pytest.mark.parametrize("written", by_day(2, (0, 28, 7, 14, 21, 35, 42, 49, 56)))
+@pytest.mark.parametrize("written", by_day(1, (28, 0, 7, 14, 21, 35, 42, 49, 56)))
 def test_power_that_fails_while_settings_are_written_leaves_a_valid_slot(written):
     """After the sector of the older slot was erased, and after some of its bytes, from the end."""
     new = replace(PICO, glitch=3 * MS)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 
 from diffbotctl.links import diffbot_frames as frames
+from tests.sampling import by_day
 from tests.support.board_bench import (
     BOOK,
     PICO,
@@ -29,7 +30,9 @@ def pulsed(settings):
 
 
 BOARDS = pytest.mark.parametrize(
-    "settings", [pulsed(BOOK), pulsed(UNO), pulsed(PICO)], ids=["mega2560", "uno", "pico"]
+    "settings",
+    by_day(1, [pulsed(UNO), pulsed(BOOK), pulsed(PICO)]),
+    ids=["uno", "mega2560", "pico"],
 )
 
 

@@ -11,11 +11,10 @@ from tests.support.trials.child_faults import child_fault, emulator_fault, unplu
 @pytest.mark.parametrize(
     ("kind", "number"),
     by_day(
-        3,
+        2,
         [
             ("hub", signal.SIGKILL),
             ("recorder", signal.SIGSTOP),
-            ("watchdog", signal.SIGSTOP),
             ("hub", signal.SIGSTOP),
             ("recorder", signal.SIGKILL),
             ("log", signal.SIGSTOP),

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from diffbotctl.flash.intel_hex import write_hex
+from tests.sampling import by_day
 from tests.support.command_process import children_of, command_line, start_in_pipe
 from tests.support.running import PlainClient, cli, moves, running, stands
 from tests.support.virtual_board import LONGEST, diffbotctl, flat, run
@@ -35,7 +36,7 @@ def emulated(*words):
 
 
 @pytest.mark.board
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("how", by_day(1, [signal.SIGTERM, signal.SIGINT]))
 def test_a_run_on_it_and_a_clean_end(how):
     with emulated("book_2wd") as (process, said, usb, radio):
         assert "EMULATED board with diffbot_mega2560.hex, SIMULATED robot" in said

@@ -17,6 +17,7 @@ from diffbotctl.emulator.pseudo_terminal import PseudoTerminal
 from diffbotctl.errors import RunError
 from diffbotctl.flash.flasher import flash as job
 from diffbotctl.flash.intel_hex import write_hex
+from tests.sampling import by_day
 from tests.support.board_bench import BOOK
 from tests.support.command_process import command_line, start_in_pipe, start_on_terminal
 from tests.support.fake_machine import FakeMachine
@@ -38,17 +39,8 @@ def written(virtual, at):
     return virtual.board.emulator.flash(at, 1) != b"\xff"
 
 
-def test_the_light_blinks_after_flashing():
-    with board(image=None) as virtual:
-        assert flash(virtual)[0] == 0
-        code, said = diffbotctl("blink", "--port", virtual.usb, "--times", 2)
-        assert code == 0, said
-        assert "now blinks 2 times" in said
-        assert "40 frames a second, 0 damaged, 0 lost" in said
-
-
-@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
-def test_an_interrupted_flash_can_be_done_again(how):
+@pytest.mark.parametrize("how", by_day(1, [signal.SIGINT, signal.SIGKILL]))
+def test_an_interrupted_flash_can_be_done_again_and_then_the_light_blinks(how):
     with board(image=None) as virtual:
         words = ("flash", "firmware", "--port", virtual.usb, "--robot", "book_2wd", "--yes")
         first = start_in_pipe(command_line(*words))
@@ -61,25 +53,24 @@ def test_an_interrupted_flash_can_be_done_again(how):
             assert "run `flash firmware` again" in said
         code, said = flash(virtual)
         assert code == 0, said
+        code, said = diffbotctl("blink", "--port", virtual.usb, "--times", 2)
+        assert code == 0, said
+        assert "now blinks 2 times" in said
+        assert "40 frames a second, 0 damaged, 0 lost" in said
 
 
 def test_a_person_is_asked_and_sees_how_far_it_is():
-    """On a terminal, that is; the question is answered with y."""
-    with board(image=None) as virtual:
-        words = ("flash", "firmware", "--port", virtual.usb, "--robot", "book_2wd")
-        code, screen = on_a_terminal(words, b"y\n")
-    assert code == 0, screen
-    assert "wheels off the ground" in screen
-    for part in ("writing", "verifying", "100%", "settings", "ready"):
-        assert part in screen
-
-
-def test_no_is_no():
+    """On a terminal, that is; the question is answered with n, and then with y."""
     with board(image=None) as virtual:
         words = ("flash", "firmware", "--port", virtual.usb, "--robot", "book_2wd")
         code, _ = on_a_terminal(words, b"n\n")
         assert code == 130
         assert not written(virtual, 0)
+        code, screen = on_a_terminal(words, b"y\n")
+    assert code == 0, screen
+    assert "wheels off the ground" in screen
+    for part in ("writing", "verifying", "100%", "settings", "ready"):
+        assert part in screen
 
 
 def on_a_terminal(words, answer):
@@ -106,23 +97,24 @@ def test_nobody_to_ask_is_no_consent():
     assert "--yes" in said
 
 
-def test_avrdude_does_it_as_well():
+def test_avrdude_does_it_as_well_and_a_robot_file_of_the_other_protocol_is_named():
     with board(image=None) as virtual:
-        code, said = flash(virtual, "--programmer", "avrdude")
+        words = ("flash", "firmware", "--port", virtual.usb, "--robot", "book_2wd_stock", "--yes")
+        code, said = diffbotctl(*words, "--programmer", "avrdude")
     assert code == 0, said
     assert "written and verified by avrdude" in said
-    assert said.rstrip().endswith("ready")
+    assert "link: {protocol: diffbot}" in flat(said)
+    assert "ready" in said
 
 
-@pytest.mark.parametrize("programmer", ["built-in", "avrdude"])
-def test_a_port_in_use_names_who_uses_it(programmer):
-    with board() as virtual:
-        held = SerialPortDevice(str(virtual.usb), 115200)
-        code, said = flash(virtual, "--programmer", programmer)
-        held.close()
-    assert code == 1
-    assert "E-PORT-BUSY" in said
-    assert f"(process {os.getpid()})" in flat(said)
+def test_a_port_in_use_names_who_uses_it():
+    with closing(PseudoTerminal()) as port, closing(SerialPortDevice(port.name, 115200)):
+        for programmer in ("built-in", "avrdude"):
+            words = ("flash", "firmware", "--port", port.name, "--robot", "book_2wd", "--yes")
+            code, said = diffbotctl(*words, "--programmer", programmer)
+            assert code == 1
+            assert "E-PORT-BUSY" in said
+            assert f"(process {os.getpid()})" in flat(said)
 
 
 def test_a_port_that_is_not_there():
@@ -166,12 +158,6 @@ def test_a_port_that_another_program_keeps_for_itself():
     assert refused(keep).code == "E-PORT-BUSY"
 
 
-def test_the_radio_cannot_flash():
-    with board() as virtual:
-        code, said = diffbotctl("flash", "firmware", "--port", virtual.radio, "--yes")
-    assert (code, "E-FLASH-RADIO" in said) == (1, True)
-
-
 def test_a_program_that_says_nothing(tmp_path):
     silent = tmp_path / "silent.hex"
     silent.write_text(write_hex(HANGS))
@@ -196,12 +182,14 @@ def test_a_backup_overwrites_nothing(tmp_path):
     earlier = tmp_path / "earlier.hex"
     earlier.write_text("the only copy")
     for file, cause in ((earlier, "exists"), (tmp_path / "nowhere" / "b.hex", "folder")):
-        with board() as virtual:
-            code, said = flash(virtual, "--backup", file)
+        with closing(PseudoTerminal()) as port:
+            words = ("flash", "firmware", "--port", port.name, "--robot", "book_2wd", "--yes")
+            code, said = diffbotctl(*words, "--backup", file)
         assert (code, "E-FLASH-BACKUP" in said, cause in said) == (1, True, True), said
     assert earlier.read_text() == "the only copy"
 
 
+@pytest.mark.nightly
 def test_what_was_on_the_board_comes_back(tmp_path):
     """Reading the whole board takes half a minute of its time."""
     endless_loop = b"\xff\xcf"  # rjmp to itself: the chip can run what was on the board
@@ -214,14 +202,6 @@ def test_what_was_on_the_board_comes_back(tmp_path):
         assert virtual.board.emulator.flash(0, len(before)) != before
         assert flash(virtual, "--hex", saved)[0] == 0
         assert virtual.board.emulator.flash(0, len(before)) == before
-
-
-def test_a_robot_file_that_still_says_rosserial():
-    with board(image=None) as virtual:
-        words = ("flash", "firmware", "--port", virtual.usb, "--robot", "book_2wd_stock", "--yes")
-        code, said = diffbotctl(*words)
-    assert code == 0, said
-    assert "link: {protocol: diffbot}" in flat(said)
 
 
 @pytest.mark.parametrize(

@@ -203,11 +203,11 @@ def test_where_flights_lie(monkeypatch, state, home):
     "pipeline, robot",
     [
         ("goal", "book_2wd"),
-        ("goal", "book_2wd_counts"),
+        pytest.param("goal", "book_2wd_counts", marks=pytest.mark.nightly),
         ("goal", "book_2wd_stock"),
         ("square", None),
-        ("distance", None),
-        ("hello", None),
+        pytest.param("distance", None, marks=pytest.mark.nightly),
+        pytest.param("hello", None, marks=pytest.mark.nightly),
     ],
 )
 def test_every_shipped_pipeline_goes_on_from_its_state(tmp_path, pipeline, robot):

@@ -4,7 +4,6 @@ Each stranger is the real thing: a port where nobody speaks, the book's board, t
 our firmware of another version, a wire at another rate, a board with other settings.
 """
 
-import os
 import re
 import shutil
 import subprocess
@@ -18,8 +17,9 @@ from diffbotctl.emulator.program import IMAGE
 from diffbotctl.errors import RunError
 from diffbotctl.flash.intel_hex import write_hex
 from diffbotctl.links import diffbot_frames as frames
-from diffbotctl.links.diffbot_codec import FrameDecoder, pack
+from diffbotctl.links.diffbot_codec import pack
 from diffbotctl.links.diffbot_host import DiffbotHost
+from tests.sampling import by_day
 from tests.support.board_bench import BOOK
 from tests.support.book_board import BookBoardPort
 from tests.support.serial_wire import SerialWire
@@ -104,7 +104,7 @@ def test_a_sketch_that_sends_nothing(tmp_path):
     assert "unknown bytes" not in said
 
 
-@pytest.mark.parametrize("rate", [4800, 230400])
+@pytest.mark.parametrize("rate", by_day(1, [4800, 230400]))
 def test_a_radio_at_another_rate(tmp_path, rate):
     """Behind a radio module at a rate that the board's port cannot have, no rate can be read."""
     with board() as virtual, SerialWire(virtual.radio, tmp_path / "rfcomm0", rate=rate) as wire:
@@ -115,7 +115,7 @@ def test_a_radio_at_another_rate(tmp_path, rate):
     assert f"{RADIO_RATES} baud" in said
 
 
-@pytest.mark.parametrize("rate", [19200, 38400, 57600])
+@pytest.mark.parametrize("rate", by_day(1, [57600, 19200, 38400]))
 def test_a_board_at_the_rate_of_earlier_settings(tmp_path, rate):
     """It is found at its rate, takes the robot file's settings, and changes to their rate."""
     with board() as virtual, SerialWire(virtual.radio, tmp_path / "rfcomm0", rate=rate) as wire:
@@ -140,6 +140,7 @@ def newer(tmp_path_factory):
     return copy / IMAGE.name
 
 
+@pytest.mark.nightly
 def test_another_protocol_version_and_its_fix_by_flashing(newer):
     with board(image=newer) as virtual:
         code, said = meet(virtual.radio)
@@ -190,21 +191,3 @@ def test_the_first_contact_is_made_at_9600_and_then_the_file_s_rate_is_used(tmp_
         assert wire.rate == 19200
     assert code == 0, said
     assert "goals 1 of 1 reached" in said
-
-
-def test_a_port_of_an_unknown_name_may_lead_to_usb(tmp_path):
-    """At 115200 baud, which is tried after the robot file's rate."""
-    with board() as virtual:
-        port = tmp_path / "board"
-        port.symlink_to(os.path.realpath(virtual.usb))
-        code, said = meet(port)
-    assert code == 0, said
-
-
-def test_a_stop_is_the_first_frame_on_every_new_link(tmp_path):
-    """So that whatever drove the board before drives it no longer."""
-    with board() as virtual, SerialWire(virtual.radio, tmp_path / "rfcomm0") as wire:
-        code, said = diffbotctl(*run(wire.name, "--goal", "0.1 0"))
-        assert code == 0, said
-        sent = FrameDecoder().feed(wire.to_board)
-    assert isinstance(sent[0], frames.StopFrame)

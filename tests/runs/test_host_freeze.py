@@ -5,6 +5,7 @@ import signal
 import pytest
 
 from diffbotctl.drivers.watchdog_process import STOPPED_TEXT
+from tests.sampling import by_day
 from tests.support.trials.host_freeze import (
     PROGRAM,
     frozen,
@@ -14,7 +15,7 @@ from tests.support.trials.host_freeze import (
 )
 
 
-@pytest.mark.parametrize("whole_group", [False, True])
+@pytest.mark.parametrize("whole_group", by_day(1, [False, True]))
 def test_a_suspended_host_is_stopped_and_does_not_drive_when_it_continues(whole_group):
     outcome = frozen(1, whole_group)
     assert outcome.stop_s is not None, outcome.output
@@ -23,7 +24,7 @@ def test_a_suspended_host_is_stopped_and_does_not_drive_when_it_continues(whole_
     assert "resume" in outcome.output
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+@pytest.mark.parametrize("number", by_day(1, [signal.SIGSTOP, signal.SIGKILL]))
 def test_a_lost_watchdog_ends_the_run(number):
     outcome = watchdog_signalled(2, number)
     assert outcome.stop_s is not None, outcome.output

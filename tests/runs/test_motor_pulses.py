@@ -13,6 +13,7 @@ from diffbotctl.messages import Duty
 from diffbotctl.plant.driver_pulses import firmware_levels, pulse_shares
 from diffbotctl.plant.simulated_robot import draw_robot
 from diffbotctl.time import MILLISECOND
+from tests.sampling import each_once
 from tests.support.board_bench import BoardBench
 
 # A driver of each kind: open or shorted between the pulses on enable, a direction, two PWM inputs
@@ -43,9 +44,9 @@ def robot(folder, driver, pulses="none", board="mega2560", equations="torque", m
     return load_robot(str(file)).robot
 
 
-@pytest.mark.parametrize("board", ["mega2560", "pico"])
-@pytest.mark.parametrize(("driver", "pulses"), MODES)
-def test_the_pins_of_the_board_do_what_the_plant_assumes(tmp_path, driver, pulses, board):
+@each_once(mode=MODES, board=["mega2560", "pico"])
+def test_the_pins_of_the_board_do_what_the_plant_assumes(tmp_path, mode, board):
+    driver, pulses = mode
     made = robot(tmp_path, driver, pulses, board)
     facts, code = MOTOR_DRIVERS[driver], driver_code(made)
     with BoardBench(settings=board_settings(made)) as bench:
@@ -69,12 +70,10 @@ def test_the_pins_of_the_board_do_what_the_plant_assumes(tmp_path, driver, pulse
                 )
 
 
-@pytest.mark.parametrize("equations", ["exponential", "torque"])
-@pytest.mark.parametrize(("driver", "pulses"), MODES)
-def test_the_emulated_board_turns_the_wheels_as_the_simulated_one(
-    tmp_path, driver, pulses, equations
-):
+@each_once(mode=MODES, equations=["exponential", "torque"])
+def test_the_emulated_board_turns_the_wheels_as_the_simulated_one(tmp_path, mode, equations):
     """Speeds at the end of a drive of two seconds."""
+    driver, pulses = mode
     made = robot(tmp_path, driver, pulses, equations=equations)
     simulated, emulated = draw_robot(made, made, 1), emulated_board(made, 1)
     settings, one = board_settings(made), frames.DUTY_ONE

@@ -88,6 +88,8 @@ def test_why_names_a_killed_program_and_resume_lets_the_robot_move(tmp_path, pip
     with running(tmp_path, str(pipeline), "--stay", "--allow-programs"):
         client = PlainClient(tmp_path)
         client.until(moves)
+        lines = client.request("read_log")["lines"]  # its standard error is logged
+        assert any(line["source"] == "nose" and "seen" in line["text"] for line in lines)
         pid = program_pid(tmp_path)
         os.kill(pid, signal.SIGKILL)
         client.until(lambda status: status["held"] and stands(status))
@@ -115,15 +117,6 @@ def test_how_a_program_ended_is_known_while_the_supervisor_has_no_processor(tmp_
         assert "SIGSEGV" in held["cause"] and f"process {pid}" in held["cause"], held
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
-def test_programs_end_with_the_engine_however_it_ends(tmp_path, pipeline, number):
-    with running(tmp_path, str(pipeline), "--stay", "--allow-programs") as process:
-        pid = program_pid(tmp_path)
-        process.send_signal(number)
-        process.wait(timeout=60)
-        until(lambda: not is_alive(pid))
-
-
 STARTS_OTHERS = """
 import signal, subprocess, sys, time
 for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
@@ -137,14 +130,15 @@ time.sleep(1000)
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
-def test_what_a_program_starts_ends_with_the_engine(tmp_path, pipeline, number):
+def test_programs_and_what_they_start_end_with_the_engine(tmp_path, pipeline, number):
     (tmp_path / "lead.py").write_text(STARTS_OTHERS)
     others = tmp_path / "others"
     with running(tmp_path, str(pipeline), "--stay", "--allow-programs") as process:
         until(lambda: others.exists() and len(others.read_text().split()) == 2)
+        pids = [program_pid(tmp_path), *others.read_text().split()]
         process.send_signal(number)
         process.wait(timeout=60)
-        for pid in others.read_text().split():
+        for pid in pids:
             until(lambda pid=pid: not is_alive(pid))
 
 
@@ -159,14 +153,6 @@ def test_programs_end_with_the_supervisor_and_the_robot_stops(tmp_path, pipeline
         assert held["code"] == "input_stale" and held["latched"]
         until(lambda: not is_alive(pid))
         assert client.request("status")["time"] > 0
-
-
-def test_what_a_program_writes_to_stderr_is_logged(tmp_path, pipeline):
-    with running(tmp_path, str(pipeline), "--stay", "--allow-programs"):
-        client = PlainClient(tmp_path)
-        client.until(moves)
-        lines = client.request("read_log")["lines"]
-        assert any(line["source"] == "nose" and "seen" in line["text"] for line in lines)
 
 
 def test_a_program_that_cannot_be_started_is_named(tmp_path, pipeline):

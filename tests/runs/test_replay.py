@@ -21,6 +21,7 @@ from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
 from diffbotctl.time import SECOND
 from tests.command_result import invoke
+from tests.sampling import by_day
 
 WHEELS = "gate.wheels"
 SLOWER = ("robot.limits.speed=0.15 m/s",)
@@ -96,7 +97,7 @@ def rewritten(goal, path, wires, kept=lambda item: True):
     return recorded_run.read_run(path)
 
 
-@pytest.mark.parametrize("missing", ["log", "follower.state"])
+@pytest.mark.parametrize("missing", by_day(1, ["log", "follower.state"]))
 def test_a_wire_that_the_recording_lacks_is_said_and_not_compared(goal, tmp_path, missing):
     whole = replay_run(goal, ReplayOptions(check=True))
     assert missing in goal.wires and not whole.left_out
@@ -137,7 +138,7 @@ def test_a_recording_that_was_cut_is_replayed_up_to_there(goal, tmp_path):
     assert json.loads(said(path, "--json")[1])["cut"] is True
 
 
-@pytest.mark.parametrize("begin, until", [(0, 3), (2, 100), (2, 4), (6, 6.5)])
+@pytest.mark.parametrize("begin, until", by_day(2, [(0, 3), (2, 4), (2, 100), (6, 6.5)]))
 def test_a_part_is_measured_as_in_the_recording(goal, begin, until):
     begin, until = round(begin * SECOND), round(until * SECOND)
     done = replay_run(goal, ReplayOptions(begin=begin, until=until))

@@ -2,8 +2,7 @@
 
 import re
 
-import pytest
-
+from tests.sampling import each_once
 from tests.support.running import cli
 from tests.support.sensor_stops import (
     BEYOND,
@@ -15,8 +14,7 @@ from tests.support.sensor_stops import (
 )
 
 
-@pytest.mark.parametrize("port", ["sim", "emulated"])
-@pytest.mark.parametrize("kind", STOPPING_SENSORS)
+@each_once(kind=STOPPING_SENSORS, port=["sim", "emulated"])
 def test_the_robot_stops_before_the_wall(tmp_path, kind, port):
     """Before the margin of 5 cm is used up, or where the sensor ceases to measure."""
     sensor = STOPPING_SENSORS[kind]

@@ -1,6 +1,5 @@
 """Whole runs of the robots that exist in the simulator only."""
 
-import subprocess
 from math import hypot
 
 import pytest
@@ -9,7 +8,7 @@ from diffbotctl.config.load import load
 from diffbotctl.messages import Goal
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
-from tests.support.command_process import command_line
+from tests.sampling import each_once
 
 
 def go(pipeline, robot=None, sets=(), **options):
@@ -17,12 +16,13 @@ def go(pipeline, robot=None, sets=(), **options):
     return Run(load(pipeline, robot, sets), RunOptions(**options)).go()
 
 
-@pytest.mark.parametrize("robot", ["turtle", "turtlebot3_burger"])
-@pytest.mark.parametrize(("pipeline", "goals"), [("distance", 1), ("square", 4), ("goal", 1)])
-@pytest.mark.parametrize("seed", [0, 5])
-def test_the_pipelines_for_every_robot_drive_them_too(robot, pipeline, goals, seed):
+GOALS = {"distance": 1, "square": 4, "goal": 1}
+
+
+@each_once(robot=["turtle", "turtlebot3_burger"], pipeline=GOALS, seed=[0, 5])
+def test_the_pipelines_for_every_robot_drive_them_too(robot, pipeline, seed):
     result = go(pipeline, robot, seed=seed)
-    assert (result.reached, result.ending.code) == (goals, 0)
+    assert (result.reached, result.ending.code) == (GOALS[pipeline], 0)
     assert result.ending.stopped is True
     assert not result.stops
     believed, true = result.odometry, result.truth.pose
@@ -60,17 +60,3 @@ def test_the_burger_stays_within_its_limits():
     run.go()
     assert 0.15 < fastest[0] < 0.22 * 1.05  # its loop may overshoot by a little
     assert 0.8 < fastest[1] < 2.84
-
-
-@pytest.mark.parametrize(
-    "words", [("run", "wander", "--for", "6s"), ("run", "turtle", "--goal", "7 6")]
-)
-def test_runs_are_replayed_bit_for_bit(words, tmp_path):
-    log = str(tmp_path / "log.mcap")
-    made = subprocess.run(
-        command_line(*words, "--fast", "--quiet", "--record", log), capture_output=True, text=True
-    )
-    assert made.returncode == 0, made.stderr
-    again = subprocess.run(command_line("replay", log, "--check"), capture_output=True, text=True)
-    assert again.returncode == 0, again.stdout + again.stderr
-    assert "bit for bit" in again.stdout

@@ -4,11 +4,13 @@ import json
 import os
 import re
 import socket
-import subprocess
 import time
 from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
 
 from tests.support.command_process import command_line, start_in_pipe
+from tests.support.confined import ForkedCommands
 
 OPEN_FIELD = ["--set", "world.walls=[]"]
 LIVE_LINE = re.compile(r" *\d+\.\d\d s ")  # begins with the run's time
@@ -22,13 +24,17 @@ def command(folder, *words):
     return command_line(*words), environment
 
 
-def cli(folder, *words, **options):
+@cache
+def forked_commands():
+    """The server of commands of this process, which ends with it."""
+    return ForkedCommands(Path.cwd(), os.environ)
+
+
+def cli(folder, *words, cwd=None):
     """Run `diffbotctl words` to its end: (exit code, what it printed, complaints)."""
-    line, environment = command(folder, *words)
-    done = subprocess.run(
-        line, env=environment, capture_output=True, text=True, timeout=60, **options
-    )
-    return done.returncode, done.stdout, done.stderr
+    _, environment = command(folder)
+    done = forked_commands().run(*words, folder=cwd or Path.cwd(), environment=environment)
+    return done.code, done.printed, done.complaints
 
 
 @contextmanager
