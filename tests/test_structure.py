@@ -33,7 +33,7 @@ LAYERS = [
     ],
     ["geometry", "control", "estimation", "blocks", "links", "graph"],
     ["config"],
-    ["model", "reference", "plant"],
+    ["model", "plant"],
     ["engine", "processes"],
     ["recording"],
     ["ports"],
@@ -44,6 +44,7 @@ LAYERS = [
     ["replay", "board", "calibrate", "diagnostics", "ros2"],
     ["flash", "start"],
     ["ui", "web", "foxglove", "cli"],
+    ["reference"],
     ["__init__", "__main__"],
 ]
 LAYER = {name: number for number, names in enumerate(LAYERS) for name in names}

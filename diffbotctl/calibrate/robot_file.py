@@ -22,12 +22,12 @@ from typing import Any, NamedTuple
 import yaml
 
 from diffbotctl.calibrate.result import Finding, Provenance, formatted_value
+from diffbotctl.calibrate.yaml_edit import reads_as, with_entry
 from diffbotctl.config import lookup
 from diffbotctl.config.configuration import RobotFile
 from diffbotctl.config.editor_schemas import place_schemas
 from diffbotctl.config.load import load_robot
 from diffbotctl.config.motor_pulses import calibrated_pulses
-from diffbotctl.config.yaml_edit import reads_as, with_entry
 from diffbotctl.errors import ConfigurationError, Problem, RunError, UsageError
 
 SECTION = "calibration"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import click
@@ -33,12 +34,14 @@ def check(
     from diffbotctl.errors import rendered
     from diffbotctl.ui.text import fold_text
 
-    if not any(takes_robot(file) for file in files):
+    views = {file for file in files if _is_view(file)}
+    if not any(takes_robot(file) for file in files if file not in views):
         _refuse_pipeline_options(files[0], robot, sets)
     problems: list[Problem] = []
     reported: set[str] = set()
     for file in files:
-        file_problems, omissions = _problems(file, robot, sets, real)
+        is_view = file in views
+        file_problems, omissions = _problems(file, robot, sets, real, is_view)
         new_problems = [problem for problem in file_problems if problem.render() not in reported]
         reported |= {problem.render() for problem in new_problems}
         problems += new_problems
@@ -52,13 +55,23 @@ def check(
             click.echo(f"{file}: {_verdict(file_problems)}{above}")
             for omission in omissions:
                 click.echo(fold_text(f"  {omission.text()}", hang=4))
-            _print_pulses(file, file_problems)
+            if not is_view:
+                _print_pulses(file, file_problems)
     if problems and not as_json:
         click.echo(f"`diffbotctl explain {problems[0].code}` explains more.")
     return 2 if any(problem.severity == "error" for problem in problems) else 0
 
 
-def _print_pulses(file: str, problems: list[Problem]) -> None:
+def _is_view(file: str) -> bool:
+    from pathlib import Path
+
+    from diffbotctl.config.lookup import is_path
+    from diffbotctl.ui.saved_view import is_view
+
+    return is_path(file) and is_view(Path(file))
+
+
+def _print_pulses(file: str, problems: Sequence[Problem]) -> None:
     """Print where the pulses for the motors of a robot file are, and why, if it has a board."""
     from diffbotctl.config.board_pins import BOARDS
     from diffbotctl.config.load import load_robot, takes_robot
@@ -87,7 +100,7 @@ def _refuse_pipeline_options(file: str, robot: str | None, sets: tuple[str, ...]
             )
 
 
-def _verdict(problems: list[Problem]) -> str:
+def _verdict(problems: Sequence[Problem]) -> str:
     errors = sum(problem.severity == "error" for problem in problems)
     warnings = len(problems) - errors
     verdict = _count_text(errors, "error") if errors else "no errors"
@@ -95,12 +108,19 @@ def _verdict(problems: list[Problem]) -> str:
 
 
 def _problems(
-    file: str, robot: str | None, sets: tuple[str, ...], real: bool
-) -> tuple[list[Problem], tuple[Omission, ...]]:
+    file: str, robot: str | None, sets: tuple[str, ...], real: bool, is_view: bool
+) -> tuple[Sequence[Problem], tuple[Omission, ...]]:
     from diffbotctl.config.load import check_all
     from diffbotctl.config.registry import clashes
-    from diffbotctl.errors import Problem
+    from diffbotctl.errors import ConfigurationError, Problem
+    from diffbotctl.ui.saved_view import read_view
 
+    if is_view:
+        try:
+            read_view(file)
+        except ConfigurationError as error:
+            return error.problems, ()
+        return (), ()
     conflicts = [Problem(clash.code, "installation", str(clash), clash.fix) for clash in clashes()]
     problems, omissions = check_all(file, robot, sets, real=real)
     return [*conflicts, *problems], omissions

@@ -145,8 +145,8 @@ def save(parameters: tuple[str, ...], output: Path | None, force: bool, engine: 
 
 def _write_parameters(pipeline: Path, new: Path | None, rows: list[dict[str, Any]]) -> Path:
     """Write `rows` into the pipeline, or into a new file that includes it; returns the file."""
+    from diffbotctl.calibrate.yaml_edit import with_entry
     from diffbotctl.config.lookup import is_shipped
-    from diffbotctl.config.yaml_edit import with_entry
     from diffbotctl.errors import Problem, UsageError
 
     if new is None and is_shipped(pipeline):

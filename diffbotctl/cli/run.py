@@ -40,11 +40,11 @@ from diffbotctl.cli.web import CLOSED, check_options, lan_option, page_port_opti
 
 if TYPE_CHECKING:
     from diffbotctl.config.configuration import Configuration
-    from diffbotctl.config.saved_view import ViewSettings
     from diffbotctl.processes.screen import RunSnapshot
     from diffbotctl.runs.options import RunOptions, RunResult, SocketOptions
     from diffbotctl.runs.run import Run
     from diffbotctl.runs.signals import Signals
+    from diffbotctl.ui.saved_view import ViewSettings
 
 
 @click.command()
@@ -213,7 +213,7 @@ def _socket(name: str | None, group: str | None) -> SocketOptions:
 
 
 def _read_view(path: Path) -> ViewSettings:
-    from diffbotctl.config.saved_view import read_view
+    from diffbotctl.ui.saved_view import read_view
 
     return read_view(str(path))
 

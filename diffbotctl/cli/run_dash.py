@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from diffbotctl.config.saved_view import ViewSettings
     from diffbotctl.control_socket.address import EngineAddress
     from diffbotctl.processes.screen import RunSnapshot
+    from diffbotctl.ui.saved_view import ViewSettings
 
 SOCKET_TIMEOUT_S = 10.0  # s for the engine's socket to stand
 POLL_PERIOD_S = 0.01  # s between two looks for it

@@ -122,7 +122,7 @@ def dash(
     from diffbotctl.control_socket.client import choose_engine
 
     options = screen_options_of(keys, mode, hz, speed, turn, ascii_only)
-    from diffbotctl.config.saved_view import ViewSettings, read_view
+    from diffbotctl.ui.saved_view import ViewSettings, read_view
 
     view = ViewSettings() if view_file is None else read_view(str(view_file))
     if fields:

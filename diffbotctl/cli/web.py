@@ -18,9 +18,9 @@ from diffbotctl.cli.options import engine_option, view_option
 from diffbotctl.cli.tcp_server import require_packages, tcp_port_option
 
 if TYPE_CHECKING:
-    from diffbotctl.config.saved_view import ViewSettings
     from diffbotctl.control_socket.address import EngineAddress
     from diffbotctl.processes.screen import RunSnapshot
+    from diffbotctl.ui.saved_view import ViewSettings
     from diffbotctl.web.certificate import ServerCertificate
     from diffbotctl.web.server import WebServer
     from diffbotctl.web.sessions import Session
@@ -49,9 +49,9 @@ def web(lan: bool, tcp_port: int, view_file: Path | None, engine: str | None) ->
     --lan only browsers on this machine can open it. Leaving this program stops a robot that is
     driven from the page.
     """
-    from diffbotctl.config.saved_view import read_view
     from diffbotctl.control_socket.client import choose_engine
     from diffbotctl.processes.screen import DRIVING_NICENESS
+    from diffbotctl.ui.saved_view import read_view
 
     os.nice(DRIVING_NICENESS)
     _require_library()

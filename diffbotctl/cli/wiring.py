@@ -14,7 +14,7 @@ from diffbotctl.cli.output import print_json, write_output
 from diffbotctl.printable import fold_words
 
 if TYPE_CHECKING:
-    from diffbotctl.config.harness import Harness
+    from diffbotctl.render.harness import Harness
 
 WIRING_WARNINGS = ("W-WIRING-LEVEL", "W-WIRING-SHARED", "W-WIRING-LIGHT", "W-WIRING-SUPPLY")
 WIDTH = 80  # columns of the narrowest terminal in common use
@@ -36,9 +36,9 @@ def command(
 
     Warnings are those of `check`. The drawing is made from the robot file alone.
     """
-    from diffbotctl.config.harness import harness, notes
     from diffbotctl.config.load import load_robot
     from diffbotctl.config.lookup import display_path
+    from diffbotctl.render.harness import harness, notes
     from diffbotctl.render.wiring_svg import wiring_svg
 
     file = load_robot(robot)

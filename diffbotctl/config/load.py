@@ -18,7 +18,6 @@ from diffbotctl.config import (
     lookup,
     registry,
     robot_tree,
-    saved_view,
     source_tree,
     yaml_reader,
 )
@@ -128,9 +127,6 @@ def check_all(
     among robots.
     """
     try:
-        if _is_view(name):
-            saved_view.read_view(name)
-            return (), ()
         if _is_robot(name):
             return load_robot(name, sets, real=real, refuse_simulated=real).warnings, ()
         loaded = load(name, robot, sets, real=real, refuse_simulated=real)
@@ -142,13 +138,9 @@ def check_all(
 def takes_robot(name: str) -> bool:
     """Whether `check` reads `name` as a pipeline, for which a robot can be chosen."""
     try:
-        return not _is_view(name) and not _is_robot(name)
+        return not _is_robot(name)
     except UserError:
         return True  # `check` reports what is wrong with it
-
-
-def _is_view(name: str) -> bool:
-    return lookup.is_path(name) and saved_view.is_view(Path(name))
 
 
 def _is_robot(name: str) -> bool:
@@ -370,21 +362,13 @@ class _Loader:
         calibrated = robot_tree.overlay_calibration(tree, self.problems)
         whole = robot_tree.copy_common_to_sides(calibrated)
         robot = read_section(whole, Robot, "the robot file", self.problems)
-        fill_glitch(robot)
-        fill_counts(robot)
-        fill_bridge(robot)
-        fill_shorted(robot)
-        fill_curves(robot)
+        _fill_defaults(robot)
         self.context.robot_tree, self.context.robot = whole, robot
         self.context.nominal = robot
         if robot.calibration:
             stated = robot_tree.copy_common_to_sides(tree)
             self.context.nominal = read_section(stated, Robot, "the robot file", [])
-            fill_glitch(self.context.nominal)
-            fill_counts(self.context.nominal)
-            fill_bridge(self.context.nominal)
-            fill_shorted(self.context.nominal)
-            fill_curves(self.context.nominal)
+            _fill_defaults(self.context.nominal)
         return file
 
     def _without_other_pulses(self, tree: Value) -> Value:
@@ -420,6 +404,12 @@ class _Loader:
         value = context.pipeline_value("blocks", name)
         assert value is not None
         return BlockUse(name, entry.block, block, values, dict(entry.wires), value.place)
+
+
+def _fill_defaults(robot: Robot) -> None:
+    """Set what the file leaves to other fields, the board or data sheets."""
+    for fill in (fill_glitch, fill_counts, fill_bridge, fill_shorted, fill_curves):
+        fill(robot)
 
 
 def _misspelt_kind(tree: Value) -> Value | None:

@@ -15,8 +15,8 @@ from diffbotctl.config import lookup, registry
 from diffbotctl.config.configuration import Pipeline
 from diffbotctl.config.node_ports import NODE_NAME
 from diffbotctl.config.robot import Robot
-from diffbotctl.config.saved_view import SavedView
 from diffbotctl.params import BOUNDS, Declaration, Pin, Section, declared
+from diffbotctl.ui.saved_view import SavedView
 from diffbotctl.units import NUMBER, magnitude_max, of_kind
 
 Schema = dict[str, Any]

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from diffbotctl.config.harness import (
+from diffbotctl.render.harness import (
     BOARD,
     CELLS,
     DRIVER,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from textwrap import wrap
 
-from diffbotctl.config.harness import (
+from diffbotctl.render.harness import (
     BOARD,
     CELLS,
     DRIVER,

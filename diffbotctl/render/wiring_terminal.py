@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rich.text import Text
 
-from diffbotctl.config.harness import GROUND, LOGIC, SUPPLY, Harness
+from diffbotctl.render.harness import GROUND, LOGIC, SUPPLY, Harness
 from diffbotctl.render.wiring_layout import BRAIN, SENSES, Layout, PlacedPart, WireRun, layout
 
 # First and last character column of each column of parts; the wires are in the gaps.

@@ -6,9 +6,9 @@ import re
 from collections.abc import Mapping
 from math import isfinite
 
-from diffbotctl.config.saved_view import SCREEN_PANELS, ViewSettings, parse_view, view_text
 from diffbotctl.control_socket.protocol import Fields
 from diffbotctl.errors import ConfigurationError, Source
+from diffbotctl.ui.saved_view import SCREEN_PANELS, ViewSettings, parse_view, view_text
 from diffbotctl.web.plot_samples import FIELDS_MAX
 from diffbotctl.web.request_check import RequestRefusalError
 

@@ -12,12 +12,12 @@ from typing import Any, NamedTuple
 
 from aiohttp import web
 
-from diffbotctl.config.saved_view import ViewSettings
 from diffbotctl.control_socket.address import EngineAddress
 from diffbotctl.control_socket.connection import TokenBucket
 from diffbotctl.control_socket.protocol import RefusalError
 from diffbotctl.errors import UserError
 from diffbotctl.ros2.robot_model import urdf_of_run
+from diffbotctl.ui.saved_view import ViewSettings
 from diffbotctl.web.certificate import ServerCertificate
 from diffbotctl.web.connections import Peer, client_name, serving
 from diffbotctl.web.deadman import BEAT_PERIOD_S, BeatNumbers

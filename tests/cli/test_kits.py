@@ -13,11 +13,11 @@ from click.testing import CliRunner
 from diffbotctl.cli import new, wiring
 from diffbotctl.cli.kits import KITS
 from diffbotctl.config.board_pins import BOARDS
-from diffbotctl.config.harness import harness
 from diffbotctl.config.load import check, load, load_robot
 from diffbotctl.config.motor_drivers import MOTOR_DRIVERS
 from diffbotctl.errors import UserError
 from diffbotctl.messages import Goal
+from diffbotctl.render.harness import harness
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
 from tests.command_result import invoke

@@ -10,10 +10,10 @@ from diffbotctl.cli import new, wiring
 from diffbotctl.cli.kits import KITS
 from diffbotctl.config import lookup
 from diffbotctl.config.board_pins import BOARDS
-from diffbotctl.config.harness import BOARD, DRIVER, IMU, MEANINGS, RADIO, RAILED, harness, notes
 from diffbotctl.config.load import load_robot
 from diffbotctl.config.motor_drivers import MOTOR_DRIVERS
 from diffbotctl.errors import UserError
+from diffbotctl.render.harness import BOARD, DRIVER, IMU, MEANINGS, RADIO, RAILED, harness, notes
 from diffbotctl.render.wiring_svg import BOXES, PAINTS, wiring_svg
 from diffbotctl.render.wiring_terminal import STYLES, wiring_text
 from tests.command_result import invoke

@@ -3,7 +3,6 @@
 import pytest
 
 from diffbotctl.config.board_pins import BOARDS
-from diffbotctl.config.harness import harness, notes
 from diffbotctl.config.load import check, load_robot
 from diffbotctl.config.motor_drivers import MOTOR_DRIVERS
 from diffbotctl.drivers.robot_link import board_settings
@@ -11,6 +10,7 @@ from diffbotctl.emulator.emulated_robot import EmulatedRobotDriver, emulated_boa
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_host import DiffbotHost
 from diffbotctl.messages import Duty, Encoders
+from diffbotctl.render.harness import harness, notes
 from diffbotctl.render.wiring_svg import wiring_svg
 from diffbotctl.time import MILLISECOND, SECOND
 from tests.sampling import by_day, each_once

@@ -4,13 +4,13 @@ from math import hypot, sqrt
 
 import pytest
 
-from diffbotctl.config.harness import harness
 from diffbotctl.config.load import check, load, load_robot
 from diffbotctl.emulator.emulated_robot import EmulatedRobotDriver, emulated_board
 from diffbotctl.engine.driver import Delivery
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_host import DiffbotHost
 from diffbotctl.messages import Duty, Encoders, Odometry, Twist, Wheels
+from diffbotctl.render.harness import harness
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
 from diffbotctl.time import MILLISECOND, SECOND

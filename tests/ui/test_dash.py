@@ -8,7 +8,7 @@ import termios
 
 import pytest
 
-from diffbotctl.config.saved_view import read_view
+from diffbotctl.ui.saved_view import read_view
 from tests.sampling import by_day
 from tests.support.running import PlainClient, command, moves, running
 from tests.support.terminal import Terminal

@@ -15,12 +15,6 @@ from textual.containers import Horizontal
 from textual.screen import Screen
 from textual.widgets import Static
 
-from diffbotctl.config.saved_view import (
-    PLOT_SPAN_MAX_S,
-    PLOT_SPAN_MIN_S,
-    ViewSettings,
-    save_view,
-)
 from diffbotctl.control_socket.address import EngineAddress
 from diffbotctl.errors import closest_match
 from diffbotctl.time import SECOND
@@ -32,6 +26,12 @@ from diffbotctl.ui.dash.state import Request, RunView
 from diffbotctl.ui.dash.widgets import ZOOM_STEP, InputPrompt, MapBox, OnInput
 from diffbotctl.ui.engine_app import EngineApp, ScreenOptions
 from diffbotctl.ui.plot.canvas import BRAILLE
+from diffbotctl.ui.saved_view import (
+    PLOT_SPAN_MAX_S,
+    PLOT_SPAN_MIN_S,
+    ViewSettings,
+    save_view,
+)
 from diffbotctl.units import UnitError, parse_pose
 
 FACTS_WIDTH, FACTS_WIDTH_WIDE = 33, 44  # characters

@@ -4,21 +4,22 @@ import json
 
 import pytest
 import yaml
+from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
-from diffbotctl.config.load import check
+from diffbotctl.cli.check import check
 from diffbotctl.config.lookup import folder
-from diffbotctl.config.saved_view import (
+from diffbotctl.errors import ConfigurationError
+from diffbotctl.reference.schemas import view
+from diffbotctl.ui.saved_view import (
     SCREEN_PANELS,
     ViewSettings,
     read_view,
     save_view,
     view_text,
 )
-from diffbotctl.errors import ConfigurationError
-from diffbotctl.reference.schemas import view
 
 SCHEMA = Draft202012Validator(json.loads((folder("schemas") / "view.schema.json").read_text()))
 METRES = st.floats(-900, 900).map(lambda value: round(value, 3))
@@ -63,13 +64,15 @@ def test_a_wrong_view_is_refused_with_its_place(tmp_path, text, codes):
         read_view(str(path))
     assert [problem.code for problem in caught.value.problems] == codes
     assert "v.yaml:3:" in str(caught.value)
-    assert [problem.code for problem in check(str(path))] == codes
+    result = CliRunner().invoke(check, [str(path)])
+    assert result.output.count("v.yaml:3:") == len(codes) and codes[0] in result.output
     assert not SCHEMA.is_valid(yaml.safe_load(path.read_text()))
 
 
 def test_check_knows_a_view(tmp_path):
     save_view(tmp_path / "v.yaml", ViewSettings())
-    assert check(str(tmp_path / "v.yaml")) == ()
+    result = CliRunner().invoke(check, [str(tmp_path / "v.yaml")])
+    assert result.output == f"{tmp_path / 'v.yaml'}: no errors\n"
 
 
 def test_no_other_file_is_overwritten(tmp_path):

@@ -5,7 +5,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diffbotctl.config.yaml_edit import with_entry
+from diffbotctl.calibrate.yaml_edit import with_entry
 
 FLOW = """\
 # mine
