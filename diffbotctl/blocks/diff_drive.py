@@ -6,9 +6,9 @@ from diffbotctl.block import Block, In, Out
 from diffbotctl.messages import Twist, Wheels
 from diffbotctl.params import FromRobot
 
-# rad/s, half of the least speed that a frame to the board can tell. In a turn about a wheel,
-# rounding leaves less than this of its speed: told as a speed to other boards, it would apply the
-# duty that overcomes the friction.
+# rad/s, half of the least speed that a frame to the board can carry. In a turn about a wheel,
+# rounding leaves less than this of its speed: a board that takes a float would apply the duty that
+# overcomes the friction.
 SPEED_MIN = 1.0 / 512.0
 
 

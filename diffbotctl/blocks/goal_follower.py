@@ -43,7 +43,7 @@ TIME_LIMIT_BASE, TIME_LIMIT_RATIO = 30.0, 5.0  # s, and multiple of the shortest
 # Of the time limit. After it, a robot need not come nearer to the goal than its pose is known (one
 # standard deviation): more attempts would follow the error of the pose.
 SEARCH_RATIO = 1.0 / 3.0
-WEAK_SPEED_RATIO = 0.5  # of the speed limit; nobody needs to know of weakness at lower speeds
+WEAK_SPEED_RATIO = 0.5  # of the speed limit; below it a weak wheel is not reported
 # Slow motors turn evenly at lower speeds than `creep`: at this part of their top speed, if the
 # encoder then still counts often enough for the speed loop (1/s).
 CREEP_SPEED_RATIO, CREEP_COUNTS = 0.1, 4.0

@@ -229,7 +229,7 @@ class OdometryBlock(Block):
         )
 
     def _take_levels(self, encoders: Encoders, left: Wheel, right: Wheel) -> None:
-        """Take the level of a pin, of which a frame tells one at most."""
+        """Take the level of a pin, of which a frame carries one at most."""
         if encoders.left_level is not None:
             side, wheel, level = 0, left, encoders.left_level
         elif encoders.right_level is not None:
@@ -237,14 +237,14 @@ class OdometryBlock(Block):
         else:
             return
         counted_level = self.counted_levels[side]
-        told: list[bool | None] = [None, None]
+        levels: list[bool | None] = [None, None]
         if counted_level is not None:
-            told[side] = has_counted_level = level == counted_level
+            levels[side] = has_counted_level = level == counted_level
             if isinstance(wheel, WheelOdometer):
                 wheel.take_level(has_counted_level)
         time, (first, second) = encoders.time, self.pulse_widths
-        first.update(time, encoders.left, encoders.left_edge, told[0])
-        second.update(time, encoders.right, encoders.right_edge, told[1])
+        first.update(time, encoders.left, encoders.left_edge, levels[0])
+        second.update(time, encoders.right, encoders.right_edge, levels[1])
         self.encoder_faults.pulse_log_ratios = first.lost_log_ratio, second.lost_log_ratio
 
     def _bridge_silence(

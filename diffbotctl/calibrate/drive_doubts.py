@@ -1,7 +1,7 @@
 """What may be wrong with recorded drives that no geometry explains.
 
 None of this is wrong by itself: a robot may turn around a wheel that stands, and on the spot in
-few rows. So it is told only of drives that do not agree with the others.
+few rows. So it is reported only of drives that do not agree with the others.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from diffbotctl.calibrate.dead_reckoning import Floats, Geometry, RecordedDrive
 from diffbotctl.calibrate.log_checks import DEAD_COUNTS_MIN, DEAD_RATIO_MAX, WHEELS
 
 SILENT_RATIO_MIN = 0.15  # of the counts of the other wheel, while one does not count
-TURN_MAX_RAD = 0.8  # between two rows; a chord no longer tells where the arc ends
+TURN_MAX_RAD = 0.8  # between two rows; a chord no longer shows where the arc ends
 TURN_ROWS_MIN = 3
 DOUBTS_SHOWN_MAX = 2
 # Of the track. A robot that turns around a wheel moves its middle by at most one track.
 REACH_TRACKS_MAX = 1.2
 
 
-def told_doubts(drives: Sequence[RecordedDrive], geometry: Geometry) -> str | None:
+def doubts_text(drives: Sequence[RecordedDrive], geometry: Geometry) -> str | None:
     """A text about the first of the drives with a doubt, and how many others have one; None if
     there is none."""
     found = [(drive.name, doubt) for drive in drives if (doubt := drive_doubt(drive, geometry))]

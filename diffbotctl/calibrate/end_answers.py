@@ -1,7 +1,7 @@
-"""Questions for where a robot stopped, and answers that cannot be true, told with the figures.
+"""Questions for where a robot stopped, and refusals with figures of answers that cannot be true.
 
-The person may be right: a wheel may have slipped. So an answer that is repeated is accepted. What
-nobody can have measured, exactly nothing again and again, is not.
+The person may be right: a wheel may have slipped. So an answer that is repeated is accepted,
+except for offsets of exactly zero again and again, which no measurement gives.
 """
 
 from __future__ import annotations

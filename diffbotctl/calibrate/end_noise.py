@@ -1,4 +1,4 @@
-"""Noise of the measured ends of drives, which nobody knows beforehand.
+"""Noise of the measured ends of drives, which is not known beforehand.
 
 An end differs from dead reckoning by the slip of the wheels, by the reading of the position and of
 the heading, and by how the robot stood at its start: a heading error there rotates the whole drive.

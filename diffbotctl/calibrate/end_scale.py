@@ -2,7 +2,7 @@
 
 A scale of one axis is a fourth unknown beside the three of the geometry. Drives in several
 directions determine it. Drives that all end ahead of their start do not: there a scale of 5 % and
-wheels that are larger by 5 % are the same. Only what a ruler says of the wheels is left then: a
+wheels that are larger by 5 % are the same. Only the ruler's measure of the wheels is left then: a
 scale that brings them within 3 % of it cannot be found.
 """
 
@@ -23,7 +23,7 @@ from diffbotctl.calibrate.log_mistakes import Cut, Explanation
 SCALE_SD = 0.1  # of the prior; other units are found by log_mistakes.py
 DIFFERENCE = 1e-4  # relative
 # Factors of the poses that make one axis longer by it.
-STRETCHED: dict[Literal["x", "y"], tuple[float, float, float]] = {
+LONGER_AXIS: dict[Literal["x", "y"], tuple[float, float, float]] = {
     "x": (1.0 + DIFFERENCE, 1.0, 1.0),
     "y": (1.0, 1.0 + DIFFERENCE, 1.0),
 }
@@ -62,12 +62,12 @@ def end_scales(
     precision = np.diag(1 / np.square([*prior.sds, SCALE_SD]))
     offset = np.append(prior.offset(geometry), 0.0)
     scales = []
-    for axis, factors in STRETCHED.items():
-        stretched, _ = cut([replace(drive, poses=drive.poses * factors) for drive in drives])
+    for axis, factors in LONGER_AXIS.items():
+        scaled, _ = cut([replace(drive, poses=drive.poses * factors) for drive in drives])
         by_scale = np.array(
             [
                 (long.motion - segment.motion) / DIFFERENCE
-                for segment, long in zip(segments, stretched, strict=True)
+                for segment, long in zip(segments, scaled, strict=True)
             ]
         )
         by_scale[:, 2] = 0.0  # headings have no length, and some are not known

@@ -29,7 +29,7 @@ from diffbotctl.calibrate.dead_reckoning import (
     cut_segments,
     end_error,
 )
-from diffbotctl.calibrate.drive_doubts import drive_doubt, is_dead, told_doubts
+from diffbotctl.calibrate.drive_doubts import doubts_text, drive_doubt, is_dead
 from diffbotctl.calibrate.end_noise import CAMERA_NOISE, TAPE_NOISE, NoiseGrid
 from diffbotctl.calibrate.end_scale import (
     end_scales,
@@ -249,7 +249,7 @@ def _unexplained(
     """The error for drives without an explanation, with what looks odd in them."""
     names = ", ".join(drive.name for drive in bad[:NAMES_SHOWN_MAX])
     more = ", ..." if len(bad) > NAMES_SHOWN_MAX else ""
-    reason = told_doubts(bad, stated)
+    reason = doubts_text(bad, stated)
     if reason is None:
         is_camera = all(drive.truth is MOTION_CAPTURE for drive in bad)
         asked = "are their poses" if is_camera else "were their ends measured from the start"
@@ -385,7 +385,7 @@ def _mean_by_drives(result: Posterior, prior: GeometryPrior) -> tuple[float, flo
 
 
 def _refuse_other_wheels(fit: GeometryFit, mean_log: float, mean_log_sd: float) -> None:
-    """Raises ValueError if the track is wrong, or wheels whose size nobody has measured are.
+    """Raises ValueError if the track is wrong, or wheels of unmeasured size are.
 
     Drives that end where they began show the track in multiples of what a count rolls. Wrong slots
     look like a wrong track there. `mean_log`: of the mean diameter over the stated one by the

@@ -11,7 +11,7 @@ from diffbotctl.units import quantity
 # Relative standard deviation of one wheel from the mean of both, as tyres of a kit come.
 DIFFERENCE_SD = 0.003
 MEASURED_DIFFERENCE_SD = 0.0005  # after a step that found the ratio of the wheels
-# Relative standard deviation of a mean diameter that nobody measured by driving; `calibrate
+# Relative standard deviation of a mean diameter that was not measured by driving; `calibrate
 # from-log` takes the same: a ruler reads a wheel of 65 mm to 1 mm, and a tyre is smaller under its
 # load.
 UNMEASURED_SCALE_SD = 0.02
@@ -54,7 +54,7 @@ def rest_sd(robot: Robot) -> float:
 
 def known_scale_sd(robot: Robot) -> float:
     """Relative standard deviation of the mean diameter, and so of all lengths that are measured in
-    multiples of it; UNMEASURED_SCALE_SD where nobody measured it."""
+    multiples of it; UNMEASURED_SCALE_SD if not measured."""
     entries = [robot.calibration.get(field) for field in (RIGHT_DIAMETER, LEFT_DIAMETER)]
     sds = [_scale_sd(entry) for entry in entries]
     return max(sd if sd > MEASURED_SCALE_SD_MIN else UNMEASURED_SCALE_SD for sd in sds)

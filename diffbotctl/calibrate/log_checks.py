@@ -236,5 +236,5 @@ def _gap(times: Floats, counts: Floats) -> str | None:
     row = int(np.argmax(np.where(is_gap, sizes, 0.0)))
     return (
         f"there is a gap from {times[row]:.2f} s to {times[row + 1]:.2f} s in which the wheels "
-        "turned: nobody knows along which path"
+        "turned: along which path is not recorded"
     )

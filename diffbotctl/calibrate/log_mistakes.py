@@ -74,7 +74,7 @@ def explain_ends(drives: Drives, prior: GeometryPrior, cut: Cut) -> Explanation:
     limit = float(grid.scores(segments, weights).max()) + POLISH_LOG_RATIO_MIN
     best: tuple[float, Mistake, Solution] | None = None
     mistakes = [*_pose_mistakes(drives), *_unit_mistakes(drives), *_order_mistakes(drives)]
-    mistakes += [*_stretch_mistakes(drives), *_point_mistakes(drives)]
+    mistakes += [*_axis_scale_mistakes(drives), *_point_mistakes(drives)]
     if not _is_usual(segments, weights, plain):
         mistakes += _count_mistakes(drives)
     scaled = []
@@ -126,7 +126,7 @@ UNITS = {
     "feet": 0.3048,
 }
 # Of x; a factor of both x and y means wheels of another size.
-STRETCHES = (0.9, 0.94, 0.97, 1.03, 1.06, 1.1)
+AXIS_SCALES = (0.9, 0.94, 0.97, 1.03, 1.06, 1.1)
 POINTS_AHEAD_M = (-0.1, 0.05, 0.1, 0.18)  # of the middle of the axle: its tail, its nose
 TICK_FACTORS = {
     "half as many": 2.0,
@@ -208,18 +208,18 @@ def _may_be_radians(drives: Drives) -> bool:
     return max(noted) <= RADIANS_MAX
 
 
-def _stretch_mistakes(drives: Drives) -> list[Mistake]:
+def _axis_scale_mistakes(drives: Drives) -> list[Mistake]:
     """x and y of the true poses measured with different scales."""
     found = []
-    for stretch in STRETCHES:
-        scaled = [replace(drive, poses=drive.poses * (stretch, 1.0, 1.0)) for drive in drives]
-        long, short = ("x", "y") if stretch < 1.0 else ("y", "x")
-        percent = 100 * abs(log(stretch))
+    for scale in AXIS_SCALES:
+        scaled = [replace(drive, poses=drive.poses * (scale, 1.0, 1.0)) for drive in drives]
+        long, short = ("x", "y") if scale < 1.0 else ("y", "x")
+        percent = 100 * abs(log(scale))
         text = (
             f"{long} of the true poses is about {percent:.0f} % too long, or {short} too short: "
             "measure both with the same tape"
         )
-        found.append(Mistake(text, scaled, position_scale=sqrt(stretch), is_axis_scale=True))
+        found.append(Mistake(text, scaled, position_scale=sqrt(scale), is_axis_scale=True))
     return found
 
 

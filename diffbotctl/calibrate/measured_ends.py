@@ -84,6 +84,6 @@ def refuse_too_far(counts: CountLog, end: Sequence[float], diameter: float, path
     if not isfinite(distance):
         raise unusable_log(path, f"states no x or no y of the end of {counts.name}")
     if distance > END_DISTANCE_RATIO_MAX * rolled:
-        cause = f"says that {counts.name} ended {distance:.4g} m from its start, but its wheels "
+        cause = f"states that {counts.name} ended {distance:.4g} m from its start, but its wheels "
         fix = "write x and y in metres, and counts since the start; `slots` are counts per turn"
         raise unusable_log(path, f"{cause}rolled only {rolled:.3g} m", fix)

@@ -40,7 +40,7 @@ MISTAKE_QUESTION = Question(
 
 
 class SquareEnd(NamedTuple):
-    """Where one square ended, in the frame of its start; nan where nobody read it."""
+    """Where one square ended, in the frame of its start; nan if not read."""
 
     measured: EndError
     odometry: EndError

@@ -146,7 +146,7 @@ Rule = Callable[[float, EndError, EndError], Angles]
 
 
 class SquareErrors(NamedTuple):
-    """End errors of both directions; headings are nan where nobody read them."""
+    """End errors of both directions; headings are nan if not read."""
 
     side: float
     """m"""

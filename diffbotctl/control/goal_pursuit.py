@@ -11,8 +11,8 @@ from diffbotctl.messages import Goal, Odometry
 COAST_SD = 0.25  # s; of the coast time before the first release: lags are up to 0.4 s
 # s2/m; of its growth with the speed before the first release. Dry friction of 1 m/s2 makes it 0.5.
 COAST_GROWTH_SD = 0.5
-# Standard deviation of the coast time that odometry tells: relative, and s.
-TOLD_SD_RATIO, TOLD_SD_MIN = 0.3, 0.1
+# Standard deviation of the coast time that odometry reports: relative, and s.
+REPORTED_SD_RATIO, REPORTED_SD_MIN = 0.3, 0.1
 COAST_DRIFT = 0.012  # s; change of the coast time from one release to the next
 COAST_NOISE = 0.01  # s; of the coast time that one release shows
 POSE_NOISE = 0.002  # m; of the distance that one release shows
@@ -65,23 +65,23 @@ class Coast(NamedTuple):
         """The coast time (s) of wheels released at `speed` (m/s)."""
         return self.time + self.growth * abs(speed)
 
-    def expected(self, speed: float, told: float) -> float:
-        """The coast time (s) to plan a release at `speed` (m/s) with, when odometry tells `told`.
+    def expected(self, speed: float, reported: float) -> float:
+        """The coast time (s) to plan a release at `speed` (m/s) with; odometry's is `reported`.
 
-        It is the mean of what was learnt and what is told, weighted by their variances. A shorter
-        time that is told does not count: the friction of the motor model stops a slow wheel at
+        It is the mean of the learnt and the reported time, weighted by their variances. A shorter
+        reported time does not count: the friction of the motor model stops a slow wheel at
         once, before a real motor has lost its current.
         """
         learnt = self.at(speed)
-        if told <= learnt:
+        if reported <= learnt:
             return learnt
         variance = (
             self.variance
             + 2.0 * self.covariance * abs(speed)
             + self.growth_variance * speed * speed
         )
-        told_variance = max(TOLD_SD_RATIO * told, TOLD_SD_MIN) ** 2
-        return learnt + (told - learnt) * variance / (variance + told_variance)
+        reported_variance = max(REPORTED_SD_RATIO * reported, REPORTED_SD_MIN) ** 2
+        return learnt + (reported - learnt) * variance / (variance + reported_variance)
 
     def learn(self, remaining: float, lag: float) -> Coast:
         """Kalman update by the `remaining` distance (m) of the leg at rest. `lag` of the motors in

@@ -268,7 +268,7 @@ class SpeedLoop:
         change = self.gains.integral * self.error * LOOP_PERIOD_S
         self._overdue += 1
         periods = self._overdue - KICK_DELAY_PERIODS
-        if self._measured_edges == 2:  # it was turning: only slower than wanted, perhaps
+        if self._measured_edges == 2:  # it was turning: perhaps only slower than its target
             periods -= 0.25 * interval
         if periods > 0.0:
             self._is_kicked = True

@@ -41,7 +41,7 @@ GAP_MAX = 0.25
 # explains why the goal was not reached.
 LAGGING_RATIO = 0.6
 LAGGING_PITCHES = 10.0  # of commanded travel, before the ratio is significant
-# Counts that took back the last ones, before that is told: a wheel may tremble on an edge.
+# Counts that took back the last ones, before they are reported: a wheel may tremble on an edge.
 TAKEN_BACK_MIN = 3
 NO_CHANNEL = "channel B of its encoder gives no edges, check its wire"
 
@@ -215,7 +215,7 @@ class DriveResponse:
         self.has_counted = False
         """one of the encoders, since the last update"""
         self.weak: dict[Side, str] = {}
-        """what `newly_weak` has told of each wheel"""
+        """what `newly_weak` has reported of each wheel"""
 
     def begin(self, crawl_command_min: float = 0.0) -> None:
         """Forget what was reported to the operator, and for how long a wheel has stood.

@@ -34,12 +34,12 @@ class DiscAlignment:
         self.hypotheses = []
         for hypothesis in hypotheses:
             for disc in known_edges.alignments():
-                twin = hypothesis.copy()
-                twin.motion.disc = disc
-                twin.motion.log_likelihood += log(
+                branch = hypothesis.copy()
+                branch.motion.disc = disc
+                branch.motion.log_likelihood += log(
                     (1.0 - OTHER_DISC_PRIOR) / disc.slots / OTHER_DISC_PRIOR
                 )
-                self.hypotheses.append(twin)
+                self.hypotheses.append(branch)
 
     def update(self, frame: WheelFrame) -> None:
         """Update all hypotheses with one frame and drop the unlikely ones."""

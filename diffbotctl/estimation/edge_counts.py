@@ -18,7 +18,7 @@ MISSED_MAX = 2  # in a row; a wheel without edges for longer is held
 EXTRA_MAX = 4  # in a frame
 # An additional edge mostly bounces, soon after the edge: log density in the pitch, and beyond.
 EXTRA_PITCHES, EXTRA_LOG_DENSITY, LATE_EXTRA_LOG_DENSITY = 0.3, 1.1, -2.0
-PREDICTED_SD_MAX = 0.5  # pitches; above it an edge cannot be told from its neighbours
+PREDICTED_SD_MAX = 0.5  # pitches; above it an edge cannot be distinguished from its neighbours
 CERTAIN_PROBABILITY = 0.3  # of the count being right, above which no fault is considered
 
 

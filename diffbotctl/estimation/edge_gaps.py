@@ -1,4 +1,4 @@
-"""Stretches without edges of a driven wheel that turned just before, and turns just after.
+"""Periods without edges of a driven wheel that turned just before, and turns just after.
 
 A wheel of which a wire or the light barrier fails for a moment counts nothing meanwhile, or the
 mains that a loose wire picks up. Neither does one that something holds, but that begins to turn

@@ -75,7 +75,7 @@ class EdgeHypothesis:
     is_reversed: bool = False  # driven in the other direction since the last edge
     faults: EdgeFaults = NO_FAULTS
     unseen_edges: int = 0  # edges assumed to be missed since the last one counted
-    is_placed: bool = False  # whether the pin's level has told where in a slot it started
+    is_placed: bool = False  # whether the pin's level has shown where in a slot it started
     # The last level since the last edge and before a reversal.
     turning_level: TurningLevel | None = None
     is_timed: bool = False  # whether the edge time of this frame is that of `edge_slot`
@@ -125,9 +125,9 @@ class EdgeHypothesis:
         most = self.motion.largest_speed(COAST_SDS) * span + 1.0
         branches = []
         for number in range(steps + 2, min(int(most), steps + CANCELLED_MAX) + 1, 2):
-            twin = self.copy()
-            twin.motion.log_likelihood += (number - steps) // 2 * LOG_CANCELLED
-            branches += twin._update(frame, number)
+            branch = self.copy()
+            branch.motion.log_likelihood += (number - steps) // 2 * LOG_CANCELLED
+            branches += branch._update(frame, number)
         return self._update(frame, steps) + branches
 
     def _update(self, frame: WheelFrame, steps: int) -> list[EdgeHypothesis]:
@@ -190,9 +190,9 @@ class EdgeHypothesis:
             or not motion.is_rolling(ROLLING_CREEP_RATIO)
         ):
             return [self]
-        twin = self.copy()
-        motion.is_dry, twin.motion.is_dry = False, True
-        return [self, twin]
+        branch = self.copy()
+        motion.is_dry, branch.motion.is_dry = False, True
+        return [self, branch]
 
     def estimated_edge_time(self, time: int, steps: int) -> int:
         """Predicted time (ns) of the last of `steps` edges counted in the frame at `time`."""
@@ -266,14 +266,14 @@ class EdgeHypothesis:
         beyond = motion.bounds_log_likelihood(low + direction, high + direction)
         if log_prior + beyond < motion.bounds_log_likelihood(low, high) - OVERDUE_LOG_RATIO_MAX:
             return None
-        twin = self.copy()
-        twin.motion.log_likelihood += log_prior
-        twin.edge_slot += direction
-        twin.unseen_edges += 1
-        twin.faults = self.faults.added(0, 1)
-        if not twin.motion.priors.has_edge_times:
-            twin.motion.update_bounds(low + direction, high + direction)
-        return twin
+        branch = self.copy()
+        branch.motion.log_likelihood += log_prior
+        branch.edge_slot += direction
+        branch.unseen_edges += 1
+        branch.faults = self.faults.added(0, 1)
+        if not branch.motion.priors.has_edge_times:
+            branch.motion.update_bounds(low + direction, high + direction)
+        return branch
 
     def _drive_changes(self, frame: WheelFrame) -> list[DriveChange]:
         """The commands that took effect since the last frame, in their order."""
@@ -411,7 +411,9 @@ def update_all(hypotheses: list[EdgeHypothesis], frame: WheelFrame) -> list[Edge
     """Update all hypotheses with one frame, including splits."""
     if hypotheses[0].motion.is_dry is None:
         hypotheses = [
-            twin for hypothesis in hypotheses for twin in hypothesis.split_by_friction(frame.drive)
+            branch
+            for hypothesis in hypotheses
+            for branch in hypothesis.split_by_friction(frame.drive)
         ]
     branches = []
     for hypothesis in hypotheses:

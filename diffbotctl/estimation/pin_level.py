@@ -1,4 +1,4 @@
-"""Where the level of an encoder's pin says that the light barrier is.
+"""Bounds on the angle of a wheel by the level of its encoder's pin.
 
 An edge is counted where the pin goes to the counted level: forward at each whole z, backward at
 each whole z plus the open share. So the pin has the counted level from each whole z to there.
@@ -14,15 +14,15 @@ from diffbotctl.estimation.edge_places import OPEN_SHARE
 from diffbotctl.estimation.wheel_kalman import WheelKalman
 
 ROUNDING = 1e-9  # pitches
-PART_MIN = 0.25  # pitches; a shorter part of a stretch is one that the bounds only touch
-# A level is used when the predicted probability outside of its stretches exceeds this: at rest,
+PART_MIN = 0.25  # pitches; the bounds only touch a shorter part of an interval
+# A level is used when the predicted probability outside of its intervals exceeds this: at rest,
 # where repeated frames carry no new information, and in motion. No edge time carries it.
 OUTSIDE_MIN_AT_REST, OUTSIDE_MIN = 0.08, 0.01
-# The wheel is in the stretch that is this likely, given the level. One less likely than the minimum
-# contradicts the prediction, unless the wheel stands so near to an edge (standard deviations) that
-# the level may be either.
-STRETCH_PROBABILITY, STRETCH_PROBABILITY_MIN, AT_EDGE_SDS = 0.95, 0.01, 2.0
-LOG_WRONG_LEVEL = -4.0  # natural log; of a level that says nothing of the next edge (about 1:50)
+# The wheel is in the interval that is this likely, given the level. An interval that is less likely
+# than the minimum contradicts the prediction, unless the wheel stands so near to an edge (standard
+# deviations) that the level may be either.
+INTERVAL_PROBABILITY, INTERVAL_PROBABILITY_MIN, AT_EDGE_SDS = 0.95, 0.01, 2.0
+LOG_WRONG_LEVEL = -4.0  # natural log; of a level that is independent of the next edge (about 1:50)
 
 COUNTED_LEVELS: Final = {"rising": 1, "falling": 0}
 """by the edge that is counted; when both are, the pin has a counted level all the time"""
@@ -46,10 +46,10 @@ class TurningLevel(NamedTuple):
         return LOG_WRONG_LEVEL if not self.has_counted_level or self.was_at_rest else 0.0
 
 
-def stretches(
+def intervals(
     low: float, high: float, has_counted_level: bool, open_share: float
 ) -> list[tuple[float, float]]:
-    """The stretches of z from `low` to `high` in which the pin has the counted level, or not."""
+    """The intervals of z from `low` to `high` in which the pin has the counted level, or not."""
     begin, end = _part_of_slot(has_counted_level, open_share)
     found = []
     slot = floor(low + ROUNDING)
@@ -63,7 +63,7 @@ def stretches(
 
 def place_by_level(motion: WheelKalman, has_counted_level: bool) -> None:
     """Update a wheel that has passed no edge yet, with z anywhere from 0 to 1."""
-    motion.update_uniform(*stretches(0.0, 1.0, has_counted_level, _open_share(motion))[0])
+    motion.update_uniform(*intervals(0.0, 1.0, has_counted_level, _open_share(motion))[0])
 
 
 def update_by_level(
@@ -76,19 +76,19 @@ def update_by_level(
     place = motion.z % 1.0
     if motion.is_surely_nearer(min(place - begin, end - place)):
         return  # as it was in nearly all frames
-    parts = stretches(low, high, has_counted_level, open_share)
+    parts = intervals(low, high, has_counted_level, open_share)
     likely = [motion.probability_within(*part) for part in parts]
     probability = sum(likely, 0.0)
     if probability > 1.0 - (OUTSIDE_MIN_AT_REST if is_at_rest else OUTSIDE_MIN):
         return
-    if probability < STRETCH_PROBABILITY_MIN:
+    if probability < INTERVAL_PROBABILITY_MIN:
         if motion.is_near(low, AT_EDGE_SDS) or motion.is_near(high, AT_EDGE_SDS):
-            motion.log_likelihood += log(STRETCH_PROBABILITY_MIN)
+            motion.log_likelihood += log(INTERVAL_PROBABILITY_MIN)
             return
         part = min(parts, key=lambda part: max(part[0] - motion.z, motion.z - part[1]))
     else:
         part = parts[likely.index(max(likely))]
-        if max(likely) < STRETCH_PROBABILITY * probability:
+        if max(likely) < INTERVAL_PROBABILITY * probability:
             motion.log_likelihood += log(probability)
             return
     motion.update_bounds(*part)

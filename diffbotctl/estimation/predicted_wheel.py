@@ -213,8 +213,8 @@ class PredictedWheel:
         as such.
         """
         priors = self.priors
-        is_told_in_time = priors.frame_time < FRAME_TIME_MAX and not priors.has_edge_times
-        return is_told_in_time and self.driven_noise > SUSPECT_NOISE * self._usual_noise
+        has_exact_time = priors.frame_time < FRAME_TIME_MAX and not priors.has_edge_times
+        return has_exact_time and self.driven_noise > SUSPECT_NOISE * self._usual_noise
 
     @property
     def _usual_noise(self) -> float:
@@ -271,9 +271,9 @@ class PredictedWheel:
 
     def copy(self) -> Self:
         """An independent copy, for a new hypothesis."""
-        twin = copy(self)
-        twin.disc = self.disc.copy()
-        return twin
+        duplicate = copy(self)
+        duplicate.disc = self.disc.copy()
+        return duplicate
 
     def shift(self, pitches: float) -> None:
         """Move the origin of z to another slot or edge."""

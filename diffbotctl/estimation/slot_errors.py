@@ -137,12 +137,12 @@ class SlotErrors:
 
     def copy(self) -> SlotErrors:
         """An independent copy, for a new hypothesis."""
-        twin = copy(self)
-        twin.errors = self.errors[:]
-        twin.cross_covariance = [row[:] for row in self.cross_covariance]
-        twin.covariance = [row[:] for row in self.covariance]
-        twin.pending = replace(self.pending)
-        return twin
+        duplicate = copy(self)
+        duplicate.errors = self.errors[:]
+        duplicate.cross_covariance = [row[:] for row in self.cross_covariance]
+        duplicate.covariance = [row[:] for row in self.covariance]
+        duplicate.pending = replace(self.pending)
+        return duplicate
 
     def index(self, slot: int, is_forward: bool) -> int:
         """Index of the error that applies to the edge of `slot`, counted from the start."""

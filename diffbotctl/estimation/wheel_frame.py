@@ -32,4 +32,4 @@ class WheelFrame(NamedTuple):
     is_mixed: bool = False
     """whether edges of both signs may have been counted, of which pairs cancel"""
     has_counted_level: bool | None = None
-    """whether the pin has the level to which a counted edge leads; None: not told"""
+    """whether the pin has the level to which a counted edge leads; None: not reported"""

@@ -40,7 +40,7 @@ EDGE_TIME_SD = 50e-6  # s
 # is, the largest one taken into account, and limit of the factor of the noise's variance.
 NOISE_GAIN, NOISE_RATIO, NOISE_RATIO_MAX, NOISE_FACTOR_MAX = 0.2, 1.3, 9.0, 400.0
 LOG_LAG_MIN, LOG_LAG_MAX = log(0.001), log(2.0)  # of lags that a robot file may state
-WITHIN_RATIO = 1.0  # taken for z within its bounds, which says little of the noise
+WITHIN_RATIO = 1.0  # taken for z within its bounds, which shows little of the noise
 
 
 class WheelKalman(PredictedWheel):
@@ -184,8 +184,8 @@ class WheelKalman(PredictedWheel):
         """Add that of an edge. Returns the variance to update with, larger for an outlier.
 
         A wheel that is suddenly braked, or whose battery fails, does not move as predicted: then
-        its speed and offset are as uncertain as the innovation shows, and it says nothing of the
-        other states.
+        its speed and offset are as uncertain as the innovation shows, and it carries no information
+        about the other states.
         """
         cost = self.priors.change_cost
         self.log_likelihood += robust_log_likelihood(

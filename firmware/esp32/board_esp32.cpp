@@ -243,9 +243,9 @@ static volatile bool converts;
 static uint8_t channel;
 
 /* In board_sleep: the core's function must not run in an interrupt. */
-void board_convert(uint8_t wanted_channel)
+void board_convert(uint8_t next_channel)
 {
-    channel = wanted_channel;
+    channel = next_channel;
     converts = true;
 }
 

@@ -75,7 +75,7 @@ def test_a_scale_that_nobody_measured_is_known_to_2_percent(prepared, how):
     for each in lengths:
         assert each.sd / each.value == pytest.approx(0.02, rel=0.02)
         assert 0.0 < each.own_sd < 0.2 * each.sd
-    assert "nobody measured it" in outcome.report[-1]
+    assert "was not measured" in outcome.report[-1]
     run_step(make_step("distance", repeats=3), converted, prompter, Quiet())
     for each in lengths:
         entry = converted.file.robot.calibration[each.field]

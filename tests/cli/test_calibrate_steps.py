@@ -183,7 +183,7 @@ def test_nonsense_at_the_terminal_is_asked_again_with_the_reason(robot):
         person.wait_for(reason)
     person.wait_for("distance from the mark to the tyre?")
     person.type("303")
-    person.wait_for("times as far as odometry says")
+    person.wait_for("times as far as odometry reports")
     assert person.close() == 0
 
 

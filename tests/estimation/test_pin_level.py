@@ -5,7 +5,7 @@ from math import sqrt
 import pytest
 
 from diffbotctl.estimation.edge_hypothesis import EdgeHypothesis
-from diffbotctl.estimation.pin_level import stretches
+from diffbotctl.estimation.pin_level import intervals
 from diffbotctl.estimation.predicted_wheel import DIAGONAL, Z_Z
 from diffbotctl.estimation.priors import Priors
 from diffbotctl.estimation.wheel_frame import WheelFrame
@@ -31,13 +31,13 @@ DRIVE, DUTY = 10.0, 0.5  # pitches/s
         (-1.5, -0.5, False, [(-1.5, -1.0)]),
     ],
 )
-def test_stretches_of_each_level(low, high, has_counted_level, expected):
-    assert stretches(low, high, has_counted_level, 0.5) == expected
+def test_intervals_of_each_level(low, high, has_counted_level, expected):
+    assert intervals(low, high, has_counted_level, 0.5) == expected
 
 
-def test_stretches_end_at_the_open_share_of_the_disc():
-    assert stretches(0.0, 1.0, True, 0.4) == [(0.0, 0.4)]
-    assert stretches(0.0, 1.0, False, 0.4) == [(0.4, 1.0)]
+def test_intervals_end_at_the_open_share_of_the_disc():
+    assert intervals(0.0, 1.0, True, 0.4) == [(0.0, 0.4)]
+    assert intervals(0.0, 1.0, False, 0.4) == [(0.4, 1.0)]
 
 
 def test_the_level_counts_only_where_one_edge_is_counted():

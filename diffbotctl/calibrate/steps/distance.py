@@ -113,7 +113,7 @@ class DistanceStep:
             for number in scale.outliers
         ]
         lines.append(
-            f"the robot goes {scale.value:.4f} times as far as odometry says, +- "
+            f"the robot goes {scale.value:.4f} times as far as odometry reports, +- "
             f"{scale.half_width:.4f} (95 %); standard deviation of one drive "
             f"{scale.spread * self.metres * MM:.1f} mm"
         )

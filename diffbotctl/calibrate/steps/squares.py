@@ -251,12 +251,12 @@ def _findings(robot: Robot, result: UmbmarkResult, side: float) -> list[Finding]
 
 
 def scale_report(robot: Robot) -> list[str]:
-    """A line where nobody measured the mean diameter."""
+    """A line if the mean diameter was not measured."""
     if is_scale_measured(robot):
         return []
     percent = 100 * known_scale_sd(robot)
     return [
-        "The mean wheel diameter is kept as it was: nobody measured it, so all lengths have a "
+        "The mean wheel diameter is unchanged and was not measured, so all lengths have a "
         f"common standard deviation of {percent:.0f} %. `diffbotctl calibrate distance` measures "
         "it with a tape."
     ]

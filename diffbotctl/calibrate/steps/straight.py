@@ -62,7 +62,7 @@ class StraightStep:
         reach = reach_of(self.metres)
         yield MotionNotice(
             self.name,
-            f"Stretch a string of {self.metres:g} m on the floor. The robot drives along it, "
+            f"Lay a taut string of {self.metres:g} m on the floor. The robot drives along it, "
             f"{self.repeats} times from each end, and at most {reach:.2f} m.",
             reach=reach,
         )

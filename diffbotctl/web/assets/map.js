@@ -30,7 +30,7 @@ export class RunMap {
     this.camera = { x: 0, y: 0, scale: 200 };
     this.mode = "all"; // all, robot or free
     this.shownWidth = 0; // m, from edge to edge, when it was painted last
-    this.wantedWidth = 0; // m; the scale follows when the size of the canvas is known
+    this.requestedWidth = 0; // m; the scale follows when the size of the canvas is known
     this.pointers = new Map();
     this.draft = null; // a goal that is being dragged
     this.isDue = false;
@@ -108,7 +108,7 @@ export class RunMap {
     camera.scale = Math.min(Math.max(before * factor, SCALE_MIN), SCALE_MAX);
     // The map may be hidden before it is painted again.
     this.shownWidth *= before / camera.scale;
-    this.wantedWidth /= factor;
+    this.requestedWidth /= factor;
     camera.x = x - (px - this.width / 2) / camera.scale;
     camera.y = y + (py - this.height / 2) / camera.scale;
     if (this.mode === "all") this.mode = "free";
@@ -129,7 +129,7 @@ export class RunMap {
 
   /** Show the floor around a place; `width` is from edge to edge. All in m. */
   showPart(x, y, width, follows) {
-    [this.camera.x, this.camera.y, this.wantedWidth] = [x, y, width];
+    [this.camera.x, this.camera.y, this.requestedWidth] = [x, y, width];
     this.setMode(follows ? "robot" : "free");
   }
 
@@ -137,7 +137,7 @@ export class RunMap {
   shownPart() {
     if (this.mode === "all") return {};
     const { x, y } = this.camera;
-    return { x, y, width: this.wantedWidth || this.shownWidth, follow: this.mode === "robot" };
+    return { x, y, width: this.requestedWidth || this.shownWidth, follow: this.mode === "robot" };
   }
 
   follow() {
@@ -239,8 +239,8 @@ export class RunMap {
 
   paint() {
     const { context, colours } = this;
-    if (this.wantedWidth) this.camera.scale = Math.min(Math.max(this.width / this.wantedWidth, SCALE_MIN), SCALE_MAX);
-    this.wantedWidth = 0;
+    if (this.requestedWidth) this.camera.scale = Math.min(Math.max(this.width / this.requestedWidth, SCALE_MIN), SCALE_MAX);
+    this.requestedWidth = 0;
     this.follow();
     this.shownWidth = this.width / this.camera.scale; // of a new camera when all is kept in view
     const ratio = this.canvas.width / this.width;
