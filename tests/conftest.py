@@ -1,25 +1,17 @@
 """Tests run in the root of the checkout, and do not use the user's folders."""
 
 import atexit
-import inspect
 import os
 import shutil
 import signal
 import sys
 import tempfile
-from functools import cache
 from pathlib import Path
-from types import CodeType
 
 import pytest
 from hypothesis import settings
 
-from diffbotctl.emulator.virtual_board import virtual_board
 from tests.stalled_computer import StalledComputer
-from tests.support import virtual_board as running_board
-
-# What opens an emulated board that keeps pace with real time.
-BOARDS = (running_board, running_board.board, virtual_board)
 
 os.chdir(Path(__file__).parent.parent)
 # A busy machine makes single examples slow, which says nothing about the program.
@@ -48,31 +40,8 @@ def pytest_configure(config):
 
 
 def pytest_collection_modifyitems(items):
-    """One board at a time, since one needs most of a core; and each module's fixtures once."""
+    """The fixtures of a module are made once: by the worker that gets all its tests."""
     for item in items:
         fixtures = [each for found in item._fixtureinfo.name2fixturedefs.values() for each in found]
-        functions = [item.function, *(each.func for each in fixtures)]
-        if item.get_closest_marker("board") or any(map(opens_board, functions)):
-            item.add_marker("board")
-            item.add_marker(pytest.mark.xdist_group("board"))
-        elif any(each.scope == "module" for each in fixtures):
+        if any(each.scope == "module" for each in fixtures):
             item.add_marker(pytest.mark.xdist_group(item.module.__name__))
-
-
-def opens_board(function):
-    """Whether a function, or one of its module that it calls, opens a board in real time."""
-    reached = [inspect.unwrap(function)]
-    for each in reached:
-        if any(each is board for board in BOARDS):
-            return True
-        if inspect.isfunction(each) and each.__module__ == function.__module__:
-            named = [each.__globals__.get(name) for name in names_in(each.__code__)]
-            reached += [value for value in named if not any(value is old for old in reached)]
-    return False
-
-
-@cache
-def names_in(code):
-    """Names that a function's code reads, in the functions and classes inside it too."""
-    inside = [each for each in code.co_consts if isinstance(each, CodeType)]
-    return {*code.co_names, *(name for each in inside for name in names_in(each))}

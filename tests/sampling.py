@@ -9,7 +9,7 @@ def by_day(number, values):
     """All `values` (a tuple is one of several names), those after the first `number` by night."""
     return [
         pytest.param(
-            *(value if isinstance(value, tuple) else [value]),
+            *(value if type(value) is tuple else [value]),
             marks=() if place < number else pytest.mark.nightly,
         )
         for place, value in enumerate(values)

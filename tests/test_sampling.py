@@ -35,12 +35,3 @@ def test_nightly_tests_are_listed_and_left_out():
         return int(done.stdout.split(": ")[1].split()[0])
 
     assert collected() + collected("-m", "nightly") == collected("-m", "nightly or not nightly")
-
-
-def test_a_board_is_known_by_what_a_test_calls():
-    """One that opens a board is in the group; other tests of its module are not."""
-    command = [sys.executable, "-m", "pytest", "--collect-only", "-q", "-m", "board"]
-    done = subprocess.run(
-        [*command, TESTS / "test_docs_commands.py"], capture_output=True, text=True
-    )
-    assert 1 <= int(done.stdout.split(": ")[1].split()[0]) <= 6

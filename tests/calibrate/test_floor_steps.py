@@ -42,6 +42,7 @@ def prepared(tmp_path):
     return prepare
 
 
+@pytest.mark.nightly
 def test_a_spin_tells_the_track_that_goes_with_the_wheels_as_stated(prepared):
     converted, prompter, body = prepared()
     run_step(make_step("geometry", how="spin", repeats=1), converted, prompter, Quiet())
@@ -63,6 +64,7 @@ def test_what_is_measured_in_diameters_is_no_surer_than_these(prepared, how):
         assert each.sd / each.value >= 0.99 * scale_sd > 0.0
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("how", by_day(1, ["straight", "squares", "spin"]))
 def test_a_scale_that_nobody_measured_is_known_to_2_percent(prepared, how):
     """Each length says so itself, and what is known of its ratio to the others."""
@@ -82,6 +84,7 @@ def test_a_scale_that_nobody_measured_is_known_to_2_percent(prepared, how):
         assert float(str(entry.sd).split()[0]) < 0.005 * each.value
 
 
+@pytest.mark.nightly
 def test_a_track_says_that_distance_scaled_it_and_did_not_find_it(prepared):
     converted, prompter, _ = prepared()
     run_step(make_step("geometry", how="spin", repeats=1), converted, prompter, Quiet())

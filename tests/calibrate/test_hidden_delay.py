@@ -32,6 +32,7 @@ def stock(seed, delay):
     return made, truths._plant
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("seed, delay", by_day(1, [(1, 100), (2, 30), (3, 180)]))
 def test_a_delay_is_told_apart_from_the_motors_lag(seed, delay):
     made, plant = stock(seed, delay)

@@ -258,6 +258,7 @@ def test_a_gyro_that_is_wrong_by_3_percent_has_the_right_axis():
     refuse_wrong_axis(-0.97 * 20 * pi, -20 * pi, "z")
 
 
+@pytest.mark.nightly
 def test_the_wheels_of_a_robot_with_an_imu_are_measured_by_the_wheels(opened):
     """The gyro would hide the arc that unequal wheels drive."""
     session, prompter, tools = opened(seed=3, geometry="diameter_spread: 0.005")

@@ -33,6 +33,7 @@ def test_a_line_is_wrong_by_what_the_sag_does():
     assert line.static < 0.093 and line.rated < 8.7
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("sag", by_day(1, [0.0, 0.04, 0.12]))
 def test_two_standard_deviations_contain_the_truth(sag):
     inside = []

@@ -22,6 +22,7 @@ from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
 from tests.command_result import invoke
+from tests.sampling import by_day
 from tests.support.command_process import MAIN, command_line
 
 ROOT = Path(__file__).parents[2]
@@ -228,7 +229,7 @@ def test_a_new_driver_s_own_tests_pass(tmp_path):
     assert (code, "6 passed" in said) == (0, True), said
 
 
-@pytest.mark.parametrize("language", ["python", "c", "node"])
+@pytest.mark.parametrize("language", by_day(1, ["python", "c", "node"]))
 def test_a_new_program_runs_as_it_stands(language, tmp_path):
     if language == "node" and shutil.which("node") is None:
         pytest.skip("no Node.js on this machine: `node` is not found")

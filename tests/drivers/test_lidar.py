@@ -191,7 +191,6 @@ class WallAhead:
         return self.client.request("snapshot")["messages"].get("odometry.odometry")
 
 
-@pytest.mark.board
 @pytest.mark.parametrize("board", BOARDS)
 def test_a_robot_with_a_board_stops_before_what_only_its_lidar_sees(tmp_path, drive, board):
     ahead = WallAhead(tmp_path)

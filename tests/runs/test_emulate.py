@@ -35,7 +35,6 @@ def emulated(*words):
         process.communicate()
 
 
-@pytest.mark.board
 @pytest.mark.parametrize("how", by_day(1, [signal.SIGTERM, signal.SIGINT]))
 def test_a_run_on_it_and_a_clean_end(how):
     with emulated("book_2wd") as (process, said, usb, radio):
@@ -50,7 +49,6 @@ def test_a_run_on_it_and_a_clean_end(how):
     assert not Path(usb).parent.exists()
 
 
-@pytest.mark.board
 def test_stop_says_so_when_the_board_does_not_answer(tmp_path):
     """As a radio out of range: the engine holds the robot, but nobody knows what the board does."""
     drive = ("goal", "--stay", "--goal", "30 0", "--port")
@@ -88,7 +86,6 @@ def test_stop_says_so_when_the_board_never_answered(tmp_path):
         os.close(slave)
 
 
-@pytest.mark.board
 def test_a_blank_board_is_flashed():
     with emulated("book_2wd", "--blank") as (_, said, usb, _radio):
         assert "nothing but its bootloader" in said
@@ -119,7 +116,6 @@ def test_missing_packages_are_named(tmp_path):
         assert re.search("sudo apt-get install( [a-z-]+)* gcc", flat(done.stderr)), done.stderr
 
 
-@pytest.mark.board
 def test_the_walls_of_a_pipeline(tmp_path):
     """The robot stops for a wall 20 cm in front of the sensor."""
     walled = tmp_path / "walled.yaml"

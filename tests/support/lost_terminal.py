@@ -7,6 +7,8 @@ import sys
 import time
 from contextlib import contextmanager
 
+from diffbotctl.recording.reader import RecordingReader
+from diffbotctl.time import NEVER
 from tests.support.running import command, moves
 from tests.support.terminal import SCREEN_TIMEOUT_S
 
@@ -63,3 +65,14 @@ def lose(terminal, how):
         terminal.process.send_signal(signal.SIGSTOP)
     elif how == "closed":
         terminal.hang_up()
+
+
+def last_command_and_motion(path, end=NEVER):
+    """Times until `end` of the last command of an operator, and of the last one to turn a wheel."""
+    commands, motions = [0], [0]
+    for item in RecordingReader(path).messages():
+        if item.time <= end and item.wire == "operator.twist":
+            commands.append(item.time)
+        elif item.time <= end and item.wire == "gate.wheels" and any(tuple(item.message)[1:]):
+            motions.append(item.time)
+    return max(commands), max(motions)

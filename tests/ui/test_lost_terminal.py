@@ -2,27 +2,11 @@
 
 import signal
 
-from diffbotctl.recording.reader import RecordingReader
+from diffbotctl.control_socket.command_driver import DRIVE_TIMEOUT
 from tests.sampling import each_once
-from tests.support.lost_terminal import drive, lose, ssh_server
+from tests.support.lost_terminal import drive, last_command_and_motion, lose, ssh_server
 from tests.support.running import PlainClient, command, moves, running, stands
 from tests.support.terminal import SCREEN_TIMEOUT_S, Terminal
-
-LIMIT = 1_000_000_000  # ns to wheels commanded to zero; `make prove` holds it to half of that
-
-
-def last_motion(path, start, end):
-    """The last time between two at which a wheel was commanded to turn."""
-    return max(
-        (
-            item.time
-            for item in RecordingReader(path).messages()
-            if item.wire == "gate.wheels"
-            and start <= item.time <= end
-            and tuple(item.message)[1:] != (0.0, 0.0)
-        ),
-        default=start,
-    )
 
 
 @each_once(mode=["hold", "latched"], how=["SIGKILL", "SIGSTOP", "closed"], way=["here", "ssh"])
@@ -39,7 +23,6 @@ def test_the_robot_stops_and_the_goal_waits(tmp_path, mode, how, way):
         ):
             terminal.until(lambda text: "pose" in text, "the first picture")
             drive(terminal, watcher, mode)
-            lost_at = watcher.request("status")["time"]
             lose(terminal, how)
             held = watcher.until(lambda status: status["held"])["held"]
             assert held["code"] == "operator_lost"
@@ -55,4 +38,5 @@ def test_the_robot_stops_and_the_goal_waits(tmp_path, mode, how, way):
         assert watcher.until(moves)["operator.goal"]["x"] == 30.0
         process.terminate()
         process.wait(timeout=SCREEN_TIMEOUT_S)
-    assert last_motion(path, lost_at, stood["time"]) - lost_at <= LIMIT
+    command_at, motion_at = last_command_and_motion(path, stood["time"])
+    assert command_at > 0 and motion_at <= command_at + DRIVE_TIMEOUT
