@@ -249,7 +249,7 @@ def _argument(text: str, action: dict[str, Any]) -> tuple[str, float | str]:
     name, equals, value = text.partition("=")
     if not equals:
         raise click.UsageError(f"'{text}': write NAME=VALUE, such as x=0.5")
-    if name in action.get("texts", ()):  # an engine of an earlier version has none
+    if name in action.get("texts", ()):
         return name, value
     # An argument without a declared unit takes a length, an angle or a plain number.
     unit = action.get("units", {}).get(name) or (

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NoReturn
 
-from diffbotctl.config import lookup, renamed_keys, yaml_reader
+from diffbotctl.config import lookup, yaml_reader
 from diffbotctl.config.robot import Robot
 from diffbotctl.config.yaml_tree import Value
 from diffbotctl.errors import (
@@ -99,8 +99,7 @@ def read_robot(
             problems.append(missing)
         else:
             tree = tree.with_entry(steps, override.value)
-    tree = _substitute(tree, problems)
-    return renamed_keys.update_tree(tree, renamed_keys.ROBOT_CHANGES, problems), paths
+    return _substitute(tree, problems), paths
 
 
 def read_pipeline(
@@ -138,8 +137,7 @@ def read_pipeline(
             problems.append(missing)
         elif steps:
             tree = tree.with_entry(steps, override.value)
-    tree = _substitute(tree, problems)
-    return renamed_keys.update_tree(tree, renamed_keys.PIPELINE_CHANGES, problems), paths
+    return _substitute(tree, problems), paths
 
 
 def _missing_item(tree: Value, steps: Sequence[str], override: Override) -> Problem | None:

@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
-from diffbotctl.control_socket.protocol import PROTOCOL, Fields, LineBuffer, encode_line
+from diffbotctl.control_socket.protocol import Fields, LineBuffer, encode_line
 from diffbotctl.recording.json_codec import message_encoder
 
 STREAM_LINES_MAX = 500  # that wait for a client which reads slowly; the oldest is dropped first
@@ -66,7 +66,6 @@ class Client:
         self.number = number
         self.peer = peer
         self.name = ""
-        self.protocol = PROTOCOL
         self.connected_at = now
         self.sent_at = now  # when it last took something, or nothing waited
         self.lines = LineBuffer()

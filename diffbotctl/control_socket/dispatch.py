@@ -12,7 +12,6 @@ from diffbotctl.control_socket.engine_channel import EngineLink, EngineRequest, 
 from diffbotctl.control_socket.handlers import commands, introspection
 from diffbotctl.control_socket.protocol import Fields, RefusalError, parse_line
 from diffbotctl.control_socket.requests import (
-    from_version_1,
     parse_hello,
     parse_request,
 )
@@ -86,8 +85,7 @@ class Dispatcher:
     def line(self, client: Client, data: bytes) -> None:
         """Handle one line of `client`. Raises RefusalError for a hello that is refused."""
         if not client.name:
-            client.protocol, name = parse_hello(parse_line(data))
-            client.name = name or "client"
+            client.name = parse_hello(parse_line(data)) or "client"
             self.log({"event": "connected", "name": client.name, **client.peer._asdict()})
             return
         request_id: int | str | None = None
@@ -100,8 +98,6 @@ class Dispatcher:
             client.answer({"id": request_id, **refusal.fields()})
 
     def _request(self, client: Client, request_id: int | str | None, fields: Fields) -> None:
-        if client.protocol == 1:
-            fields = from_version_1(fields)
         name = fields.get("method")
         method = METHODS.get(name) if isinstance(name, str) else None
         if method is None:

@@ -211,39 +211,6 @@ class SaveBlackBoxRequest(NamedTuple):
     ] = 0.0
 
 
-# Methods and fields of protocol 1, accepted for one release from clients that announce it.
-VERSION_1_METHODS = {
-    "lost": "operator_lost",
-    "look": "snapshot",
-    "why": "explain_stop",
-    "topics": "list_topics",
-    "type": "describe_topic",
-    "rate": "topic_rate",
-    "watch": "subscribe",
-    "unwatch": "unsubscribe",
-    "parameters": "list_parameters",
-    "set": "set_parameter",
-    "actions": "list_actions",
-    "call": "call_action",
-    "blocks": "list_blocks",
-    "graph": "list_wires",
-    "log": "read_log",
-    "log_level": "set_log_level",
-}
-VERSION_1_FIELDS = {"do": "method", "why": "reason"}
-
-
-def from_version_1(fields: Fields) -> Fields:
-    """A request of protocol 1 as one of protocol 2."""
-    fields = {VERSION_1_FIELDS.get(name, name): value for name, value in fields.items()}
-    method, message = fields.get("method"), fields.get("message")
-    if isinstance(method, str):
-        fields["method"] = VERSION_1_METHODS.get(method, method)
-    if isinstance(message, dict):  # the fields of a request inside `publish`
-        fields["message"] = from_version_1(message)
-    return fields
-
-
 class FieldDeclaration(NamedTuple):
     """A field of a request. `kind` is `object` for any value; `choices` are those of a Literal."""
 
@@ -348,21 +315,14 @@ class _ClientName(NamedTuple):
     name: Annotated[str, RequestField("appears in logs and in the cause of a stop")]
 
 
-class Hello(NamedTuple):
-    """The first line of a client."""
-
-    protocol: int
-    name: str
-
-
-def parse_hello(fields: Fields) -> Hello:
-    """Check the first line of a client. Raises RefusalError for an unknown protocol."""
+def parse_hello(fields: Fields) -> str:
+    """The name in the first line of a client. Raises RefusalError for an unknown protocol."""
     protocol = fields.get("hello")
     if type(protocol) is not int:
         fix = f'send {{"hello": {PROTOCOL}}} first'
         raise RefusalError("E-PROTOCOL", "the first line must be a hello", fix)
-    if protocol not in (1, PROTOCOL):
+    if protocol != PROTOCOL:
         cause = f"protocol {protocol % 10**9} is not supported; this is protocol {PROTOCOL}"
         fix = "install the same version of diffbotctl on both sides"
         raise RefusalError("E-PROTOCOL", cause, fix)
-    return Hello(protocol, parse_request(_ClientName, {"name": fields.get("name", "client")}).name)
+    return parse_request(_ClientName, {"name": fields.get("name", "client")}).name

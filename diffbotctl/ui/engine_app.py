@@ -137,7 +137,7 @@ class EngineApp(App[int]):
         """The way before this screen was attached."""
         topic = odometry_topic(self.run_view.snapshot)
         if topic is not None:
-            with suppress(RefusalError):  # an engine of an earlier version keeps none
+            with suppress(RefusalError):
                 reply = await self.client.request("read_history", topic=topic)
                 self.run_view.take_trail(reply)
 

@@ -82,7 +82,7 @@ class EngineFeed:
     async def _history(self, topic: str) -> Fields:
         try:
             return await self.client.request("read_history", topic=topic)
-        except RefusalError:  # an engine of an earlier version keeps none, or the run has ended
+        except RefusalError:  # the run has ended
             return {"times": [], "fields": {}, "trail": []}
 
     async def _poll(self, *requests: Request) -> None:

@@ -11,14 +11,12 @@ from diffbotctl.control_socket.dispatch import METHODS
 from diffbotctl.control_socket.engine_channel import ResultCode, reply_to
 from diffbotctl.control_socket.protocol import LINE_MAX_BYTES, LineBuffer, RefusalError, parse_line
 from diffbotctl.control_socket.requests import (
-    VERSION_1_METHODS,
     DriveRequest,
     GotoRequest,
     PublishRequest,
     ReadLogRequest,
     StopRequest,
     declared_fields,
-    from_version_1,
     parse_hello,
     parse_request,
 )
@@ -149,6 +147,7 @@ def test_a_wrong_field_is_refused(request_class, fields, words):
     "hello, words",
     [
         ({"hello": 3}, "protocol 3 is not supported"),
+        ({"hello": 1}, "protocol 1 is not supported"),
         ({"hello": 0}, "is not supported"),
         ({"hello": 10**30}, "is not supported"),
         ({"hello": True}, "must be a hello"),
@@ -163,20 +162,9 @@ def test_another_hello_is_refused(hello, words):
         parse_hello(parse_line(json.dumps(hello).encode()))
 
 
-@pytest.mark.parametrize("protocol", [1, 2])
-def test_both_protocols_are_accepted(protocol):
-    assert parse_hello({"hello": protocol, "name": "a"}) == (protocol, "a")
-    assert parse_hello({"hello": protocol}) == (protocol, "client")
-
-
-def test_every_method_of_protocol_1_is_one_of_protocol_2():
-    assert set(VERSION_1_METHODS.values()) <= set(METHODS)
-    assert not set(VERSION_1_METHODS) & set(METHODS)
-    assert from_version_1({"id": 1, "do": "look"}) == {"id": 1, "method": "snapshot"}
-    assert from_version_1({"do": "stop", "why": "a"}) == {"method": "stop", "reason": "a"}
-    nested = {"do": "publish", "topic": "operator.halt", "message": {"why": "a"}}
-    assert from_version_1(nested)["message"] == {"reason": "a"}
-    assert from_version_1({"do": ["stop"]}) == {"method": ["stop"]}
+def test_a_client_without_a_name_has_one():
+    assert parse_hello({"hello": 2, "name": "a"}) == "a"
+    assert parse_hello({"hello": 2}) == "client"
 
 
 @pytest.mark.parametrize("code", ResultCode)

@@ -1,6 +1,5 @@
 """A real run and its control socket: stop, resume, goto, and access."""
 
-import json
 import os
 import signal
 import stat
@@ -84,24 +83,3 @@ def test_commands_are_inputs_of_the_recording_and_replay_is_the_same(tmp_path):
         assert process.wait(timeout=60) == 130
     again = replay(path, check=True)
     assert again.difference is None and again.compared > 300
-
-
-def test_a_client_of_protocol_1_is_served_for_one_release_more(run):
-    client = PlainClient(run, hello='{"hello": 1, "name": "old"}')
-
-    def ask(method, **fields):
-        client.send(json.dumps({"id": method, "do": method, **fields}))
-        while (reply := client.read()).get("id") != method:
-            pass
-        return reply
-
-    assert ask("look")["messages"] and ask("topics")["topics"] and ask("why")["text"]
-    assert ask("watch", topic="robot.encoders")["ok"] and ask("unwatch", topic="*")["ok"]
-    assert ask("stop", why="an old client")["ok"]
-    while not (status := ask("status"))["held"]:
-        pass
-    assert "an old client" in status["held"]["cause"]
-    assert ask("publish", topic="operator.halt", message={"why": "again"})["ok"]
-    assert ask("resume")["ok"]
-    assert ask("snapshot")["ok"], "new names are accepted too"
-    client.close()
