@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from diffbotctl.start.steps import QUESTIONS
+from diffbotctl.cli.start_steps import QUESTIONS
 from tests.support.trials.row import Row, printed
 from tests.support.virtual_board import START_ANSWERS, outcome
 

@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-# A folder or top-level module imports from its own line and the lines above it, never from below.
-LAYERS = [
-    [
+# A folder or top-level module imports from its own layer and those above it, never from below.
+LAYERS = {
+    "declarations": [
         "time",
         "errors",
         "codes",
@@ -31,23 +31,32 @@ LAYERS = [
         "user_folders",
         "parts",
     ],
-    ["geometry", "control", "estimation", "blocks", "links", "graph"],
-    ["config"],
-    ["model", "plant"],
-    ["engine", "processes"],
-    ["recording"],
-    ["ports"],
-    ["bluetooth"],
-    ["drivers", "render"],
-    ["control_socket", "programs", "prompts", "emulator"],
-    ["runs"],
-    ["replay", "board", "calibrate", "diagnostics", "ros2"],
-    ["flash", "start"],
-    ["ui", "web", "foxglove", "cli"],
-    ["reference"],
-    ["__init__", "__main__"],
-]
-LAYER = {name: number for number, names in enumerate(LAYERS) for name in names}
+    "algorithms and codecs": ["geometry", "control", "estimation", "blocks", "links", "graph"],
+    "configuration": ["config"],
+    "engine, plant, recording": ["engine", "processes", "plant", "model", "recording"],
+    "devices and socket": [
+        "ports",
+        "bluetooth",
+        "drivers",
+        "emulator",
+        "render",
+        "control_socket",
+        "programs",
+        "prompts",
+    ],
+    "runs": ["runs"],
+    "jobs": ["replay", "flash", "calibrate", "diagnostics", "ros2"],
+    "screens and command line": [
+        "ui",
+        "web",
+        "foxglove",
+        "cli",
+        "reference",
+        "__init__",
+        "__main__",
+    ],
+}
+LAYER = {name: number for number, names in enumerate(LAYERS.values()) for name in names}
 IMPURE = {"time", "random", "os", "socket", "threading", "pathlib", "io", "datetime", "secrets"}
 SOURCES = sorted((ROOT / "diffbotctl").rglob("*.py"))
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)

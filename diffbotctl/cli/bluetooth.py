@@ -121,11 +121,11 @@ def test(port: str, robot: str | None, seconds: float) -> None:
     """
     from diffbotctl.bluetooth.link_stats import LinkFigures
     from diffbotctl.bluetooth.rate_advice import advise_rate
-    from diffbotctl.board.jobs import measure_link
     from diffbotctl.config.load import load_robot
     from diffbotctl.config.robot import line_baud
     from diffbotctl.drivers.board_ports import is_usb
     from diffbotctl.drivers.robot_link import diffbot_host
+    from diffbotctl.flash.board_jobs import measure_link
     from diffbotctl.links import link_protocol
 
     device = _device(port)
@@ -247,7 +247,7 @@ def _noted(file: RobotFile, now: int, yes: bool) -> bool:
 
 
 def _show(event: object, yes: bool) -> None:
-    from diffbotctl.board.session import JobMessage
+    from diffbotctl.flash.board_session import JobMessage
     from diffbotctl.flash.hc05_baud import ManualStep
 
     if isinstance(event, JobMessage):

@@ -92,8 +92,8 @@ def run(names: Sequence[str], options: CalibrateOptions, **settings: object) -> 
 def _check_answers(prompter: Prompter, steps: Sequence[Step], robot: Robot) -> None:
     """Raises RunError for an answers file that does not fit the questions of these steps."""
     from diffbotctl.calibrate.runner import question_names
+    from diffbotctl.cli.start_steps import QUESTIONS
     from diffbotctl.prompts.answers_file import AnswersFile
-    from diffbotctl.start.steps import QUESTIONS
 
     if isinstance(prompter, AnswersFile):
         expected = [item for step in steps for item in step.questions(robot)]

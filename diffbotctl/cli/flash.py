@@ -16,7 +16,7 @@ from diffbotctl.cli.options import FILE, number_option, port_option, robot_optio
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from diffbotctl.board.session import JobEvent
+    from diffbotctl.flash.board_session import JobEvent
 
 FLOATS = """\
 After each reset the board's pins float for 0.83 s, and a motor driver with
@@ -133,7 +133,7 @@ def _show_progress(events: Iterable[JobEvent]) -> None:
     """Progress of a job: a bar on a terminal, plain lines without one."""
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
-    from diffbotctl.board.session import JobMessage
+    from diffbotctl.flash.board_session import JobMessage
     from diffbotctl.ui.console import PrintableConsole
 
     console = PrintableConsole(highlight=False)
@@ -155,11 +155,11 @@ def _show_progress(events: Iterable[JobEvent]) -> None:
 @number_option("--times", 10, 1, 1000, "How often the light blinks.")
 def blink(port: str, robot: str | None, times: int) -> None:
     """Connect to the board and blink its light: board, cable and port work. No motor moves."""
-    from diffbotctl.board.jobs import blink
     from diffbotctl.cli.choose_port import choose_port
     from diffbotctl.config.load import load_robot
     from diffbotctl.config.motor_pulses import pulses_text
     from diffbotctl.drivers.robot_link import diffbot_host
+    from diffbotctl.flash.board_jobs import blink
 
     device = choose_port(radio=True) if port == "auto" else port
     file = load_robot(robot)

@@ -128,10 +128,10 @@ def _print_problems(problems: tuple[Problem, ...], as_json: bool) -> None:
 
 
 def _ask_boards(devices: list[str], robot: str | None) -> bool:
-    from diffbotctl.board.jobs import identify
     from diffbotctl.config.load import load_robot
     from diffbotctl.drivers.robot_link import diffbot_host
     from diffbotctl.errors import RunError
+    from diffbotctl.flash.board_jobs import identify
 
     file = load_robot(robot)
     click.echo(RESET_NOTICE)

@@ -36,8 +36,8 @@ def command(
     the next `diffbotctl start` in this folder continues from there.
     """
     from diffbotctl.cli.start_guide import SetupGuide
-    from diffbotctl.start.progress import GuideProgress, state_path
-    from diffbotctl.start.steps import read_answers
+    from diffbotctl.cli.start_progress import GuideProgress, state_path
+    from diffbotctl.cli.start_steps import read_answers
 
     progress = GuideProgress(state_path(), str(Path.cwd()))
     if again:

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any, assert_never
 
 import click
 
-from diffbotctl.printable import write_raw
-from diffbotctl.start.steps import (
+from diffbotctl.cli.start_steps import (
     ANSWER_CODE,
     CHAPTERS,
     GOAL,
@@ -21,13 +20,14 @@ from diffbotctl.start.steps import (
     ChapterKey,
     headline,
 )
+from diffbotctl.printable import write_raw
 from diffbotctl.ui.text import fold_text
 
 if TYPE_CHECKING:
+    from diffbotctl.cli.start_progress import GuideProgress
     from diffbotctl.config.configuration import RobotFile
     from diffbotctl.prompts.answers_file import AnswersFile
     from diffbotctl.prompts.question import Question
-    from diffbotctl.start.progress import GuideProgress
 
 NEW_ROBOT = "my_robot"
 # Calibration step -> the entry of the robot file that exists once it is done
@@ -241,8 +241,8 @@ class SetupGuide:
                 _print(f"  It is an emulated board: what is measured goes into {made}.")
 
     def _flash_firmware(self) -> None:
-        from diffbotctl.board.jobs import is_diffbot
         from diffbotctl.cli import flash
+        from diffbotctl.flash.board_jobs import is_diffbot
 
         robot = self._file().robot
         if robot.link.protocol != "diffbot":

@@ -8,12 +8,12 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from diffbotctl.board.session import JobEvent, JobMessage
 from diffbotctl.drivers.board_ports import (
     BadImageError,
     FlashError,
     NoBoardError,
 )
+from diffbotctl.flash.board_session import JobEvent, JobMessage
 from diffbotctl.flash.flasher import load
 from diffbotctl.flash.intel_hex import chip_of
 from diffbotctl.links.diffbot_frames import BoardCode

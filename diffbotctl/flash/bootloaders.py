@@ -6,9 +6,9 @@ import time
 from collections.abc import Iterator
 from typing import Protocol
 
-from diffbotctl.board.session import BoardSession, JobProgress
 from diffbotctl.drivers.board_ports import LostError, NoSyncError, WrongSignatureError
 from diffbotctl.flash import stk500, stk500v1
+from diffbotctl.flash.board_session import BoardSession, JobProgress
 from diffbotctl.flash.intel_hex import FLASH_BYTES_MAX
 from diffbotctl.links import stk500_frames, stk500v1_frames
 from diffbotctl.links.diffbot_frames import BoardCode

@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from diffbotctl.board.session import BoardSession, JobEvent, JobMessage
 from diffbotctl.config.yaml_reader import open_regular
 from diffbotctl.drivers.board_ports import (
     BadImageError,
@@ -21,6 +20,7 @@ from diffbotctl.drivers.board_ports import (
 )
 from diffbotctl.drivers.serial_port import open_port
 from diffbotctl.errors import RunError
+from diffbotctl.flash.board_session import BoardSession, JobEvent, JobMessage
 from diffbotctl.flash.bootloaders import SYNC_TIME_S, Bootloader, find_bootloader
 from diffbotctl.flash.intel_hex import chip_of, read_hex, write_hex
 from diffbotctl.flash.uf2 import is_uf2, read_uf2

@@ -12,9 +12,9 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from diffbotctl.bluetooth.hc05_at import AtModeError, AtReply, AtReplyReader, BaudChange, set_baud
-from diffbotctl.board.session import BoardSession, JobEvent, JobMessage
 from diffbotctl.config.lookup import folder
 from diffbotctl.errors import Problem, RunError
+from diffbotctl.flash.board_session import BoardSession, JobEvent, JobMessage
 from diffbotctl.flash.flasher import flash
 from diffbotctl.links.diffbot_settings import BoardSettings
 from diffbotctl.links.stk500_frames import BAUD

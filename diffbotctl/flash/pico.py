@@ -11,7 +11,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
-from diffbotctl.board.session import BoardSession, JobEvent, JobMessage
 from diffbotctl.drivers.board_ports import (
     FlashError,
     OtherBoardError,
@@ -23,6 +22,7 @@ from diffbotctl.drivers.board_ports import (
     refuse_radio,
 )
 from diffbotctl.drivers.serial_port import open_port
+from diffbotctl.flash.board_session import BoardSession, JobEvent, JobMessage
 from diffbotctl.flash.boot_drive import (
     POLL_PERIOD_S,
     NoDriveError,

@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Generator
 from typing import NamedTuple, TypeVar
 
-from diffbotctl.board.session import JobProgress
 from diffbotctl.drivers.board_ports import RefusedError, VerifyMismatchError
+from diffbotctl.flash.board_session import JobProgress
 from diffbotctl.flash.intel_hex import ERASED, FLASH_BYTES_MAX, PAGE_BYTES
 from diffbotctl.links.stk500_frames import LEAVE, SIGN_ON, message
 

@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Generator
 from typing import NamedTuple
 
-from diffbotctl.board.session import JobProgress
 from diffbotctl.drivers.board_ports import LostError, VerifyMismatchError
+from diffbotctl.flash.board_session import JobProgress
 from diffbotctl.flash.intel_hex import ERASED
 from diffbotctl.links import stk500v1_frames as frames
 

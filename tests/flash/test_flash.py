@@ -5,7 +5,6 @@ import time
 
 import pytest
 
-from diffbotctl.board.session import BoardSession, JobMessage, JobProgress
 from diffbotctl.drivers import board_ports
 from diffbotctl.drivers.board_ports import (
     BadImageError,
@@ -19,6 +18,7 @@ from diffbotctl.drivers.board_ports import (
 from diffbotctl.emulator.process import Emulator
 from diffbotctl.emulator.program import IMAGE, bootloader
 from diffbotctl.flash import stk500
+from diffbotctl.flash.board_session import BoardSession, JobMessage, JobProgress
 from diffbotctl.flash.bootloaders import find_bootloader
 from diffbotctl.flash.flasher import flash, load
 from diffbotctl.flash.intel_hex import read_hex, write_hex

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from diffbotctl.board.jobs import blink
 from diffbotctl.emulator.program import IMAGE
 from diffbotctl.errors import RunError
+from diffbotctl.flash.board_jobs import blink
 from diffbotctl.flash.intel_hex import write_hex
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import pack

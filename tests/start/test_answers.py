@@ -2,8 +2,8 @@
 
 import pytest
 
+from diffbotctl.cli.start_steps import QUESTIONS, read_answers
 from diffbotctl.errors import UsageError
-from diffbotctl.start.steps import QUESTIONS, read_answers
 
 BY_NAME = {question.name: question for question in QUESTIONS}
 

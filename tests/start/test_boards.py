@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from diffbotctl.cli.start_guide import SetupGuide
+from diffbotctl.cli.start_progress import GuideProgress
+from diffbotctl.cli.start_steps import CHAPTERS
 from diffbotctl.drivers.robot_ports import mark_emulated
-from diffbotctl.start.progress import GuideProgress
-from diffbotctl.start.steps import CHAPTERS
 
 ALL = [chapter.key for chapter in CHAPTERS]
 OWN, RESULTS = "robots/mine.yaml", "robots/mine.simulated.yaml"

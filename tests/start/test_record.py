@@ -2,8 +2,8 @@
 
 import pytest
 
+from diffbotctl.cli.start_progress import GuideProgress, state_path
 from diffbotctl.errors import RunError
-from diffbotctl.start.progress import GuideProgress, state_path
 
 
 def test_what_was_done_is_there_at_the_next_visit(tmp_path):

@@ -10,10 +10,10 @@ from random import Random
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
-from diffbotctl.board.session import JobMessage
 from diffbotctl.emulator.process import Emulator
 from diffbotctl.emulator.program import bootloader, image_of
 from diffbotctl.flash import stk500v1
+from diffbotctl.flash.board_session import JobMessage
 from diffbotctl.flash.flasher import flash, load
 from diffbotctl.flash.intel_hex import PAGE_BYTES, write_hex
 from diffbotctl.links import stk500_frames

@@ -12,10 +12,10 @@ from pathlib import Path
 from random import Random
 from typing import NamedTuple
 
-from diffbotctl.board.jobs import identify
 from diffbotctl.config.load import load_robot
 from diffbotctl.drivers.robot_link import diffbot_host
 from diffbotctl.errors import RunError
+from diffbotctl.flash.board_jobs import identify
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links import stk500_frames
 from diffbotctl.links.diffbot_codec import encode, encode_payload, pack

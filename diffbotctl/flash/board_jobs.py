@@ -10,9 +10,9 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from diffbotctl.bluetooth.link_stats import LinkFigures, LinkProbe
-from diffbotctl.board.session import POLL_PERIOD_S, BoardSession, JobMessage
 from diffbotctl.drivers.robot_link import diffbot_host
 from diffbotctl.errors import Problem, RunError
+from diffbotctl.flash.board_session import POLL_PERIOD_S, BoardSession, JobMessage
 from diffbotctl.links.diffbot_frames import BoardCode
 from diffbotctl.links.diffbot_host import DiffbotHost
 from diffbotctl.time import SECOND

@@ -1,1 +1,0 @@
-"""The guided path from nothing to a goal."""
