@@ -15,7 +15,7 @@ from diffbotctl.control_socket.requests import ALL, LOG_LINES_MAX
 from diffbotctl.control_socket.run_history import RunHistory
 from diffbotctl.engine.live_changes import LiveChanges
 from diffbotctl.engine.profiler import BlockLoad
-from diffbotctl.engine.stop_places import StopPlaces, pose_wire
+from diffbotctl.engine.stop_places import StopPlaces, pose_wire, stops_in_force
 from diffbotctl.errors import closest_match
 from diffbotctl.graph import LOG, Graph
 from diffbotctl.messages import GoalState, LogLine, Message, Odometry, Setting, Stop
@@ -78,7 +78,6 @@ class RunState:
         self.changed: set[tuple[str, str]] = set()
         self.wires = graph.kinds
         self.subscriptions = Subscriptions(graph.kinds)
-        self.stop_wires = [wire for wire, kind in self.wires.items() if kind is Stop]
         self.newest: dict[str, Message] = {}
         self.counts = dict.fromkeys(self.wires, 0)
         self.times: dict[str, deque[int]] = {wire: deque(maxlen=TIMES_MAX) for wire in self.wires}
@@ -154,17 +153,11 @@ class RunState:
 
     def stop_in_force(self) -> tuple[str, Stop] | None:
         """A stop in force and its wire, a latched one first; None when nothing stops the robot."""
-        return min(self.stops_in_force(), key=lambda item: not item[1].latched, default=None)
+        return next(iter(self.stops_in_force()), None)
 
     def stops_in_force(self) -> list[tuple[str, Stop]]:
-        """Every stop in force, with its wire."""
-        return [
-            (wire, stop)
-            for wire in self.stop_wires
-            if isinstance(stop := self.newest.get(wire), Stop)
-            and stop.code
-            and not wire.startswith("operator.")
-        ]
+        """Every stop in force, with its wire; a latched one first."""
+        return stops_in_force(self.newest)
 
 
 # The last part of a ROS name: the wire here, or the message class with the same content.

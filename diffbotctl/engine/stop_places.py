@@ -7,6 +7,7 @@ with the first one, and it has ended when the robot has left the place.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import hypot
 from typing import Any, NamedTuple
 
@@ -14,11 +15,27 @@ from diffbotctl.control.goal_pursuit import PLACE_RADIUS
 from diffbotctl.graph import Graph
 from diffbotctl.messages import Odometry, Stop
 
+REQUESTING_DRIVERS = ("operator.", "robot.")
+
 
 def pose_wire(graph: Graph) -> str | None:
     """The wire of `graph` with the robot's pose; that of a block before that of a driver."""
     wires = [wire for wire, kind in graph.kinds.items() if kind is Odometry]
     return min(wires, key=lambda wire: wire in graph.sources, default=None)
+
+
+def stops_in_force(messages: Mapping[str, Any]) -> list[tuple[str, Stop]]:
+    """The stops in force among the newest `messages`, by wire; a latched one first.
+
+    Those of blocks: what the board and the operator send asks the safety gate for a stop, which
+    stays the newest message of its wire after `resume`.
+    """
+    stops = [
+        (wire, message)
+        for wire, message in messages.items()
+        if isinstance(message, Stop) and message.code and not wire.startswith(REQUESTING_DRIVERS)
+    ]
+    return sorted(stops, key=lambda item: not item[1].latched)
 
 
 class PlacedStop(NamedTuple):

@@ -11,6 +11,7 @@ from typing import NamedTuple, TypeVar
 from diffbotctl.config.checks.calibration import uncalibrated_pose
 from diffbotctl.config.robot import Robot
 from diffbotctl.control.goal_pursuit import PoseSd
+from diffbotctl.engine.stop_places import stops_in_force
 from diffbotctl.errors import WIDTH, join_words
 from diffbotctl.messages import (
     Duty,
@@ -75,8 +76,7 @@ def _poses(snapshot: RunSnapshot) -> dict[str, Odometry]:
 
 def active_stop(snapshot: RunSnapshot) -> Stop | None:
     """The stop in force; a latched one before others."""
-    stops = [stop for stop in snapshot.messages.values() if isinstance(stop, Stop) and stop.code]
-    return min(stops, key=lambda stop: not stop.latched, default=None)
+    return next((stop for _, stop in stops_in_force(snapshot.messages)), None)
 
 
 def pose_text(odometry: Odometry) -> str:

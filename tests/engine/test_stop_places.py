@@ -9,10 +9,13 @@ from diffbotctl.block import Block, In, Out
 from diffbotctl.cli.main import program
 from diffbotctl.drivers.goal_queue import Operator
 from diffbotctl.engine.event_log import EventLogger
+from diffbotctl.engine.stop_places import stops_in_force
 from diffbotctl.graph import Graph, Node
 from diffbotctl.log import Logbook
 from diffbotctl.messages import LogLine, Odometry, Stop
+from diffbotctl.processes.screen import RunSnapshot
 from diffbotctl.recording.metrics import MetricsAccumulator
+from diffbotctl.ui.run_text import active_stop
 
 WALL, FREE = Stop(0, "obstacle", "a wall", False), Stop(0, "", "", False)
 FAULT, OTHER = Stop(0, "wheel_fault", "it slips", True), Stop(0, "range_fault", "no echo", False)
@@ -116,3 +119,23 @@ def test_a_goal_behind_a_wall_is_given_up_after_the_patience(seed):
     assert result["exit_code"] == 1 and "blocked" in result["cause"]
     assert [stop["code"] for stop in result["stops"]] == ["obstacle"]
     assert result["duration"] < 3.7 + 4.5 + 1.5  # it stands there after 3.7 s
+
+
+ASKED = Stop(0, "operator_stop", "asked", True)
+
+
+@pytest.mark.parametrize("request_wire", ["operator.halt", "robot.stop"])
+@pytest.mark.parametrize(
+    ("messages", "in_force"),
+    [
+        ({"gate.stop": ASKED}, ["operator_stop"]),
+        ({"gate.stop": FREE}, []),  # after `resume`
+        ({"guard.stop": WALL, "gate.stop": ASKED}, ["operator_stop", "obstacle"]),
+        ({"guard.stop": WALL, "gate.stop": FREE}, ["obstacle"]),
+    ],
+)
+def test_the_request_of_a_stop_is_not_in_force_after_resume(request_wire, messages, in_force):
+    found = stops_in_force({request_wire: ASKED, **messages})
+    assert [stop.code for _, stop in found] == in_force
+    shown = active_stop(RunSnapshot(9, {request_wire: ASKED, **messages}, 0, 0))
+    assert (shown.code if shown else None) == next(iter(in_force), None)
