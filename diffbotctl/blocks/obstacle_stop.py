@@ -176,7 +176,11 @@ class ObstacleStop(Block):
             case "fault":
                 self._block(FAULT, "the distance sensor is faulty")
             case "too_close":
-                self._block(TOO_CLOSE, "something is closer than the sensor can measure")
+                self._block(
+                    TOO_CLOSE,
+                    "something is closer than the sensor can measure, or was: `resume` confirms "
+                    "that nothing is",
+                )
             case "clear":
                 self._count_free()
                 return float("inf")

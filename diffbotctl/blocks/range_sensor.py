@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import isfinite
+from math import hypot, isfinite, radians
 from typing import Protocol
 
 from diffbotctl.block import Block, FromRobot, In, Out
@@ -14,10 +14,13 @@ from diffbotctl.geometry.distance_sensors import (
     sensor_facts,
     volts_at,
 )
-from diffbotctl.messages import Range, Resume, Volts
+from diffbotctl.messages import Odometry, Range, Resume, Volts
 from diffbotctl.params import Param
 
 REACH = SHARPS["sharp_gp2y0a41sk0f"].reach
+# A turn that brings the beam off an object at the sensor, and a way (m) longer than any fold.
+LEFT_TURN = radians(45.0)
+LEFT_DISTANCE = 0.3
 ZERO_READINGS_MAX = 3  # consecutive readings of zero volts; a single one is noise
 
 
@@ -48,8 +51,9 @@ class RangeSensor(Block):
 
     The curve is volts = a / (distance + b) + c, for a GP2Y0A41 from 4 to 30 cm. Closer than 3 cm
     its voltage falls again: 2 cm reads as 5.3 cm. An object that came too close therefore stays
-    `too_close` until the voltage has passed the peak again, or until `resume`. `fault`: no voltage,
-    zero volts, or a constant voltage, as the voltage of a working sensor has noise.
+    `too_close` until the voltage has passed the peak again, until the robot has turned or driven
+    away from it, as `odometry` shows, or until `resume`. `fault`: no voltage, zero volts, or a
+    constant voltage, as the voltage of a working sensor has noise.
 
     blocks:
       range: {block: range_sensor, in: {volts: robot.front}, with: {sensor: front}}
@@ -69,6 +73,7 @@ class RangeSensor(Block):
 
     volts = In(Volts, help="Voltage of the sensor.")
     resume = In(Resume, optional=True, help="Confirms that nothing is too close.")
+    odometry = In(Odometry, optional=True, help="The robot's pose.")
     range = Out(Range, help="Distance along the axis of the sensor.")
 
     def reset(self) -> None:
@@ -82,19 +87,22 @@ class RangeSensor(Block):
         self.reach = facts.reach
         near = volts_at(facts.near, *self.curve)
         self.foldback = FoldbackDetector(near, self.speed, facts.fold)
+        self.near_pose: Odometry | None = None  # where something was near, for the last time
         self.last_volts = float("nan")
         self.volts_since = 0
         self.zero_readings = 0
         self.last_resume: Resume | None = None
         self.last_state = ""
 
-    def react(self, now: int, volts: Volts | None, resume: Resume | None) -> Range | None:
+    def react(
+        self, now: int, volts: Volts | None, resume: Resume | None, odometry: Odometry | None
+    ) -> Range | None:
         if resume is not None and resume is not self.last_resume:
             self.last_resume = resume
             self.foldback.reset()
         if volts is None:
             return None
-        reading = self._reading(volts)
+        reading = self._reading(volts, odometry)
         if reading.state != self.last_state:
             self._log_change(reading, volts.volts)
         return reading
@@ -109,10 +117,15 @@ class RangeSensor(Block):
             self.log.debug(f"{self.sensor}: {reading.state}, {reading.distance:.3f} m")
         self.last_state = reading.state
 
-    def _reading(self, volts: Volts) -> Range:
+    def _reading(self, volts: Volts, odometry: Odometry | None) -> Range:
         if self._is_faulty(volts):
             return Range(volts.time, 0.0, "fault")
-        if self.foldback.is_too_close(volts.time, volts.volts):
+        is_too_close = self.foldback.is_too_close(
+            volts.time, volts.volts, has_left(self.near_pose, odometry)
+        )
+        if self.foldback.is_inside:
+            self.near_pose = odometry
+        if is_too_close:
             return Range(volts.time, 0.0, "too_close")
         distance = distance_at(volts.volts, *self.curve)
         if distance >= self.reach:
@@ -131,14 +144,23 @@ class RangeSensor(Block):
         return volts.time - self.volts_since >= self.frozen_for * 1e9
 
 
+def has_left(place: Odometry | None, odometry: Odometry | None) -> bool:
+    """Whether the robot has turned or driven away from `place`: an object there is out of view."""
+    if place is None or odometry is None:
+        return False
+    turn = abs(odometry.heading - place.heading)
+    return turn >= LEFT_TURN or hypot(odometry.x - place.x, odometry.y - place.y) >= LEFT_DISTANCE
+
+
 class FoldbackDetector:
     """Detects objects closer than the peak of the curve, where the voltage is ambiguous.
 
     A voltage above `near_volts`, that of the nearest unambiguous distance, is too close on either
     side of the peak. When it falls below again, the history decides. The object may have passed the
     peak if the peak was seen, or if the robot at `speed` (m/s) could cross it between two readings.
-    It is back on the unambiguous side when the peak was seen again, or when the voltage drops
-    faster than the robot can drive: then the object has moved away sideways.
+    It is back on the unambiguous side when the peak was seen again. It is away when the voltage is
+    that of nothing, or of a contact, and either has dropped faster than the robot can drive: the
+    object has moved away sideways; or the robot has left the place.
     """
 
     def __init__(
@@ -164,8 +186,11 @@ class FoldbackDetector:
         self.last_time = 0  # time of the last reading, in ns
         self.last_inside = 0  # last time inside, in ns
 
-    def is_too_close(self, now: int, volts: float) -> bool:
-        """Process a voltage at `now` (ns); True while an object is or may be too close."""
+    def is_too_close(self, now: int, volts: float, has_left: bool = False) -> bool:
+        """Process a voltage at `now` (ns); True while an object is or may be too close.
+
+        `has_left`: the robot has left the place where one was near.
+        """
         is_jump, self.last_time = now - self.last_time >= self.peak_time, now
         if volts >= self.near_volts:
             self.is_inside, self.last_inside = True, now
@@ -175,8 +200,8 @@ class FoldbackDetector:
         if self.is_inside:
             self._leave(is_jump)
         is_contact = volts < self.fold.contact_ratio * self.near_volts
-        has_dropped = is_contact and now - self.last_inside < self.contact_time
-        if has_dropped and not self.was_folded:
+        has_dropped = now - self.last_inside < self.contact_time and not self.was_folded
+        if is_contact and (has_dropped or has_left):
             self.is_folded = False
         return self.is_folded
 

@@ -1,13 +1,18 @@
 """The Sharp sensor: distances, objects that are too close, and faults."""
 
+from math import radians
 from random import Random
 
 import pytest
 
 from diffbotctl.blocks.range_sensor import REACH, RangeSensor, distance_at, volts_at
+from diffbotctl.config.load import load
 from diffbotctl.config.robot import SensorSection
-from diffbotctl.messages import Resume, Volts
+from diffbotctl.geometry.distance_sensors import RESIDUAL_VOLTS
+from diffbotctl.messages import Goal, Odometry, Resume, Volts
 from diffbotctl.plant.sharp_ir import volts
+from diffbotctl.runs.options import RunOptions
+from diffbotctl.runs.run import Run
 from diffbotctl.time import MILLISECOND as MS
 
 SHARP = {"front": SensorSection(type="sharp_gp2y0a41sk0f", pin="A0")}
@@ -24,7 +29,7 @@ def drive(block, places, period=25 * MS, noise=0.0, seed=1):
     for number, place in enumerate(places, 1):
         now = number * period
         reading = Volts(now, max(0.005, volts(place) + rng.gauss(0.0, noise)))
-        readings.append(block.react(now, reading, None))
+        readings.append(block.react(now, reading, None, None))
     return readings
 
 
@@ -48,7 +53,7 @@ def sweep(begin, end, step):
     ],
 )
 def test_the_curve_fits_the_datasheet(read, distance):
-    reading = sensor().react(MS, Volts(MS, read), None)
+    reading = sensor().react(MS, Volts(MS, read), None, None)
     assert reading.state == "measured"
     assert reading.distance == pytest.approx(distance, abs=0.002)
 
@@ -60,7 +65,7 @@ def test_distance_is_the_inverse_of_volts(distance):
 
 
 def test_beyond_its_range_it_reports_clear():
-    reading = sensor().react(MS, Volts(MS, 0.30), None)  # 0.312 V is 40 cm
+    reading = sensor().react(MS, Volts(MS, 0.30), None, None)  # 0.312 V is 40 cm
     assert (reading.state, reading.distance) == ("clear", REACH)
 
 
@@ -119,40 +124,85 @@ def test_resume_releases_too_close():
     readings = drive(block, sweep(0.2, 0.015, 0.005))
     assert readings[-1].state == "too_close"
     now = 10_000 * MS
-    again = block.react(now, Volts(now, 1.0), Resume(now))
+    again = block.react(now, Volts(now, 1.0), Resume(now), None)
     assert again.state == "measured"
-    later = block.react(now + MS, Volts(now + MS, 1.01), Resume(now))
+    later = block.react(now + MS, Volts(now + MS, 1.01), Resume(now), None)
     assert later.state == "measured"
 
 
 @pytest.mark.parametrize("read", [float("nan"), float("inf"), -float("inf")])
 def test_no_voltage_is_a_fault(read):
-    readings = sensor().react(MS, Volts(MS, read), None)
+    readings = sensor().react(MS, Volts(MS, read), None, None)
     assert (readings.state, readings.distance) == ("fault", 0.0)
 
 
 def test_three_readings_of_zero_volts_are_a_fault():
     block = sensor()
-    states = [block.react(n * MS, Volts(n * MS, 0.0), None).state for n in range(1, 5)]
+    states = [block.react(n * MS, Volts(n * MS, 0.0), None, None).state for n in range(1, 5)]
     assert states == ["clear", "clear", "fault", "fault"]
-    assert block.react(5 * MS, Volts(5 * MS, 0.5), None).state == "measured"
+    assert block.react(5 * MS, Volts(5 * MS, 0.5), None, None).state == "measured"
 
 
 def test_a_constant_voltage_is_a_fault():
     block = sensor(frozen_for=1.0)
-    states = [block.react(n * 25 * MS, Volts(n * 25 * MS, 0.8), None).state for n in range(1, 60)]
+    states = [
+        block.react(n * 25 * MS, Volts(n * 25 * MS, 0.8), None, None).state for n in range(1, 60)
+    ]
     # from 25 ms on the same; a second later is the 41st reading
     assert states[:40] == ["measured"] * 40
     assert states[40:] == ["fault"] * 19
     now = 60 * 25 * MS
-    assert block.react(now, Volts(now, 0.805), None).state == "measured"
+    assert block.react(now, Volts(now, 0.805), None, None).state == "measured"
 
 
 def test_the_check_of_a_constant_voltage_can_be_disabled():
     block = sensor(frozen_for=None)
-    states = {block.react(n * 100 * MS, Volts(n * 100 * MS, 0.8), None).state for n in range(1, 90)}
+    states = {
+        block.react(n * 100 * MS, Volts(n * 100 * MS, 0.8), None, None).state for n in range(1, 90)
+    }
     assert states == {"measured"}
 
 
 def test_no_output_before_the_first_voltage():
-    assert sensor().react(MS, None, None) is None
+    assert sensor().react(MS, None, None, None) is None
+
+
+@pytest.mark.parametrize(
+    ("heading", "x", "state"),
+    [
+        (0.0, 0.0, "too_close"),  # it stands where it was: the voltage may be that of a contact
+        (radians(30.0), 0.0, "too_close"),
+        (radians(90.0), 0.0, "clear"),
+        (radians(-180.0), 0.0, "clear"),
+        (0.0, -0.4, "clear"),
+    ],
+)
+def test_what_was_too_close_is_forgotten_where_the_robot_has_left_it(heading, x, state):
+    """A wall touches the sensor; then the robot turns, or drives back, and nothing is in view."""
+    block = sensor()
+    at_wall = Odometry(0, 0.0, 0.0, 0.0, 0.0, 0.0, (0.0,) * 6)
+    for number, place in enumerate(sweep(0.2, 0.0, 0.0075), 1):
+        block.react(number * 25 * MS, Volts(number * 25 * MS, volts(place)), None, at_wall)
+    now = 3000 * MS
+    assert block.react(now, Volts(now, volts(0.002)), None, at_wall).state == "too_close"
+    elsewhere = at_wall._replace(heading=heading, x=x)
+    now += 1000 * MS
+    assert block.react(now, Volts(now, RESIDUAL_VOLTS), None, elsewhere).state == state
+    if state == "clear":  # and the next wall is seen, beyond the fold and in it
+        places = sweep(0.2, 0.01, 0.0075)
+        readings = [
+            block.react(now + n * 25 * MS, Volts(now + n * 25 * MS, volts(place)), None, elsewhere)
+            for n, place in enumerate(places, 1)
+        ]
+        assert [reading.state for reading in readings[-3:]] == ["too_close"] * 3
+
+
+def test_the_robot_drives_on_from_a_wall_that_it_has_turned_away_from():
+    sets = ["goals=[]", "world.walls=[{from: [0.35, -1], to: [0.35, 1]}]"]
+    goals = (Goal(0, 0, 0.24, 0.0), Goal(0, 0, -0.4, 0.0))
+    run = Run(
+        load("goal", "book_2wd", [*sets, "follower.tolerance=60mm"]),
+        RunOptions(goals=goals, fast=True),
+    )
+    result = run.go()
+    assert result.reached + result.unsure == 2, result.ending.cause

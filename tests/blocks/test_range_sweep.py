@@ -21,7 +21,7 @@ def sensor(**changes):
 def swept(block, distances, start=0):
     """The Range at each true distance (m), one frame after the other."""
     return [
-        block.react(i * STEP, Volts(i * STEP, volts(d)), None)
+        block.react(i * STEP, Volts(i * STEP, volts(d)), None, None)
         for i, d in enumerate(distances, start)
     ]
 
@@ -53,7 +53,7 @@ def test_folded_back_voltages_are_rejected():
     block = sensor()
     swept(block, millimetres(100, 20))
     for i, true in enumerate((0.015, 0.01, 0.005), 81):
-        seen = block.react(i * STEP, Volts(i * STEP, volts(true)), None)
+        seen = block.react(i * STEP, Volts(i * STEP, volts(true)), None, None)
         assert (seen.state, seen.distance) == ("too_close", 0.0)
 
 

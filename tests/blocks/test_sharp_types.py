@@ -27,13 +27,13 @@ def test_distances_are_measured_between_near_and_reach(kind):
     for step in range(1, 20):
         distance = facts.reach - step * (facts.reach - facts.near) / 20
         now += PERIOD
-        reading = block.react(now, Volts(now, paper_volts(facts, distance)), None)
+        reading = block.react(now, Volts(now, paper_volts(facts, distance)), None, None)
         assert (reading.state, reading.distance) == (
             "measured",
             pytest.approx(distance, rel=0.05),
         )
     now += PERIOD
-    reading = block.react(now, Volts(now, paper_volts(facts, 1.2 * facts.reach)), None)
+    reading = block.react(now, Volts(now, paper_volts(facts, 1.2 * facts.reach)), None, None)
     assert reading.state == "clear"
 
 
@@ -45,7 +45,7 @@ def test_closer_than_the_peak_is_never_a_distance(kind):
     while distance > 0.005:
         now += PERIOD
         distance -= 0.3 * PERIOD * 1e-9
-        reading = block.react(now, Volts(now, paper_volts(facts, distance)), None)
+        reading = block.react(now, Volts(now, paper_volts(facts, distance)), None, None)
         if distance < facts.near - 0.01:
             states.append(reading.state)
     assert states and set(states) == {"too_close"}
