@@ -1,24 +1,20 @@
 """Wheel diameters and track from recorded drives.
 
-The fit first looks for mistakes in the files (log_mistakes.py). Then clocks are aligned, wrong
+The fit first looks for mistakes in the files (end_mistakes.py). Then clocks are aligned, wrong
 drives are left out, and the posterior of the geometry is computed from the rest. A fit that proves
 nothing is refused.
-
-Cameras and wheels are recorded by different computers. While the robot turns at 1 rad/s, a clock
-offset of 50 ms looks like an error of 3 degrees, which no geometry explains. So the offset of each
-drive is found first, from the change of the heading within seconds, where geometry hardly matters.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from math import exp, expm1, hypot, inf, log
-from typing import NamedTuple, NoReturn
+from typing import NamedTuple
 
 import numpy as np
 
-from diffbotctl.calibrate.clock_offset import clock_offset, delay_counts, other_clock
-from diffbotctl.calibrate.confidence import STUDENT_T_95_LIMIT, Confidence, confidence
+from diffbotctl.calibrate.clock_offset import CLOCK_OFFSET_MAX_S, clock_offset, delay_counts
+from diffbotctl.calibrate.confidence import Confidence, confidence
 from diffbotctl.calibrate.dead_reckoning import (
     MOTION_CAPTURE,
     SEGMENT_OVERLAP,
@@ -29,14 +25,8 @@ from diffbotctl.calibrate.dead_reckoning import (
     cut_segments,
     end_error,
 )
-from diffbotctl.calibrate.drive_doubts import doubts_text, drive_doubt, is_dead
+from diffbotctl.calibrate.end_mistakes import Explanation, explain_ends
 from diffbotctl.calibrate.end_noise import CAMERA_NOISE, TAPE_NOISE, NoiseGrid
-from diffbotctl.calibrate.end_scale import (
-    end_scales,
-    refuse_other_scale,
-    refuse_unknown_scale,
-    scale_covariance,
-)
 from diffbotctl.calibrate.geometry_posterior import (
     DIAMETER_SD,
     RATIO_SD,
@@ -48,7 +38,6 @@ from diffbotctl.calibrate.geometry_posterior import (
     solve,
     squared_error,
 )
-from diffbotctl.calibrate.log_mistakes import Explanation, explain_ends
 from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, TRACK, Finding
 from diffbotctl.config.robot import Robot
 from diffbotctl.units import quantity
@@ -60,7 +49,6 @@ NAMES_SHOWN_MAX = 4
 SEARCH_SEGMENTS_MAX = 24  # of all drives, to find mistakes
 SEGMENTS_MAX = 600
 BAD_DRIVES_RATIO_MAX = 1 / 3
-CERTAIN_RATIO_MIN = 0.8  # of the ends that a mistake explains; counts look odd by chance then
 DIAMETER_SD_MIN = 0.001  # relative: another floor, another load
 # Relative standard deviation of all lengths that one tape measures: its class (0.05 %), and that it
 # hangs, or does not lie along the axis. No drive shows it.
@@ -88,8 +76,6 @@ class Outlier(NamedTuple):
     name: str
     ratio: float
     """of its end error to the usual one"""
-    doubt: str | None
-    """what may be the cause"""
 
 
 class GeometryFit(NamedTuple):
@@ -118,19 +104,13 @@ def fit_geometry(
     """
     if not drives:
         raise ValueError("no drives to fit to")
-    # Two dead encoders agree with each other, and may pull the fit.
-    dead = [drive for drive in drives if is_dead(drive, stated)]
-    if len(dead) > BAD_DRIVES_RATIO_MAX * len(drives):
-        raise _unexplained(dead, drives, stated)
-    drives = [drive for drive in drives if not is_dead(drive, stated)]
     sd = DIAMETER_SD if mean_sd is None else mean_sd
     prior = GeometryPrior(stated, (sd, RATIO_SD, TRACK_SD))
-    _refuse_other_clocks(drives, stated)
     usual_prior = GeometryPrior(stated, (sd, *USUAL_SDS))
     explanation = _explain(drives, usual_prior)
     rough = explanation.plain
-    by_scale = scale_covariance(explanation, usual_prior)
     offsets = [clock_offset(drive, rough.geometry) for drive in drives]
+    _refuse_other_clocks(drives, offsets)
     aligned = [
         delay_counts(drive, offset) if offset else drive
         for drive, offset in zip(drives, offsets, strict=True)
@@ -138,9 +118,6 @@ def fit_geometry(
     noise = _noise(drives)
     kept = _good_drives(aligned, rough, prior, noise)
     used = [aligned[number] for number in kept]
-
-    def cut(drives: Sequence[RecordedDrive]) -> tuple[list[Segment], Floats]:
-        return _flatten(_segments(drives, stated, SEGMENTS_MAX, SEGMENT_OVERLAP))
 
     groups = _segments(used, stated, SEGMENTS_MAX, SEGMENT_OVERLAP)
     segments, weights = _flatten(groups)
@@ -150,7 +127,7 @@ def fit_geometry(
     mean_log, mean_log_sd = _mean_by_drives(result, prior)
     if not sees_diameter:
         result = result.with_mean(stated.mean)
-    result = result.wider(by_scale)
+    result = result.wider(explanation.scale_covariance(usual_prior))
     if noise is TAPE_NOISE:
         result = result.with_scale_sd(TAPE_SCALE_SD)
     fit = GeometryFit(
@@ -159,16 +136,13 @@ def fit_geometry(
         confidence(result, [len(group) for group in groups], segments, weights),
         used,
         [offsets[number] for number in kept],
-        _outliers([*aligned, *dead], kept, result.geometry),
+        _outliers(aligned, kept, result.geometry),
         sees_diameter,
     )
     _refuse_other_size(fit, prior)
-    refuse_unknown_scale(explanation, by_scale, HALF_WIDTH_MAX / STUDENT_T_95_LIMIT)
     _refuse_unproven(fit, prior)
     if mean_sd is None and not sees_diameter:
         _refuse_other_wheels(fit, mean_log, mean_log_sd)
-    scales = end_scales(used, cut, solution.geometry, prior, noise)
-    refuse_other_scale(scales, float(prior.offset(result.geometry)[0]))
     _refuse_no_gain(segments, weights, stated, result)
     return fit
 
@@ -213,7 +187,10 @@ def _explain(drives: Sequence[RecordedDrive], prior: GeometryPrior) -> Explanati
 
     found = explain_ends(drives, prior, cut)
     if found.mistake is not None:
-        _refuse_mistake(drives, prior.stated, found.mistake.text, found.good_ratio)
+        # A mistake that leaves many ends unexplained is only the least bad one that was tried.
+        if found.good_ratio < 1 - BAD_DRIVES_RATIO_MAX:
+            raise _unexplained(drives, drives)
+        raise ValueError(f"these drives agree with each other only if {found.mistake.text}")
     best, rival = found.plain, found.rival
     if (
         rival is not None
@@ -228,50 +205,30 @@ def _explain(drives: Sequence[RecordedDrive], prior: GeometryPrior) -> Explanati
     return found
 
 
-def _refuse_mistake(
-    drives: Sequence[RecordedDrive], stated: Geometry, text: str, good_ratio: float
-) -> NoReturn:
-    """Raises ValueError for drives that a mistake explains better than the files as they are.
-
-    `good_ratio`: of the ends that it explains. If it leaves many of them unexplained too, it is
-    only the least bad one of the mistakes that were tried.
-    """
-    doubtful = [drive for drive in drives if drive_doubt(drive, stated)]
-    is_doubtful = len(doubtful) > BAD_DRIVES_RATIO_MAX * len(drives)
-    if good_ratio < 1 - BAD_DRIVES_RATIO_MAX or (is_doubtful and good_ratio < CERTAIN_RATIO_MIN):
-        raise _unexplained(drives, drives, stated)
-    raise ValueError(f"these drives agree with each other only if {text}")
-
-
-def _unexplained(
-    bad: Sequence[RecordedDrive], drives: Sequence[RecordedDrive], stated: Geometry
-) -> ValueError:
-    """The error for drives without an explanation, with what looks odd in them."""
+def _unexplained(bad: Sequence[RecordedDrive], drives: Sequence[RecordedDrive]) -> ValueError:
+    """The error for drives without an explanation."""
     names = ", ".join(drive.name for drive in bad[:NAMES_SHOWN_MAX])
     more = ", ..." if len(bad) > NAMES_SHOWN_MAX else ""
-    reason = doubts_text(bad, stated)
-    if reason is None:
-        is_camera = all(drive.truth is MOTION_CAPTURE for drive in bad)
-        asked = "are their poses" if is_camera else "were their ends measured from the start"
-        reason = f"{asked} of the same drive, and did both encoders count all the time?"
     return ValueError(
         f"no geometry near the stated one explains {len(bad)} of {len(drives)} drives "
-        f"({names}{more}): {reason}"
+        f"({names}{more}): are their ends or poses of the same drives, measured from the start, "
+        "and did both encoders count all the time?"
     )
 
 
-def _refuse_other_clocks(drives: Sequence[RecordedDrive], geometry: Geometry) -> None:
+def _refuse_other_clocks(drives: Sequence[RecordedDrive], offsets: Sequence[float]) -> None:
     """Raises ValueError if the clocks of poses and counts differ by too much in many drives."""
-    offsets = {drive.name: other_clock(drive, geometry) for drive in drives}
-    found = {name: offset for name, offset in offsets.items() if offset is not None}
-    if len(found) <= BAD_DRIVES_RATIO_MAX * len(drives):
-        return
-    name, offset = next(iter(found.items()))
-    words = "after" if offset > 0 else "before"
-    raise ValueError(
-        f"the true poses of {len(found)} of {len(drives)} drives come another time than their "
-        f"counts, in {name} about {abs(offset):.1f} s {words} them: write the times of one clock"
-    )
+    late = [
+        drive.name
+        for drive, offset in zip(drives, offsets, strict=True)
+        if abs(offset) > 0.99 * CLOCK_OFFSET_MAX_S
+    ]
+    if len(late) > BAD_DRIVES_RATIO_MAX * len(drives):
+        raise ValueError(
+            f"the true poses of {len(late)} of {len(drives)} drives, such as {late[0]}, come "
+            f"{CLOCK_OFFSET_MAX_S:g} s or more before or after their counts: write the times of "
+            "one clock"
+        )
 
 
 def _log_change(one: Geometry, other: Geometry) -> list[float]:
@@ -296,7 +253,7 @@ def _good_drives(
     ]
     if len(drives) - len(kept) > BAD_DRIVES_RATIO_MAX * len(drives):
         bad = [drive for number, drive in enumerate(drives) if number not in kept]
-        raise _unexplained(bad, drives, prior.stated)
+        raise _unexplained(bad, drives)
     return kept
 
 
@@ -307,7 +264,7 @@ def _outliers(
     distances = [hypot(error.x, error.y) for error in errors]
     usual = max(float(np.median([distances[number] for number in kept])), 1e-4)
     return [
-        Outlier(drive.name, distances[number] / usual, drive_doubt(drive, geometry))
+        Outlier(drive.name, distances[number] / usual)
         for number, drive in enumerate(drives)
         if number not in kept
     ]
@@ -385,7 +342,7 @@ def _mean_by_drives(result: Posterior, prior: GeometryPrior) -> tuple[float, flo
 
 
 def _refuse_other_wheels(fit: GeometryFit, mean_log: float, mean_log_sd: float) -> None:
-    """Raises ValueError if the track is wrong, or wheels of unmeasured size are.
+    """Raises ValueError if the track is wrong, or wheels whose size nobody has measured are.
 
     Drives that end where they began show the track in multiples of what a count rolls. Wrong slots
     look like a wrong track there. `mean_log`: of the mean diameter over the stated one by the

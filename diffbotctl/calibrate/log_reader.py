@@ -1,54 +1,29 @@
-"""Recorded drives from recordings, CSV files and sessions of the OptiOdom data set.
-
-OptiOdom: Sousa, Petry, Costa & Moreira, "OptiOdom: a Generic Approach for Odometry Calibration of
-Wheeled Mobile Robots", J. Intelligent & Robotic Systems 105:39, 2022. A session is a folder with
-`<session>_run-NN.csv` (no header: time s, x m, y m, heading rad, and the ticks of the right and
-left wheel in the cycle) and `<session>_metadata.csv`. Ground truth is a motion capture system.
-"""
+"""Recorded drives from recordings and CSV files."""
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
-from contextlib import suppress
 from hashlib import sha256
-from math import inf, isfinite, pi
+from math import pi
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from diffbotctl.calibrate.copied_drive import copied_ratio
-from diffbotctl.calibrate.csv_table import (
-    CSV_ENCODING,
-    column_names,
-    error_text,
-    unusable_log,
-)
+from diffbotctl.calibrate.csv_table import column_names, error_text, read_columns, unusable_log
 from diffbotctl.calibrate.dead_reckoning import (
     MOTION_CAPTURE,
     TAPE_MEASURE,
     Floats,
-    Geometry,
     GroundTruth,
     RecordedDrive,
 )
-from diffbotctl.calibrate.log_checks import (
-    copied_column,
-    count_fault,
-    dead_encoder,
-    standing_drive,
-    table_fault,
-    ticks_gap,
-)
-from diffbotctl.calibrate.log_table import read_columns, read_table
+from diffbotctl.calibrate.log_checks import count_fault, encoder_fault, table_fault
 from diffbotctl.calibrate.recorded_frames import read_frames
 from diffbotctl.calibrate.recorded_turns import TICK_RATIO, estimated_turns
 from diffbotctl.config.robot import Robot
-from diffbotctl.config.yaml_reader import open_regular
 from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS
-from diffbotctl.errors import Problem, UsageError
 from diffbotctl.messages import Encoders
 from diffbotctl.recording.reader import RecordingReader
 
@@ -59,9 +34,7 @@ DEGREES = "heading_deg"
 HEADING_MAX_RAD = 100 * 2 * pi
 SAME_TIME_DIGITS = 3  # of s
 DURATION_RATIO_MAX = 20.0  # of the poses to the counts
-RUN_COLUMNS = 6
 FINGERPRINT_DIGITS = 16
-DESCRIPTION_MAX_BYTES = 1 << 20
 WRAPPED_HEADING_MAX_RAD = 6.4  # a little more than one turn
 
 
@@ -198,52 +171,32 @@ def _is_new(poses: Floats) -> NDArray[np.bool_]:
     return np.append(True, (np.diff(poses, axis=0) != 0.0).any(axis=1))
 
 
-def refuse_repeated(drives: Sequence[CountLog | RecordedDrive]) -> None:
-    """Raises UsageError for a drive that is given twice, also as a copy of its file.
+def refuse_unusable(drives: Sequence[CountLog | RecordedDrive]) -> None:
+    """Raises UsageError for a drive in which an encoder did not count, or that is given twice.
 
-    It would count as a second measurement, and one name stands for one end.
+    A copy would count as a second measurement, and one name stands for one end.
     """
-    names: set[str] = set()
     for number, drive in enumerate(drives):
-        if drive.name in names:
-            raise unusable_log(
-                Path(drive.name),
-                "two of the files have this name: give each file once, or rename one",
-            )
-        names.add(drive.name)
+        fault = encoder_fault(drive.turns / drive.tick)
+        if fault is not None:
+            fix = "run `diffbotctl calibrate encoders`, and record the drive again"
+            raise unusable_log(Path(drive.name), fault, fix)
         for other in drives[:number]:
-            _refuse_copy(drive, other)
+            if drive.name == other.name:
+                cause = "two of the files have this name: give each file once, or rename one"
+                raise unusable_log(Path(drive.name), cause)
+            if _is_same(drive, other):
+                cause = f"contains the same drive as {other.name}: give one"
+                raise unusable_log(Path(drive.name), cause)
 
 
-def _refuse_copy(drive: CountLog | RecordedDrive, other: CountLog | RecordedDrive) -> None:
-    # Adding 0.0 makes zeros alike.
-    one, another = (
-        np.column_stack([np.round(each.times - each.times[0], SAME_TIME_DIGITS), each.turns]) + 0.0
+def _is_same(drive: CountLog | RecordedDrive, other: CountLog | RecordedDrive) -> bool:
+    """Whether both have the same rows, by whichever clock."""
+    rows = [
+        np.column_stack([np.round(each.times - each.times[0], SAME_TIME_DIGITS), each.turns])
         for each in (drive, other)
-    )
-    if np.array_equal(one, another):
-        raise unusable_log(Path(drive.name), f"contains the same drive as {other.name}: give one")
-    ratio = copied_ratio(*((each.times, each.turns / each.tick) for each in (drive, other)))
-    if ratio:
-        cause = (
-            f"contains the same drive as {other.name}, of which rows are missing: "
-            f"{100 * ratio:.0f} % of the rows of the shorter file are in both"
-        )
-        raise unusable_log(Path(drive.name), cause, "give the file with the whole drive alone")
-
-
-def refuse_dead_encoder(drives: Sequence[CountLog]) -> None:
-    """Raises UsageError for a drive in which no wheel turned, if one encoder did not count in any
-    of the drives, or if it counted as the other one."""
-    turned = [np.abs(np.diff(drive.turns, axis=0)).sum(axis=0) / drive.tick for drive in drives]
-    counts = [drive.turns / drive.tick for drive in drives]
-    standing = standing_drive(np.array(turned))
-    if standing is not None:
-        number, fault = standing
-        raise unusable_log(Path(drives[number].name), fault)
-    common = dead_encoder(np.array(turned)) or copied_column(counts)
-    if common is not None:
-        raise unusable_log(Path(drives[0].name), common)
+    ]
+    return np.array_equal(rows[0], rows[1])
 
 
 def is_simulated(path: Path) -> bool:
@@ -264,86 +217,3 @@ def fingerprint(paths: Sequence[Path]) -> str:
         except OSError as error:
             raise unusable_log(path, f"cannot be read: {error_text(error)}") from error
     return digest.hexdigest()[:FINGERPRINT_DIGITS]
-
-
-class OptiodomSession(NamedTuple):
-    """One folder."""
-
-    name: str
-    nominal: Geometry
-    side: float | None
-    """m, of the squares; None if there are none"""
-    drives: list[RecordedDrive]
-
-
-def is_session(folder: Path) -> bool:
-    """Whether `folder` contains run files and their description."""
-    return any(folder.glob("*_metadata.csv")) and any(folder.glob("*_run-*.csv"))
-
-
-def read_session(folder: Path) -> OptiodomSession:
-    """The session in `folder`. Raises UsageError for an incomplete one."""
-    paths = sorted(folder.glob("*_run-*.csv"))
-    if not paths:
-        cause = "contains no *_run-*.csv files"
-        raise UsageError(
-            Problem("E-CALIBRATE-LOG", str(folder), cause, "give the folder of a session")
-        )
-    values = _read_description(next(iter(folder.glob("*_metadata.csv")), folder / "metadata.csv"))
-    ticks = values["ngear"][0] * values["encRes"][0]
-    if not isfinite(ticks):
-        raise _unusable_description(folder, "a turn has infinitely many ticks")
-    nominal = Geometry(values["Di"][0], values["Di"][-1], values["Li"][0])
-    side = values["L"][0] if "L" in values else None
-    return OptiodomSession(folder.name, nominal, side, [read_run(path, ticks) for path in paths])
-
-
-def read_run(path: Path, ticks_per_turn: float) -> RecordedDrive:
-    """One run file. Raises UsageError for an unusable one."""
-    table = read_table(path)
-    if table.shape[1] != RUN_COLUMNS or len(table) < 2:
-        raise _unreadable_run(path, f"{len(table)} rows of {table.shape[1]} columns")
-    if not np.isfinite(table).all():
-        raise _unreadable_run(path, "a cell is empty, or no finite number")
-    fault = ticks_gap(table[:, 0])
-    if fault is not None:
-        raise unusable_log(path, fault)
-    turns = np.cumsum(table[:, 4:], axis=0) / ticks_per_turn
-    tick = 1 / ticks_per_turn
-    rows = np.arange(len(table))
-    return RecordedDrive(
-        path.stem, table[:, 0], turns - turns[0], rows, table[:, 1:4], (tick, tick), MOTION_CAPTURE
-    )
-
-
-def _read_description(path: Path) -> dict[str, list[float]]:
-    """The numbers of the description by name; other cells are left out."""
-    try:
-        with open_regular(path) as file:
-            text = file.read(DESCRIPTION_MAX_BYTES).decode(CSV_ENCODING)
-        rows = list(csv.reader(text.splitlines()))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise _unusable_description(path, f"cannot be read: {error_text(error)}") from error
-    values: dict[str, list[float]] = {}
-    for name, *cells in filter(None, rows):
-        for cell in cells:
-            with suppress(ValueError):
-                values.setdefault(name.strip(), []).append(float(cell))
-    needed = ("ngear", "encRes", "Li", "Di")
-    missing = [name for name in needed if name not in values]
-    if missing:
-        raise _unusable_description(path, f"{', '.join(missing)} missing")
-    for name in needed:
-        if not all(0.0 < value < inf for value in values[name]):
-            raise _unusable_description(path, f"{name} is not above 0, or no finite number")
-    return values
-
-
-def _unusable_description(path: Path, cause: str) -> UsageError:
-    fix = "a description states gear ratio (ngear), ticks a turn (encRes), track (Li), wheels (Di)"
-    return UsageError(Problem("E-CALIBRATE-LOG", str(path), cause, fix))
-
-
-def _unreadable_run(path: Path, cause: str) -> UsageError:
-    fix = "a run has no header and six columns: time, x, y, heading, right ticks, left ticks"
-    return UsageError(Problem("E-CALIBRATE-LOG", str(path), f"cannot be read: {cause}", fix))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from math import hypot, isfinite, isnan, nan, pi, radians
 from pathlib import Path
@@ -15,7 +14,6 @@ from diffbotctl.calibrate.log_checks import part_fault
 from diffbotctl.calibrate.log_reader import DEGREES, HEADING_MAX_RAD, POSE_COLUMNS, CountLog
 
 END_DISTANCE_RATIO_MAX = 1.5  # of the distance to what the wheels rolled
-HEADING_LIKE = re.compile("head|angle|theta|yaw|phi|rad$|deg$")  # of columns that are not read
 SAME_HEADING_RAD = radians(1.0)
 
 
@@ -26,7 +24,6 @@ def read_ends(path: Path) -> dict[str, tuple[float, float, float]]:
     UsageError.
     """
     table = open_table(path, ("recording", *POSE_COLUMNS[:2]))
-    _refuse_unread_headings(table)
     ends: dict[str, tuple[float, float, float]] = {}
     for line, cells in table.rows():
         name = Path(cells[table.column("recording")]).stem
@@ -54,15 +51,6 @@ def _end(table: CsvTable, line: int, cells: Sequence[str]) -> tuple[float, float
     if abs(heading) > HEADING_MAX_RAD:
         raise unusable_log(table.path, f"line {line} states a heading of more than 100 turns")
     return values["x"], values["y"], heading
-
-
-def _refuse_unread_headings(table: CsvTable) -> None:
-    """Raises UsageError for a column that seems to hold headings, but has another name."""
-    for name in table.names:
-        if name not in (POSE_COLUMNS[2], DEGREES) and HEADING_LIKE.search(name):
-            cause = f"its first line names '{name}', which is not read"
-            fix = f"name headings heading (rad) or {DEGREES}, and other columns otherwise"
-            raise unusable_log(table.path, cause, fix)
 
 
 def refuse_part(counts: CountLog) -> None:

@@ -126,7 +126,8 @@ def _sessions(
     files: tuple[Path, ...], folders: list[Path], has_options: bool
 ) -> tuple[list[RecordedDrive], Geometry]:
     from diffbotctl.calibrate.csv_table import unusable_log
-    from diffbotctl.calibrate.log_reader import read_session, refuse_repeated
+    from diffbotctl.calibrate.log_reader import refuse_unusable
+    from diffbotctl.calibrate.optiodom_session import read_session
 
     if has_options or len(folders) < len(files):
         raise click.UsageError(
@@ -139,7 +140,7 @@ def _sessions(
         if session.nominal != stated:
             raise unusable_log(folder, "states another geometry than the first folder")
     drives = [drive for session in sessions for drive in session.drives]
-    refuse_repeated(drives)
+    refuse_unusable(drives)
     return drives, stated
 
 
@@ -147,7 +148,7 @@ def _logs(
     files: tuple[Path, ...], robot: str | None, ends: Path | None, truth: tuple[Path, ...]
 ) -> tuple[list[RecordedDrive], Geometry]:
     from diffbotctl.calibrate.dead_reckoning import Geometry
-    from diffbotctl.calibrate.log_reader import read_counts, refuse_dead_encoder, refuse_repeated
+    from diffbotctl.calibrate.log_reader import read_counts, refuse_unusable
     from diffbotctl.config.load import load_robot
 
     if truth and (ends or len(truth) != len(files)):
@@ -158,8 +159,7 @@ def _logs(
     stated = Geometry(right.wheel.diameter, left.wheel.diameter, drive.track)
     ticks = (right.encoder.counts, left.encoder.counts)
     counts = [read_counts(file, ticks, machine) for file in files]
-    refuse_repeated(counts)
-    refuse_dead_encoder(counts)
+    refuse_unusable(counts)
     return _placed(counts, ends, truth, max(stated.right, stated.left)), stated
 
 

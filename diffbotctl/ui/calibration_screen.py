@@ -162,5 +162,3 @@ def _drives(fit: GeometryFit) -> Iterator[str]:
         yield f"{drive.name:<32} {errors} {MM * offset:>+6.0f} ms"
     for outlier in fit.outliers:
         yield f"{outlier.name:<32} left out: {outlier.ratio:.0f} times the error of the others"
-        if outlier.doubt is not None:
-            yield from fold_text(f"  {outlier.doubt}", hang=2).splitlines()

@@ -17,7 +17,7 @@ from diffbotctl.blocks.range_sensor import distance_at
 from diffbotctl.calibrate import umbmark
 from diffbotctl.calibrate.dead_reckoning import EndError, Geometry, end_error, mean_distance
 from diffbotctl.calibrate.geometry_fit import fit_geometry
-from diffbotctl.calibrate.log_reader import OptiodomSession, is_session, read_session
+from diffbotctl.calibrate.optiodom_session import OptiodomSession, is_session, read_session
 from diffbotctl.calibrate.range_fit import FAR_FROM_M, RULER_DISTANCES_M, RulerPoint, fit_curve
 from diffbotctl.calibrate.steps.range import LISTEN_TIME_S
 from diffbotctl.plant.sharp_ir import CURVE

@@ -15,7 +15,7 @@ import numpy as np
 from click.testing import CliRunner
 
 from diffbotctl.calibrate.dead_reckoning import Floats, Geometry
-from diffbotctl.calibrate.log_reader import is_session
+from diffbotctl.calibrate.optiodom_session import is_session
 from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, TRACK
 from diffbotctl.cli.calibrate import from_log
 from diffbotctl.config.load import load_robot
