@@ -1,18 +1,17 @@
 """Speed against duty of both motors, of either kind of PWM driver, for one battery.
 
-Where the driver shorts the windings between two pulses (slow decay), the speed is linear in the
-duty. A wheel that friction brakes with the duty `static` settles at
+The laws are those of `control/motor_curve.py`. Where the driver shorts the windings between two
+pulses (slow decay), a wheel that friction brakes with the duty `static` settles at
 
     speed = gain * (duty * (1 - sag * duty) - static)
 
 if both motors run at the same duty: the current, and with it the drop of the battery, grows with
-the duty. A straight line through such points hits the axis too low, and ends too low at full duty:
-at a sag of 4 % by 9 % of `static` and 4 % of the full speed. So the sag, which both motors share,
-is fitted with the rest.
+the duty. So the sag, which both motors share, is fitted with the rest. A sag that no battery has is
+the bend of another law, such as of a bridge that takes a voltage of its own: then a line is as
+good, and its residuals and an unknown sag are parts of the standard deviations.
 
 Where the driver opens between two pulses (fast decay, as an L298N with the PWM on its enable pin),
-no current brakes the motor there. With `viscous`, the friction that grows with the speed in shares
-of the stall torque at the no-load speed, it settles at
+no current brakes the motor there, and it settles at
 
     speed = gain * (duty - static) / (duty + viscous)
 
@@ -32,18 +31,19 @@ import numpy as np
 
 from diffbotctl.calibrate.dead_reckoning import Floats
 from diffbotctl.config.robot import Decay
-from diffbotctl.control.motor_curve import LAG_DUTY
+from diffbotctl.control.motor_curve import LAG_DUTY, MotorCurve
 
 # The parameter that both motors share: sag or viscous friction. Beyond these limits the motors
 # follow another law: a line is as good, unless the law of fast decay is far better even at a limit.
 # The inductance of the windings takes duty at low speeds and makes `viscous` look negative.
-SHARED_MIN, SHARED_MAX = -0.02, 0.30
+SHARED_MIN, SHARED_MAX = -0.02, {"slow": 0.14, "fast": 0.30}
 SHARED_STEP = 0.001
 SPEED_SD_RATIO_MIN = 0.0007  # of a mean speed: ripple of the gears over the last, unfinished turn
 DERIVATIVE_STEP = 1e-5
 # Of the battery's voltage at rest that both stalled motors would take, assumed for small robots
 # where no speed shows it: motors of 1 A and batteries of 0.2 to 0.5 ohm at 6 V.
 USUAL_STALL_DROP = 0.10
+UNKNOWN_SAG_SD = 0.05  # relative, of the speed at full duty, where the sag is not seen
 # The law of fast decay is simpler than a motor: of six simulated ones its friction was wrong by up
 # to 0.012, 0.006 in the mean square.
 FAST_STATIC_SD_MIN = 0.006
@@ -71,12 +71,10 @@ class FittedMotor(NamedTuple):
     loaded: float | None = None
     """rad/s at full duty under the load of both motors, where that is not a line's"""
 
-    def lag_share(self, duty: float) -> float:
-        """The lag after a step to `duty` over that which a robot file states.
-
-        With fast decay it is longer the lower the duty, and stated for LAG_DUTY.
-        """
-        return LAG_DUTY / (duty + self.viscous) if self.decay == "fast" else 1.0
+    def law(self, lag: float = 1.0) -> MotorCurve:
+        """Its motion by the duty, with the stated `lag` (s)."""
+        viscous = self.viscous if self.decay == "fast" else None
+        return MotorCurve(self.static, self.rated, lag, viscous)
 
     def gain_for(self, lag: float) -> float:
         """Proportional gain (duty per rad/s) that a motor with the stated `lag` (s) needs; 0 where
@@ -87,10 +85,15 @@ class FittedMotor(NamedTuple):
         """
         return LAG_DUTY * lag / (self.rated * LOOP_LAG_S) if self.decay == "fast" else 0.0
 
-    def fast_duty(self, speed: float) -> float:
-        """Duty at which a motor with fast decay settles at `speed` (rad/s, below `rated`)."""
-        gain = self.rated * (1.0 + self.viscous) / (1.0 - self.static)
-        return (gain * self.static + self.viscous * speed) / (gain - speed)
+    def wider(self, static_sd: float, rated_sd: float) -> FittedMotor:
+        """The motor with further errors of these standard deviations."""
+        return self._replace(
+            static_sd=hypot(self.static_sd, static_sd), rated_sd=hypot(self.rated_sd, rated_sd)
+        )
+
+    def with_duty_sd(self, sd: float) -> FittedMotor:
+        """The motor if all duties share an error of this standard deviation."""
+        return self.wider(sd, sd * self.rated / (1 - self.static))
 
 
 class _CurveFit(NamedTuple):
@@ -104,37 +107,37 @@ class _CurveFit(NamedTuple):
     @property
     def is_within(self) -> bool:
         """Whether the shared parameter is between its limits."""
-        return SHARED_MIN + SHARED_STEP / 2 < self.shared < SHARED_MAX - SHARED_STEP / 2
+        margin = SHARED_STEP / 2
+        return SHARED_MIN + margin < self.shared < SHARED_MAX[self.decay] - margin
 
 
-def fit_curves(points: Mapping[str, Sequence[tuple[float, float]]]) -> dict[str, FittedMotor]:
+def fit_curves(
+    points: Mapping[str, Sequence[tuple[float, float]]], is_shorted: bool = False
+) -> dict[str, FittedMotor]:
     """The curves of all motors, from (duty, rad/s) by motor, at equal duties of both.
 
-    Empty if these motors follow another law, of which a line is as good a description.
+    `is_shorted`: the driver shorts the windings between two pulses; else the speeds decide. Empty
+    if these motors follow another law, of which a line is as good a description.
     """
     tables = [np.abs(np.array(rows, dtype=float)) for rows in points.values()]
     tables = [table[table[:, 1] > 0.0] for table in tables]
-    better, other = sorted(
-        (_best_fit(tables, "slow"), _best_fit(tables, "fast")), key=lambda fit: fit.error
-    )
-    is_certain = better.error < CERTAIN_RATIO_MAX * other.error
-    if not is_certain and better.decay == "fast":
-        better = other  # of motors that show no difference the simpler law is as good
-    if not better.is_within and not (is_certain and better.decay == "fast"):
-        return {}
-    if better.decay == "fast":
+    slow, fast = _best_fit(tables, "slow"), _best_fit(tables, "fast")
+    is_fast = not is_shorted and fast.error < CERTAIN_RATIO_MAX * slow.error
+    is_slow = is_shorted or slow.error < CERTAIN_RATIO_MAX * fast.error
+    if is_fast:
         curves = _fast_curves(tables)
+    elif slow.is_within:
+        # Of motors that show no difference the simpler law is as good.
+        curves = _curves(tables, slow, "slow" if is_slow else None)
+    elif is_shorted:
+        line = _CurveFit("slow", 0.0, _error(tables, 0.0, "slow"))
+        curves = [
+            curve.wider(0.0, UNKNOWN_SAG_SD * curve.rated)
+            for curve in _curves(tables, line, "slow")
+        ]
     else:
-        curves = _curves(tables, better, better.decay if is_certain else None)
+        return {}
     return dict(zip(points, curves, strict=True))
-
-
-def with_duty_sd(curve: FittedMotor, sd: float) -> FittedMotor:
-    """`curve` with what an error `sd` that all duties share adds to its standard deviations."""
-    return curve._replace(
-        static_sd=hypot(curve.static_sd, sd),
-        rated_sd=hypot(curve.rated_sd, sd * curve.rated / (1 - curve.static)),
-    )
 
 
 def _fast_curves(tables: Sequence[Floats]) -> list[FittedMotor]:
@@ -142,16 +145,20 @@ def _fast_curves(tables: Sequence[Floats]) -> list[FittedMotor]:
     what is not known."""
     loaded = _curves(tables, _best_fit(tables, "fast"), "fast")
     alone = [_curves([table], _best_fit([table], "fast"), "fast")[0] for table in tables]
-    supply = 1 - USUAL_STALL_DROP * sum(map(_current, loaded)) / len(loaded)
-    return [
-        _widened(_at_rest(curve, supply), (curve, _at_rest(own, supply)))
-        for curve, own in zip(loaded, alone, strict=True)
+    # The current over the stall current balances friction at full duty.
+    currents = [
+        curve.static + curve.viscous * (1 - curve.static) / (1 + curve.viscous) for curve in loaded
     ]
-
-
-def _current(curve: FittedMotor) -> float:
-    """Current over stall current that balances friction at full duty."""
-    return curve.static + curve.viscous * (1 - curve.static) / (1 + curve.viscous)
+    supply = 1 - USUAL_STALL_DROP * sum(currents) / len(currents)
+    curves = []
+    for curve, own in zip(loaded, alone, strict=True):
+        best = _at_rest(curve, supply)
+        statics, rateds = (
+            [getattr(other, name) - getattr(best, name) for other in (curve, _at_rest(own, supply))]
+            for name in ("static", "rated")
+        )
+        curves.append(best.wider(hypot(FAST_STATIC_SD_MIN, *statics), hypot(*rateds)))
+    return curves
 
 
 def _at_rest(curve: FittedMotor, supply: float) -> FittedMotor:
@@ -161,26 +168,15 @@ def _at_rest(curve: FittedMotor, supply: float) -> FittedMotor:
     return curve._replace(static=static, rated=rated, loaded=curve.rated)
 
 
-def _widened(curve: FittedMotor, others: Sequence[FittedMotor]) -> FittedMotor:
-    """`curve`, with its differences from other ones as parts of its standard deviations."""
-    statics = (other.static - curve.static for other in others)
-    rateds = (other.rated - curve.rated for other in others)
-    return curve._replace(
-        static_sd=hypot(curve.static_sd, FAST_STATIC_SD_MIN, *statics),
-        rated_sd=hypot(curve.rated_sd, *rateds),
-    )
-
-
 def _best_fit(tables: Sequence[Floats], decay: Decay) -> _CurveFit:
-    fits = [
-        _CurveFit(
-            decay,
-            float(shared),
-            sum(float(_line(table, shared, decay)[1]) for table in tables),
-        )
-        for shared in np.arange(SHARED_MIN, SHARED_MAX + SHARED_STEP, SHARED_STEP)
-    ]
+    grid = np.arange(SHARED_MIN, SHARED_MAX[decay] + SHARED_STEP, SHARED_STEP)
+    fits = (_CurveFit(decay, float(each), _error(tables, each, decay)) for each in grid)
     return min(fits, key=lambda fit: fit.error)
+
+
+def _error(tables: Sequence[Floats], shared: float, decay: Decay) -> float:
+    """Sum of the squared relative errors of all motors."""
+    return sum(_line(table, shared, decay)[1] for table in tables)
 
 
 def _curves(tables: Sequence[Floats], fit: _CurveFit, decay: Decay | None) -> list[FittedMotor]:

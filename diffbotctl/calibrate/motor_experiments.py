@@ -154,7 +154,7 @@ def _effect_time(received: Received, level: float, sent: float) -> float:
 
 
 def check_creep(session: RobotSession) -> Generator[Event, Any, list[str]]:
-    """Start both wheels to a creep with the fitted loops. Returns a fault for each that fails."""
+    """Start both wheels to a creep with the fitted loops. Returns advice for each that fails."""
     session.connect()
     robot = session.file.robot
     sides = drive_sides(robot)
@@ -166,14 +166,14 @@ def check_creep(session: RobotSession) -> Generator[Event, Any, list[str]]:
     session.run_for(command, CREEP_TIME_S / 2)
     frames = session.run_for(command, CREEP_TIME_S / 2).encoders
     session.stop_and_wait()
-    faults = []
+    advice = []
     for side in SIDES:
         speed = mean_speed(frames, side == "left", sides[side].encoder.counts)
         ratio = speed / target[side]
         if abs(ratio - 1.0) > CREEP_ERROR_RATIO_MAX:
             speeds = f"{ratio * CREEP_SPEED_M_S * CM:.1f} instead of {CREEP_SPEED_M_S * CM:g} cm/s"
-            faults.append(
+            advice.append(
                 f"the {side} wheel does not hold a low speed: {speeds}. Does the gear need oil, "
-                "or is the battery low? This motor cannot run below its breakaway speed"
+                "or is the battery low?"
             )
-    return faults
+    return advice

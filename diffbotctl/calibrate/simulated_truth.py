@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from math import isnan, nan, pi
 from typing import NamedTuple
 
@@ -19,7 +19,10 @@ from diffbotctl.calibrate.result import (
 from diffbotctl.config.robot import SIDES
 from diffbotctl.config.robot_tree import field
 from diffbotctl.plant.simulated_robot import SimulatedRobot
+from diffbotctl.plant.torque_drive import TorqueDrive
 
+LINE_DUTIES, STEP_DUTY = (0.3, 0.9), 0.55  # of `calibrate motors`: of its line, and amid its steps
+BISECTIONS, DIFFERENCE = 50, 1e-4
 CURVE_DISTANCES_M = (0.05, 0.10, 0.20, 0.30)
 
 
@@ -74,7 +77,8 @@ def true_values(plant: SimulatedRobot) -> dict[str, float]:
 
     `rated` is the speed at full duty with the full battery voltage at the motor; `friction` the
     duty at which friction just stops a wheel that turns, `breakaway` that at which one begins to.
-    `loop.static` is the former where the speed is linear in the duty.
+    Where the driver takes a voltage of its own and shorts the motors between two pulses, `friction`
+    is that of the line through the speeds at LINE_DUTIES: at less duty the speed falls steeply.
     """
     chassis = plant.chassis
     values = {
@@ -99,9 +103,45 @@ def true_values(plant: SimulatedRobot) -> dict[str, float]:
             f"drive.{side}.motor.lag": motor.lag,
             f"drive.{side}.motor.friction": motor.keep,
             f"drive.{side}.motor.breakaway": motor.start,
+            **_shorted_truth(plant, side),
             f"drive.{side}.encoder.slots": slots,
             f"drive.{side}.encoder.open_share": 1 - open_share
             if plant.parameters.falling
             else open_share,
         }
     return values
+
+
+def _shorted_truth(plant: SimulatedRobot, side: str) -> dict[str, float]:
+    """Friction, breakaway and lag of a motor that is shorted between its pulses, by its torque;
+    empty where the plant has no torques, or the driver opens there."""
+    drive = plant.drive
+    if not isinstance(drive, TorqueDrive) or not plant.parameters.shorted_between:
+        return {}
+    motor, bridge = drive.wheels[SIDES.index(side)].motor, drive.setup.bridge
+
+    def torque(duty: float, speed: float) -> float:
+        return bridge.mean_current(duty, 1.0, speed, 1.0 - duty) - motor.viscous * speed
+
+    def settled(duty: float) -> float:
+        return _root(lambda speed: motor.sliding - torque(duty, speed))
+
+    low, high = LINE_DUTIES
+    slow, fast = settled(low), settled(high)
+    speed = settled(STEP_DUTY)
+    change = torque(STEP_DUTY, speed - DIFFERENCE) - torque(STEP_DUTY, speed + DIFFERENCE)
+    path = f"drive.{side}.motor"
+    return {
+        f"{path}.friction": low - slow * (high - low) / (fast - slow),
+        f"{path}.breakaway": _root(lambda duty: torque(duty, 0.0) - motor.static),
+        f"{path}.lag": motor.speed / motor.acceleration * 2 * DIFFERENCE / change,
+    }
+
+
+def _root(increasing: Callable[[float], float]) -> float:
+    """Where a function crosses 0, between 0 and 1."""
+    low, high = 0.0, 1.0
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if increasing(middle) < 0.0 else (low, middle)
+    return low

@@ -52,6 +52,14 @@ class MotorCurve(NamedTuple):
         """Speed (rad/s) at which it settles with `duty`, 0 to 1."""
         return settled_speed(duty, self.static, self.rated) * self.steepness(duty)
 
+    def duty(self, speed: float) -> float:
+        """Duty at which it settles at `speed` (rad/s, 0 to `rated`)."""
+        share = speed / self.rated * (1.0 - self.static)
+        if self.viscous is None:
+            return self.static + share
+        full = 1.0 + self.viscous
+        return (full * self.static + self.viscous * share) / (full - share)
+
     def steepness(self, duty: float) -> float:
         """Speed over that of a motor with slow decay."""
         return 1.0 if self.viscous is None else (1.0 + self.viscous) / (duty + self.viscous)

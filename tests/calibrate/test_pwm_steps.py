@@ -2,7 +2,7 @@
 
 import pytest
 
-from diffbotctl.calibrate.motor_curve import FittedMotor, with_duty_sd
+from diffbotctl.calibrate.motor_curve import FittedMotor
 from diffbotctl.calibrate.motor_experiments import DUTY_LEVELS
 from diffbotctl.calibrate.runner import make_step, open_session, run_step
 from diffbotctl.config.load import load_robot
@@ -16,7 +16,7 @@ def test_every_duty_is_a_whole_step():
 
 def test_an_error_of_all_duties_moves_friction_and_speed():
     """Friction 0.1 and 9 rad/s: 10 rad/s for the whole duty, so 0.001 of it are 0.01 rad/s."""
-    curve = with_duty_sd(FittedMotor(0.1, 9.0, 0.0, 0.0), 0.001)
+    curve = FittedMotor(0.1, 9.0, 0.0, 0.0).with_duty_sd(0.001)
     assert (curve.static_sd, curve.rated_sd) == pytest.approx((0.001, 0.01))
 
 

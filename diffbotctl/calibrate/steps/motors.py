@@ -8,7 +8,7 @@ from math import floor, hypot, pi
 from typing import NamedTuple
 
 from diffbotctl.calibrate.fast_decay_lag import fit_fast_lags
-from diffbotctl.calibrate.motor_curve import FittedMotor, fit_curves, with_duty_sd
+from diffbotctl.calibrate.motor_curve import FittedMotor, fit_curves
 from diffbotctl.calibrate.motor_experiments import (
     BREAKAWAY_DUTY_MAX,
     BREAKAWAY_RESOLUTION,
@@ -91,11 +91,10 @@ class MotorStep:
         breakaway = yield from measure_breakaway(session)
         speeds = yield from measure_speeds(session)
         steps = yield from record_steps(session)
+        points = {side: [*speeds[side, "forward"], *speeds[side, "backward"]] for side in SIDES}
         curves = {
-            side: with_duty_sd(curve, DUTY_SD)
-            for side, curve in fit_curves(
-                {side: [*speeds[side, "forward"], *speeds[side, "backward"]] for side in SIDES}
-            ).items()
+            side: curve.with_duty_sd(DUTY_SD)
+            for side, curve in fit_curves(points, robot.drive.left.motor.is_shorted).items()
         }
         lags = _fit_lags(robot, steps, curves)
         motors = {
@@ -104,9 +103,9 @@ class MotorStep:
         }
         findings = [*motor_findings(robot, motors), *_delay_findings(session.file.nominal, motors)]
         session.try_findings(findings)
-        faults = [*_direction_faults(motors), *(yield from check_creep(session))]
+        report = [*_report(robot, motors), *(yield from check_creep(session))]
         volts = session.listen(BATTERY_LISTEN_TIME_S).battery_volts
-        return Outcome("motors", findings, _report(robot, motors), faults, volts=volts)
+        return Outcome("motors", findings, report, _direction_faults(motors), volts=volts)
 
 
 def _motion_notice(robot: Robot) -> MotionNotice:
@@ -133,7 +132,7 @@ def _fit_lags(
     side, staircase = "left or the right", duty_staircase(robot)
     duties = (staircase.high, staircase.low)
     shares = {
-        name: (curve.lag_share(duties[0]), curve.lag_share(duties[1]))
+        name: (curve.law().slowness(duties[0]), curve.law().slowness(duties[1]))
         for name, curve in curves.items()
     }
     try:
@@ -203,7 +202,7 @@ def _feed_forward(motor: MotorFit, top: float) -> FeedForward:
     if curve.decay != "fast":
         return FeedForward(static, curve.static_sd, *line.slope_above(static))
     top = min(top, SPEED_LIMIT_RATIO * curve.rated)
-    slope = (curve.fast_duty(top) - static) / top
+    slope = (curve.law().duty(top) - static) / top
     slope_sd = hypot(curve.static_sd / top, slope * curve.rated_sd / curve.rated)
     return FeedForward(static, curve.static_sd, slope, slope_sd)
 
