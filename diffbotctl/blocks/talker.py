@@ -1,8 +1,8 @@
-"""Talker and listener: the smallest pipeline, a text that is sent and answered."""
+"""Talker: a text that is sent each period; with the listener, the smallest pipeline."""
 
 from __future__ import annotations
 
-from diffbotctl.block import Block, Every, In, Out
+from diffbotctl.block import Block, Every, Out
 from diffbotctl.messages import Text
 from diffbotctl.params import Param
 
@@ -28,17 +28,3 @@ class Talker(Block):
             return None
         self.count += 1
         return Text(tick, f"{self.greeting} {self.count}")
-
-
-class Listener(Block):
-    """Answer each text with `heard: ...`.
-
-    blocks:
-      listener: {block: listener, in: {text: talker.text}}
-    """
-
-    text = In(Text, help="The text to answer.")
-    heard = Out(Text, help="The answer.")
-
-    def react(self, now: int, text: Text | None) -> Text | None:
-        return None if text is None else Text(text.time, f"heard: {text.text}")

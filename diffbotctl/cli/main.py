@@ -34,110 +34,83 @@ INTERRUPTED = 130  # exit code, as shells use it
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
-class Entry(NamedTuple):
-    """Where a command is, and its help, which stands here so that --help need not import it."""
+class HelpRow(NamedTuple):
+    """A row of --help: commands, what each does, and the modules that have them.
+
+    The help stands here so that --help need not import the commands. One module may have all of
+    the row, or the command the name of its module.
+    """
+
+    commands: str
+    help: str
+    modules: str = ""
+
+    def entries(self) -> list[tuple[str, str, str]]:
+        """Name, module and help of each command."""
+        names = self.commands.split(", ")
+        modules = self.modules.split(", ") if self.modules else names
+        modules = modules * len(names) if len(modules) == 1 else modules
+        texts = self.help.split("; ", len(names) - 1)
+        return list(zip(names, modules, texts, strict=True))
+
+
+GROUPS = {
+    "Set up": (
+        HelpRow("start", "Guided setup, simulated robot first"),
+        HelpRow("flash, blink", "Write the firmware to the board; blink its light", "flash"),
+        HelpRow("ports, doctor", "List the serial ports; check this machine", "ports"),
+        HelpRow("bluetooth", "Find, pair and test a Bluetooth module"),
+        HelpRow("service", "Print a systemd unit that starts a run at boot"),
+        HelpRow("completion", "Print the completion script of a shell"),
+    ),
+    "Run": (
+        HelpRow("run", "Run a pipeline; simulated unless --port is given"),
+        HelpRow("emulate", "Start a virtual board that runs the real firmware"),
+    ),
+    "Look": (
+        HelpRow("dash, web", "Show a running engine on one screen; on a page", "screens, web"),
+        HelpRow(
+            "engines, why", "List the running engines; explain why one stopped", "engines, stop"
+        ),
+        HelpRow("topic, log", "Print messages; follow the log"),
+        HelpRow("blocks, graph", "List blocks; draw a pipeline"),
+        HelpRow("param, call", "Change parameters; call an action of a block", "param"),
+    ),
+    "Drive": (
+        HelpRow("stop, resume", "Stop the robot; allow it to move again", "stop"),
+        HelpRow("goto, drive", "Drive to a pose; drive for a time, distance or angle", "drive"),
+        HelpRow("teleop", "Drive with the keys", "screens"),
+        HelpRow("ros2, foxglove", "Connect a running engine to ROS 2; to Foxglove"),
+    ),
+    "Calibrate": (HelpRow("calibrate", "Measure wheels, track, motors and sensors"),),
+    "Record": (
+        HelpRow("replay", "Replay a recording, unchanged or changed"),
+        HelpRow("bag", "Recordings: record, save, info, plot, export, diff"),
+    ),
+    "Files": (
+        HelpRow("new", "Write a new robot, pipeline or block"),
+        HelpRow("check, explain", "Check files; explain an error code", "check"),
+        HelpRow(
+            "wiring, show", "Draw the wiring of a robot; draw the robot", "wiring, robot_model"
+        ),
+        HelpRow("frames, export", "Print coordinate frames; write URDF", "robot_model"),
+    ),
+}
+
+
+class CommandEntry(NamedTuple):
+    """Where a command is, and its help."""
 
     module: str
     help: str
 
 
 COMMANDS = {
-    "start": Entry("start", "Guided setup, simulated robot first."),
-    "flash": Entry("flash", "Write the firmware to the board and send the robot's settings."),
-    "blink": Entry("flash", "Blink the board's light to check board, cable and port."),
-    "ports": Entry("ports", "List the serial ports: board, access rights, users, problems."),
-    "doctor": Entry("ports", "Check this machine: versions, access rights, ports, packages."),
-    "bluetooth": Entry("bluetooth", "Find, pair and test a Bluetooth module; set its rate."),
-    "service": Entry("service", "Print a systemd unit that starts a run with the machine."),
-    "completion": Entry("completion", "Print the completion script for bash, zsh or fish."),
-    "run": Entry("run", "Run a pipeline on the simulated robot, or on a real one with --port."),
-    "emulate": Entry("emulate", "Start a virtual board that runs the real firmware."),
-    "engines": Entry("engines", "List the running engines, here and on other computers."),
-    "dash": Entry("screens", "Show a running engine on one screen."),
-    "web": Entry("web", "Serve a page of a running engine to browsers and phones."),
-    "why": Entry("stop", "Explain why the robot stopped, from the sensor to the motors."),
-    "topic": Entry("topic", "List, print, measure and publish messages of a running engine."),
-    "log": Entry("log", "Follow the log of a running engine; set the log level of a block."),
-    "blocks": Entry("blocks", "List the available blocks, or show one."),
-    "graph": Entry("graph", "Draw the blocks and wires of a pipeline."),
-    "param": Entry("param", "List, change and save the parameters of running blocks."),
-    "call": Entry("param", "Call an action of a running block."),
-    "stop": Entry("stop", "Stop the robot of a running engine."),
-    "resume": Entry("stop", "Allow a stopped robot to move again."),
-    "goto": Entry("drive", "Drive the robot of a running engine to a pose."),
-    "drive": Entry("drive", "Drive by hand for a time, a distance or an angle."),
-    "teleop": Entry("screens", "Drive with the keys."),
-    "ros2": Entry("ros2", "Connect a running engine to ROS 2 as a node."),
-    "foxglove": Entry("foxglove", "Show a running engine in Foxglove or Lichtblick."),
-    "calibrate": Entry("calibrate", "Measure wheels, track, motors and sensors of the robot."),
-    "replay": Entry("replay", "Replay a recording, unchanged or with other parameters."),
-    "bag": Entry("bag", "Record; inspect recordings: info, plot, export, diff."),
-    "new": Entry("new", "Write a new robot, pipeline or block to start from."),
-    "check": Entry("check", "Check robot and pipeline files; print every problem."),
-    "explain": Entry("check", "Explain an error code."),
-    "wiring": Entry("wiring", "Show every wire of a robot as a picture and a table."),
-    "show": Entry("robot_model", "Draw a robot from above and from the side."),
-    "frames": Entry("robot_model", "Print the coordinate frames of a robot as a tree."),
-    "export": Entry("robot_model", "Write a robot as URDF."),
-    "help": Entry("main", "Show the help of a command."),
-}
-# The rows of --help: group, commands, what they do. `help COMMAND` shows one in full.
-GROUPS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
-    (
-        "Set up",
-        (
-            ("start", "Guided setup, simulated robot first"),
-            ("flash, blink", "Write the firmware to the board; blink its light"),
-            ("ports, doctor", "List the serial ports; check this machine"),
-            ("bluetooth", "Find, pair and test a Bluetooth module"),
-            ("service", "Print a systemd unit that starts a run at boot"),
-            ("completion", "Print the completion script of a shell"),
-        ),
-    ),
-    (
-        "Run",
-        (
-            ("run", "Run a pipeline; simulated unless --port is given"),
-            ("emulate", "Start a virtual board that runs the real firmware"),
-        ),
-    ),
-    (
-        "Look",
-        (
-            ("dash, web", "Show a running engine on one screen; on a page"),
-            ("engines, why", "List the running engines; explain why one stopped"),
-            ("topic, log", "Print messages; follow the log"),
-            ("blocks, graph", "List blocks; draw a pipeline"),
-            ("param, call", "Change parameters; call an action of a block"),
-        ),
-    ),
-    (
-        "Drive",
-        (
-            ("stop, resume", "Stop the robot; allow it to move again"),
-            ("goto, drive", "Drive to a pose; drive for a time, distance or angle"),
-            ("teleop", "Drive with the keys"),
-            ("ros2, foxglove", "Connect a running engine to ROS 2, to Foxglove"),
-        ),
-    ),
-    ("Calibrate", (("calibrate", "Measure wheels, track, motors and sensors"),)),
-    (
-        "Record",
-        (
-            ("replay", "Replay a recording, unchanged or changed"),
-            ("bag", "Recordings: record, save, info, plot, export, diff"),
-        ),
-    ),
-    (
-        "Files",
-        (
-            ("new", "Write a new robot, pipeline or block"),
-            ("check, explain", "Check files; explain an error code"),
-            ("wiring, show", "Draw the wiring of a robot; draw the robot"),
-            ("frames, export", "Print coordinate frames; write URDF"),
-        ),
-    ),
-)
+    name: CommandEntry(module, f"{text[0].upper()}{text[1:]}.")
+    for rows in GROUPS.values()
+    for row in rows
+    for name, module, text in row.entries()
+} | {"help": CommandEntry("main", "Show the help of a command.")}
 
 
 class LazyGroup(click.Group):
@@ -178,9 +151,10 @@ class LazyGroup(click.Group):
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """The rows of GROUPS; imports nothing."""
         formatter.write_paragraph()
-        for group, rows in GROUPS:
-            for title, (names, text) in zip([group, *[""] * len(rows)], rows, strict=False):
-                formatter.write(f"{title:<10} {names:<15} {text}\n")
+        for group, rows in GROUPS.items():
+            for number, row in enumerate(rows):
+                title = "" if number else group
+                formatter.write(f"{title:<10} {row.commands:<15} {row.help}\n")
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         """As click does; names the closest command when there is none."""

@@ -28,6 +28,7 @@ from diffbotctl.cli.program_consent import allowed_programs
 from diffbotctl.cli.run_arguments import (
     SCREENS,
     SOCKET_OPTIONS,
+    RunArguments,
     check_fast,
     check_files,
     check_has_end,
@@ -40,8 +41,9 @@ from diffbotctl.cli.web import CLOSED, check_options, lan_option, page_port_opti
 
 if TYPE_CHECKING:
     from diffbotctl.config.configuration import Configuration
+    from diffbotctl.messages import Goal
     from diffbotctl.processes.screen import RunSnapshot
-    from diffbotctl.runs.options import RunOptions, RunResult, SocketOptions
+    from diffbotctl.runs.options import RunOptions, RunResult
     from diffbotctl.runs.run import Run
     from diffbotctl.runs.signals import Signals
     from diffbotctl.ui.saved_view import ViewSettings
@@ -96,34 +98,7 @@ if TYPE_CHECKING:
 @click.option("--quiet", is_flag=True, help="Print the summary only.")
 @click.option("--verbose", is_flag=True, help="Print the errors as estimated in the summary too.")
 @json_option
-def command(
-    pipeline: str,
-    robot: str | None,
-    port: str,
-    goals: tuple[str, ...],
-    sets: tuple[str, ...],
-    seed: int,
-    fast: bool,
-    duration: float | None,
-    record: Path | None,
-    force: bool,
-    digest: bool,
-    stay: bool,
-    dash: bool,
-    web: bool,
-    lan: bool,
-    tcp_port: int,
-    view_file: Path | None,
-    name: str | None,
-    group: str | None,
-    no_socket: bool,
-    allow_programs: bool,
-    quiet: bool,
-    verbose: bool,
-    log: Path | None,
-    levels: tuple[str, ...],
-    as_json: bool,
-) -> int:
+def command(**options: Any) -> int:
     """Run PIPELINE: a name (goal) or a file (./mine.yaml). Simulated unless --port names a board.
 
     Exit code: 0 all goals reached, 1 not all reached, the run failed, or its recording or log is
@@ -131,85 +106,103 @@ def command(
     """
     from diffbotctl.runs.signals import Signals
 
-    context = click.get_current_context()
+    typed = _with_port(click.get_current_context(), RunArguments(**options))
+    view = None if typed.view_file is None else _read_view(typed.view_file)
+    typed = typed._replace(dash=typed.dash or (view is not None and not typed.web))
+    signals = Signals()  # from here on a signal is remembered, and ends the run when it has started
+    from diffbotctl.runs.run import Run
+
+    configuration, goals = _read(typed)
+    run_options = _run_options(typed, configuration, goals)
+    if typed.fast:
+        check_has_end(configuration, run_options)
+    if not typed.as_json:
+        _print_header(configuration, typed.port, typed.seed)
+    if configuration.robots and (typed.dash or typed.web):
+        command = "dash" if typed.dash else "web"
+        raise click.UsageError(
+            f"--{command} shows one robot: start the run without it, then "
+            f"`diffbotctl {command} --engine {next(iter(configuration.robots))}`"
+        )
+    if typed.dash:
+        return _run_with_dashboard(configuration, run_options, signals, view)
+    if typed.web:
+        page = show_page(typed.lan, typed.tcp_port, view)
+        return _run_with_page(configuration, run_options, signals, page)
+    stderr = NonBlockingStderr()
+    is_silent = typed.quiet or typed.as_json
+    show = None if is_silent else screen(configuration, typed.port, typed.duration)
+    run = Run(configuration, run_options, show, stderr.say, signals)
+    return _finish(run, stderr, typed.as_json)
+
+
+def _with_port(context: click.Context, typed: RunArguments) -> RunArguments:
+    """The arguments with the name of the port; refuses options that contradict each other."""
     check_fast(context)
-    if port != "auto":
-        check_simulated(context, port)
-    check_files(record, force, log)
-    if port == "auto":
+    if typed.port != "auto":
+        check_simulated(context, typed.port)
+    check_files(typed.record, typed.force, typed.log)
+    if typed.port == "auto":
         from diffbotctl.cli.choose_port import choose_port
 
-        port = choose_port(radio=True, simulates=True)
-        check_simulated(context, port)
-    view = None if view_file is None else _read_view(view_file)
-    dash = dash or (view is not None and not web)
-    signals = Signals()  # from here on a signal is remembered, and ends the run when it has started
+        typed = typed._replace(port=choose_port(radio=True, simulates=True))
+        check_simulated(context, typed.port)
+    return typed
+
+
+def _read(typed: RunArguments) -> tuple[Configuration, tuple[Goal, ...]]:
+    """The checked configuration and the goals of --goal. Raises UserError; prints warnings."""
     from diffbotctl.config.checks.world import typed_goal_problems
     from diffbotctl.config.load import load
     from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS, is_simulated_port
     from diffbotctl.errors import UsageError
-    from diffbotctl.recording.black_box_store import black_box_folder
-    from diffbotctl.runs.options import RunOptions
-    from diffbotctl.runs.run import Run
 
-    run_goals = tuple(read_goal(text) for text in goals)
-    is_simulated = port in VIRTUAL_PORTS
-    refuse = not is_simulated_port(port)
-    configuration = load(pipeline, robot, sets, real=not is_simulated, refuse_simulated=refuse)
-    check_used(context, configuration)
+    goals = tuple(read_goal(text) for text in typed.goals)
+    is_simulated = typed.port in VIRTUAL_PORTS
+    configuration = load(
+        typed.pipeline,
+        typed.robot,
+        typed.sets,
+        real=not is_simulated,
+        refuse_simulated=not is_simulated_port(typed.port),
+    )
+    check_used(click.get_current_context(), configuration)
     problems = list(configuration.warnings)
-    for text, goal in zip(goals, run_goals, strict=True):
-        problems += typed_goal_problems(
-            configuration, f"--goal '{text}'", goal.x, goal.y, is_simulated
-        )
+    for text, goal in zip(typed.goals, goals, strict=True):
+        place = f"--goal '{text}'"
+        problems += typed_goal_problems(configuration, place, goal.x, goal.y, is_simulated)
     if any(problem.severity == "error" for problem in problems):
         raise UsageError(problems)
     for warning in problems:
         click.echo(warning.render(), err=True)
-    log_levels = tuple(read_log_level(text, configuration) for text in levels)
-    is_unseen = no_socket or (fast and name is None)  # a fast run usually ends at once
-    socket = None if is_unseen else _socket(name, group)
-    stay = stay or dash or web
-    flights = None if fast else black_box_folder()  # a fast run can be repeated from its seed
-    options = RunOptions(
-        port,
-        run_goals,
-        seed,
-        fast,
-        duration,
-        record,
-        digest,
-        socket,
-        stay,
-        dash or web,
-        log,
-        log_levels,
-        flights,
-        None if fast else allowed_programs(configuration, allow_programs),
+    return configuration, goals
+
+
+def _run_options(
+    typed: RunArguments, configuration: Configuration, goals: tuple[Goal, ...]
+) -> RunOptions:
+    from diffbotctl.recording.black_box_store import black_box_folder
+    from diffbotctl.runs.options import RunOptions, SocketOptions
+
+    is_unseen = typed.no_socket or (typed.fast and typed.name is None)  # it usually ends at once
+    has_screen = typed.dash or typed.web
+    return RunOptions(
+        typed.port,
+        goals,
+        typed.seed,
+        typed.fast,
+        typed.duration,
+        typed.record,
+        typed.digest,
+        socket=None if is_unseen else SocketOptions(typed.name, typed.group),
+        stay=typed.stay or has_screen,
+        dash=has_screen,
+        log=typed.log,
+        levels=tuple(read_log_level(text, configuration) for text in typed.levels),
+        # A fast run can be repeated from its seed.
+        flights=None if typed.fast else black_box_folder(),
+        programs=None if typed.fast else allowed_programs(configuration, typed.allow_programs),
     )
-    if fast:
-        check_has_end(configuration, options)
-    if not as_json:
-        _print_header(configuration, port, seed)
-    if configuration.robots and (dash or web):
-        raise click.UsageError(
-            f"{'--dash' if dash else '--web'} shows one robot: start the run without it, then "
-            f"`diffbotctl {'dash' if dash else 'web'} --engine {next(iter(configuration.robots))}`"
-        )
-    if dash:
-        return _run_with_dashboard(configuration, options, signals, view)
-    if web:
-        return _run_with_page(configuration, options, signals, show_page(lan, tcp_port, view))
-    stderr = NonBlockingStderr()
-    show = None if quiet or as_json else screen(configuration, port, duration)
-    run = Run(configuration, options, show, stderr.say, signals)
-    return _finish(run, stderr, as_json)
-
-
-def _socket(name: str | None, group: str | None) -> SocketOptions:
-    from diffbotctl.runs.options import SocketOptions
-
-    return SocketOptions(name, group)
 
 
 def _read_view(path: Path) -> ViewSettings:

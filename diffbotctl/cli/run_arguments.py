@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
@@ -19,6 +19,37 @@ if TYPE_CHECKING:
 GOAL_WIRE = "operator.goal"
 SCREENS = ("--dash", "--web", "--view")
 SOCKET_OPTIONS = (*SCREENS, "--name", "--group")  # they need a control socket
+
+
+class RunArguments(NamedTuple):
+    """What was typed, by the names of the options."""
+
+    pipeline: str
+    robot: str | None
+    port: str
+    goals: tuple[str, ...]
+    sets: tuple[str, ...]
+    seed: int
+    fast: bool
+    duration: float | None
+    record: Path | None
+    force: bool
+    digest: bool
+    stay: bool
+    dash: bool
+    web: bool
+    lan: bool
+    tcp_port: int
+    view_file: Path | None
+    name: str | None
+    group: str | None
+    no_socket: bool
+    allow_programs: bool
+    quiet: bool
+    verbose: bool
+    log: Path | None
+    levels: tuple[str, ...]
+    as_json: bool
 
 
 def check_fast(context: click.Context) -> None:

@@ -8,6 +8,8 @@ other packages register one name, neither is used.
 from __future__ import annotations
 
 from importlib import import_module
+from pathlib import Path
+from types import ModuleType
 from typing import Any, cast
 
 from diffbotctl.block import Block
@@ -19,24 +21,10 @@ from diffbotctl.messages import BUILT_IN
 ENTRY_POINT_GROUP = "diffbotctl.blocks"
 MESSAGES_GROUP = "diffbotctl.messages"
 DRIVERS_GROUP = "diffbotctl.drivers"
+BLOCKS_FOLDER = Path(__file__).parents[1] / "blocks"
+# A built-in block is the class in the module of its name.
 BLOCKS = {
-    "canvas": "diffbotctl.blocks.canvas:TurtleCanvas",
-    "color_sensor": "diffbotctl.blocks.color_sensor:ColorSensor",
-    "command_mux": "diffbotctl.blocks.command_mux:CommandMux",
-    "diff_drive": "diffbotctl.blocks.diff_drive:DiffDrive",
-    "goal_follower": "diffbotctl.blocks.goal_follower:GoalFollower",
-    "listener": "diffbotctl.blocks.talker:Listener",
-    "obstacle_stop": "diffbotctl.blocks.obstacle_stop:ObstacleStop",
-    "odometry": "diffbotctl.blocks.odometry:OdometryBlock",
-    "heading_hold": "diffbotctl.blocks.heading_hold:HeadingHold",
-    "path": "diffbotctl.blocks.path:PathSource",
-    "range_sensor": "diffbotctl.blocks.range_sensor:RangeSensor",
-    "scan_stop": "diffbotctl.blocks.scan_stop:ScanStop",
-    "speed_limiter": "diffbotctl.blocks.speed_limiter:SpeedLimiter",
-    "talker": "diffbotctl.blocks.talker:Talker",
-    "turtle": "diffbotctl.blocks.turtle:Turtle",
-    "wander": "diffbotctl.blocks.wander:Wander",
-    "wheel_speed": "diffbotctl.blocks.wheel_speed:WheelSpeed",
+    path.stem: f"diffbotctl.blocks.{path.stem}" for path in sorted(BLOCKS_FOLDER.glob("[a-z]*.py"))
 }
 DRIVERS = {
     "joystick": "diffbotctl.drivers.joystick:Joystick",
@@ -118,13 +106,23 @@ def message_type(name: str) -> type:
 
 
 def _attribute(name: str, path: str) -> Any:
-    """What `module:attribute` leads to. Raises RegistryError."""
-    module, _, attribute = path.partition(":")
+    """What `module:attribute` leads to; of a module alone its block. Raises RegistryError."""
+    name_of_module, _, attribute = path.partition(":")
     try:
-        return getattr(import_module(module), attribute)
+        module = import_module(name_of_module)
+        return getattr(module, attribute) if attribute else _own_block(module)
     except Exception as error:
         cause = f"'{name}' ({path}) cannot be imported: {type(error).__name__}: {error}"
         raise RegistryError("E-BLOCK-IMPORT", cause, IMPORT_FIX) from error
+
+
+def _own_block(module: ModuleType) -> type:
+    """The one class that the module defines and that is a block. Raises ValueError."""
+    classes = [kind for kind in vars(module).values() if isinstance(kind, type)]
+    (own,) = (
+        kind for kind in classes if issubclass(kind, Block) and kind.__module__ == module.__name__
+    )
+    return own
 
 
 def _path_in_packages(name: str, group: str = ENTRY_POINT_GROUP) -> str:

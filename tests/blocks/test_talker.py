@@ -1,6 +1,7 @@
 """Talker and listener."""
 
-from diffbotctl.blocks.talker import Listener, Talker
+from diffbotctl.blocks.listener import Listener
+from diffbotctl.blocks.talker import Talker
 from diffbotctl.messages import Text
 
 
