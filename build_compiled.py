@@ -33,7 +33,7 @@ LEFT_OUT = frozenset(
     }
 )
 # Classes that stay as they are. The others can be saved in snapshots, and have subclasses.
-PLAIN_BASES = frozenset({"NamedTuple", "Protocol", "IntEnum"})
+PLAIN_BASES = frozenset({"NamedTuple", "Protocol", "IntEnum", "StrEnum"})
 CLASS = "@mypyc_attr(serializable=True, allow_interpreted_subclasses=True)"
 # A multiplication and an addition are not fused, which would round once instead of twice: the
 # results are those of the interpreted modules on each computer.

@@ -1,19 +1,22 @@
 """Goal follower: turn to the bearing of the goal, drive to it, turn to its heading."""
 
+from __future__ import annotations
+
 from collections import deque
 from collections.abc import Mapping
-from math import degrees, pi
-from typing import assert_never
+from math import degrees, hypot, pi
 
 from diffbotctl.block import Block, In, Out
-from diffbotctl.control.goal_legs import FollowerStep, GoalLegs, LegLimits, LegView
-from diffbotctl.control.goal_pursuit import (
-    COAST_TIME_MAX,
-    Coast,
-    PoseSd,
+from diffbotctl.control.coast import COAST_TIME_MAX
+from diffbotctl.control.goal_motion import (
+    STILL_SPEED_MAX,
+    GoalMotion,
+    MotionView,
+    Phase,
     Pursuit,
 )
 from diffbotctl.control.motion_profile import MotionLimits, predict_motion, rest_to_rest_time
+from diffbotctl.control.pose_sd import PLACE_RADIUS, PoseSd
 from diffbotctl.control.velocity_limits import VelocityRate
 from diffbotctl.control.wheel_response import GAP_MAX, DriveResponse
 from diffbotctl.estimation.geometry_deviation import GEOMETRY, TRACK
@@ -22,23 +25,15 @@ from diffbotctl.messages import (
     Encoders,
     Goal,
     GoalEnd,
+    GoalPhase,
     GoalState,
     Odometry,
     Stop,
     Twist,
 )
 from diffbotctl.params import FromRobot, Param
-from diffbotctl.time import MILLISECOND, SECOND
+from diffbotctl.time import SECOND
 
-# Wheel speeds in m/s.
-STILL_SPEED_MAX = 0.004  # m/s; at lower speeds a wheel may stand between two slots
-SLOW_SPEED_MAX = 0.012  # m/s; it coasts for about a millimetre, so the next leg may begin
-STILL_TIME_MIN = 60 * MILLISECOND  # at rest, after which the pose is final
-# Multiple of the tolerance; farther from the goal, the last turn waits until it is nearer.
-MISSED_RATIO = 2.5
-ALIGNED_DISTANCE_RATIO = 0.6  # of the tolerance; closer, only the heading is corrected
-# m; in wider turns about a wheel the robot would move too far away from its goal.
-TURN_RADIUS_MAX = 0.15
 TIME_LIMIT_BASE, TIME_LIMIT_RATIO = 30.0, 5.0  # s, and multiple of the shortest possible time
 # Of the time limit. After it, a robot need not come nearer to the goal than its pose is known (one
 # standard deviation): more attempts would follow the error of the pose.
@@ -48,10 +43,10 @@ WEAK_SPEED_RATIO = 0.5  # of the speed limit; below it a weak wheel is not repor
 # encoder then still counts often enough for the speed loop (1/s).
 CREEP_SPEED_RATIO, CREEP_COUNTS = 0.1, 4.0
 CRAWL_CREEP_RATIO = 2.0  # of the creep speed: friction holds a wheel at lower speeds only
+TURN_RADIUS_MAX = 0.15  # m; in wider turns about a wheel it would move too far away from its goal
 # m; a goal whose position is known less well than this, and than it was far away, is not reached.
 LOST_MIN = 0.3
 LOST_EDGES_PROBABILITY_MAX = 0.5  # an encoder that is likelier broken than not
-TURNED_MAX = 540 * pi / 180  # rad in one turn, which needs 180 deg and some corrections
 HEADING_SD_MAX = 60 * pi / 180  # rad; with it no way leads to the goal but by chance
 OPPOSED_TURN_MAX = 120 * pi / 180  # rad against the commands; more than any motor coasts
 FARTHER_MAX = 0.12  # m beyond the distance at the start; the robot does not obey
@@ -62,8 +57,8 @@ FULL_DUTY = 0.98  # duty; more than a motor can be given
 class GoalFollower(Block):
     """Drive to one goal after another, and report how each ended.
 
-    Each attempt turns, drives and aligns, each from rest to rest. If the final pose is not within
-    tolerance, it tries again.
+    It turns, drives and aligns, each from rest to rest; a robot that has come too far backs up. If
+    the final pose is not within tolerance, it tries again.
     """
 
     tolerance = Param(
@@ -78,7 +73,12 @@ class GoalFollower(Block):
     heading_tolerance = Param(
         float, default=2 * pi / 180, unit="rad", above=0.0, help="Tolerance of the heading."
     )
-    reverse = Param(bool, default=False, help="Allow driving backwards where it is shorter.")
+    reverse = Param(
+        bool,
+        default=False,
+        help="Allow driving backwards where it is shorter. Without it, the robot backs up only by "
+        "2 cm, or over ground that it has just driven over.",
+    )
     creep = Param(
         float,
         default=0.035,
@@ -125,7 +125,6 @@ class GoalFollower(Block):
     def reset(self) -> None:
         self.pursuit: Pursuit | None = None
         self.withdrawn: Pursuit | None = None  # until `resume` continues it or another replaces it
-        self.coast = Coast(self.lag)
         self.last_goal: Goal | None = None
         self.last: Odometry | None = None
         self.last_encoders: Encoders | None = None
@@ -137,23 +136,16 @@ class GoalFollower(Block):
         top_speed = 0.5 * min(
             self.left_rated * self.left_diameter, self.right_rated * self.right_diameter
         )
-        counted_speed = CREEP_COUNTS * pitch
-        slowest = max(CREEP_SPEED_RATIO * top_speed, counted_speed)
+        slowest = max(CREEP_SPEED_RATIO * top_speed, CREEP_COUNTS * pitch)
         self.least_speed = min(self.creep, slowest)  # m/s, of a wheel
-        self.turn_radius = self._first_turn_radius()
-        limits = LegLimits(
-            self._motion_limits,
-            self.tolerance,
-            self.heading_tolerance,
+        self.motion = GoalMotion(
+            MotionLimits(self.speed, self.turn_rate, self.acceleration, self.braking, self.track),
             self.least_speed,
-            counted_speed,
             self.lag,
+            self._first_turn_radius(),
+            self.reverse,
+            self.wheels,
         )
-        self.legs = GoalLegs(limits, self.wheels)
-
-    @property
-    def _motion_limits(self) -> MotionLimits:
-        return MotionLimits(self.speed, self.turn_rate, self.acceleration, self.braking, self.track)
 
     def _first_turn_radius(self) -> float:
         """Radius (m) of the first turn: half the track, about a wheel; or 0, on the spot.
@@ -183,52 +175,55 @@ class GoalFollower(Block):
         self.last = odometry
         self._drop_effective(odometry)
         twist, state = Twist(now, 0.0, 0.0), None
+        linear = angular = 0.0
         if goal is not None and goal is not self.last_goal:
             self.last_goal = goal
-            state = self._replace_goal(now, goal, odometry)
-        if self.pursuit is not None:
-            self._observe_wheels(odometry, encoders, seconds)
-            step = self.advance(self.pursuit, now, odometry, stop, seconds)
-            twist = Twist(now, *self.wheels.compensated(step.linear, step.angular, self.speed))
-            if state is None and not _suspends(stop):
-                state = _goal_state(now, odometry, step)
-            self.coast = step.pursuit.coast
-            self.pursuit = step.pursuit if step.end is None else None
-            self.sent.append((now, *self._limited(now, step.linear, step.angular)))
-        else:
-            self.sent.append((now, 0.0, 0.0))
+            state = self._replace_goal(now, goal, odometry, seconds)
+        if self.pursuit is None:
             self.last_encoders = None  # what is counted between two goals is not of interest
+        else:
+            self._observe_wheels(odometry, encoders, seconds)
+            if _suspends(stop):  # this time does not count
+                self.pursuit = self.pursuit._replace(is_released=True, still_since=None)
+            else:
+                end, linear, angular = self._advance(now, odometry, stop, seconds)
+                state = state or _goal_state(now, odometry, self.pursuit, *end)
+                twist = Twist(now, *self.wheels.compensated(linear, angular, self.speed))
+                self.pursuit = None if end[0] else self.pursuit
+        rate = VelocityRate(self.acceleration, self.braking, self.track)
+        time, *before = self.sent[-1]
+        step = min((now - time) / SECOND, LIMITED_STEP_MAX)
+        self.sent.append((now, *rate.limited((before[0], before[1]), (linear, angular), step)))
         return twist, state
 
-    def _limited(self, now: int, linear: float, angular: float) -> tuple[float, float]:
-        """What the limits of acceleration leave of a velocity (m/s, rad/s) after the one before."""
-        time, last_linear, last_angular = self.sent[-1]
-        step = min((now - time) / SECOND, LIMITED_STEP_MAX)
-        rate = VelocityRate(self.acceleration, self.braking, self.track)
-        return rate.limited((last_linear, last_angular), (linear, angular), step)
-
-    def _replace_goal(self, now: int, goal: Goal, odometry: Odometry) -> GoalState | None:
+    def _replace_goal(
+        self, now: int, goal: Goal, odometry: Odometry, seconds: float
+    ) -> GoalState | None:
         """Take the operator's goal, or withdraw the present one; the end of the one before."""
         former = self.pursuit or self.withdrawn
         if not goal.number:
             self.pursuit, self.withdrawn = None, former
             return None
-        self.pursuit, self.withdrawn = self._accept(goal, odometry), None
+        self.pursuit, self.withdrawn = self._accept(now, goal, odometry, seconds), None
         if former is None or former.goal.number == goal.number:
             return None
-        cause = f"replaced by goal {goal.number}"
-        return _goal_state(now, odometry, FollowerStep(former, end="cancelled", cause=cause))
+        return _goal_state(now, odometry, former, "cancelled", f"replaced by goal {goal.number}")
 
-    @property
-    def lag_estimate(self) -> float:
-        """Lag (s) of the motors: that of the robot file, or more if they coast for longer."""
-        return max(self.lag, self.coast.time)
+    def _accept(self, now: int, goal: Goal, odometry: Odometry, seconds: float) -> Pursuit:
+        self.wheels.begin(min(CRAWL_CREEP_RATIO * self.least_speed, WEAK_SPEED_RATIO * self.speed))
+        pursuit = Pursuit(goal)
+        distance = pursuit.distance(odometry)
+        shortest_time = rest_to_rest_time(distance, 0.0, pi, self.motion.limits)
+        time_limit = TIME_LIMIT_BASE + TIME_LIMIT_RATIO * shortest_time
+        pursuit = pursuit._replace(start_distance=distance, time_limit=time_limit)
+        planned = self.motion.plan(pursuit, self._view(now, pursuit, odometry, seconds))
+        return planned or pursuit._replace(phase=Phase.ALIGNING, is_released=True)
 
     def _observe_wheels(
         self, odometry: Odometry, encoders: Encoders | None, seconds: float
     ) -> None:
         """Compare the speed of each wheel with its command."""
-        half_track, lag = 0.5 * self.track, self.lag_estimate
+        half_track, lag = 0.5 * self.track, self._lag
         aside = odometry.angular * half_track
         left_limited = right_limited = True
         if encoders is None:
@@ -257,19 +252,10 @@ class GoalFollower(Block):
         for weakness in self.wheels.newly_weak(WEAK_SPEED_RATIO * self.speed):
             self.log.warning(f"{weakness}; the other wheel is slowed down to it")
 
-    def _accept(self, goal: Goal, odometry: Odometry) -> Pursuit:
-        self.wheels.begin(min(CRAWL_CREEP_RATIO * self.least_speed, WEAK_SPEED_RATIO * self.speed))
-        pursuit = Pursuit(goal, 0.0, self.coast)
-        pursuit = pursuit._replace(start_distance=pursuit.distance(odometry))
-        shortest_time = rest_to_rest_time(pursuit.distance(odometry), 0.0, pi, self._motion_limits)
-        time_limit = TIME_LIMIT_BASE + TIME_LIMIT_RATIO * shortest_time
-        return self._begin(pursuit._replace(time_limit=time_limit), odometry)
-
-    def _begin(self, pursuit: Pursuit, odometry: Odometry) -> Pursuit:
-        tolerance = ALIGNED_DISTANCE_RATIO * self.tolerance
-        # A wheel that has turned without a command may be one that the other one drags along.
-        radius = 0.0 if odometry.pushed_heading_sd else self.turn_radius
-        return pursuit.begin(odometry, tolerance, self.reverse, radius)
+    @property
+    def _lag(self) -> float:
+        """Lag (s) of the motors: that of the robot file, or more if they coast for longer."""
+        return max(self.lag, self.motion.coast.time)
 
     def _drop_effective(self, odometry: Odometry) -> None:
         """Remove commands that took effect before the time of the pose, except the last."""
@@ -277,34 +263,38 @@ class GoalFollower(Block):
         while len(self.sent) > 1 and self.sent[1][0] + delay <= odometry.time:
             self.sent.popleft()
 
-    def advance(
-        self, pursuit: Pursuit, now: int, odometry: Odometry, stop: Stop | None, seconds: float
-    ) -> FollowerStep:
-        """One update of the state by a pose that is `seconds` after the last; has no side effect.
-
-        turning -> driving -> aligning, each to rest; then the goal has ended or a new attempt
-        begins.
-        """
-        if _suspends(stop):  # this time does not count
-            return FollowerStep(pursuit._replace(is_coasting=True))
-        pursuit = self._count_time(pursuit, odometry, stop, seconds)
-        timeout = self._timeout(pursuit, odometry, stop) or self._disobeys(pursuit, odometry)
-        if timeout is not None:
-            return FollowerStep(pursuit, 0.0, 0.0, *timeout)
-        step = self._move(pursuit, now, odometry, seconds)
-        if step.linear or step.angular or not step.pursuit.idle_for:
-            return step
-        return step._replace(pursuit=step.pursuit._replace(idle_for=0.0))
+    def _advance(
+        self, now: int, odometry: Odometry, stop: Stop | None, seconds: float
+    ) -> tuple[tuple[GoalEnd | None, str], float, float]:
+        """The end of the goal and its cause, or the velocity (m/s, rad/s)."""
+        assert self.pursuit is not None
+        pursuit = self._count_time(self.pursuit, odometry, stop, seconds)
+        end = self._timeout(pursuit, odometry, stop) or self._disobeys(pursuit, odometry)
+        linear = angular = 0.0
+        if end is None:
+            view = self._view(now, pursuit, odometry, seconds)
+            pursuit, linear, angular, has_arrived = self.motion.advance(pursuit, view)
+            if has_arrived:
+                end = self._judge(pursuit, odometry)
+            elif pursuit.attempts >= self.attempts:
+                cause = f"{_away(pursuit, odometry)} after {pursuit.attempts} attempts"
+                end = "given_up", "; ".join((cause, *self.wheels.weaknesses()))
+        if end is not None or not (linear or angular):
+            pursuit = pursuit._replace(idle_for=0.0)
+        self.pursuit = pursuit
+        return (end, 0.0, 0.0) if end is not None else ((None, ""), linear, angular)
 
     def _count_time(
         self, pursuit: Pursuit, odometry: Odometry, stop: Stop | None, seconds: float
     ) -> Pursuit:
-        is_stopped = stop is not None and stop.code != ""
-        pursuit = pursuit.count_block(odometry, is_stopped, seconds)
-        if is_stopped:
-            return pursuit
-        is_still = self._wheel_speed(odometry) <= STILL_SPEED_MAX and not self.wheels.has_counted
-        is_idle = is_still and not pursuit.is_coasting
+        """Stops do not count, but as one if they are at one place."""
+        at = pursuit.blocked_at or (odometry.x, odometry.y)
+        if stop is not None and stop.code:
+            return pursuit._replace(blocked_for=pursuit.blocked_for + seconds, blocked_at=at)
+        if hypot(odometry.x - at[0], odometry.y - at[1]) > PLACE_RADIUS:
+            pursuit = pursuit._replace(blocked_for=0.0, blocked_at=None)
+        is_still = self.motion.wheel_speed(odometry) <= STILL_SPEED_MAX
+        is_idle = is_still and not self.wheels.has_counted and not pursuit.is_released
         return pursuit._replace(
             elapsed=pursuit.elapsed + seconds,
             idle_for=pursuit.idle_for + min(seconds, GAP_MAX) if is_idle else 0.0,
@@ -322,7 +312,7 @@ class GoalFollower(Block):
             return "given_up", "; ".join((f"{cause}, {away}", *self.wheels.weaknesses()))
         if pursuit.idle_for > self.stuck_after:
             return "stuck", f"no wheel has turned for {self.stuck_after:g} s{self._idle_reason()}"
-        fault = self.wheels.fault(self.least_speed, self.stuck_after, self.lag_estimate)
+        fault = self.wheels.fault(self.least_speed, self.stuck_after, self._lag)
         return ("stuck", fault) if fault else None
 
     def _idle_reason(self) -> str:
@@ -357,67 +347,19 @@ class GoalFollower(Block):
             return "given_up", cause
         return None
 
-    def _move(self, pursuit: Pursuit, now: int, odometry: Odometry, seconds: float) -> FollowerStep:
-        """The velocity for the present leg; changes to the next leg at rest."""
-        if pursuit.is_coasting:
-            pursuit = self._await_rest(pursuit, odometry)
-            if pursuit.is_coasting:
-                return FollowerStep(pursuit)
-            pursuit = pursuit.learn_coast(odometry, self.legs.arm(pursuit), self.lag)
-            tolerance, heading_tolerance = self._tolerances(pursuit, odometry)
-            if self.legs.is_done(pursuit, odometry, seconds, heading_tolerance):
-                match pursuit.leg:
-                    case "turning":
-                        pursuit = pursuit._replace(leg="driving", releases=0)
-                    case "driving":
-                        if pursuit.distance(odometry) > MISSED_RATIO * tolerance:
-                            return self._try_again(pursuit, odometry)
-                        # The last turn is about the goal, which reduces the position error further.
-                        pivot = (pursuit.goal.x, pursuit.goal.y)
-                        pursuit = pursuit._replace(leg="aligning", pivot=pivot, turn_radius=0.0)
-                        pursuit = pursuit.restart_turn()
-                    case "aligning":
-                        return self._judge(pursuit, odometry)
-                    case _:
-                        assert_never(pursuit.leg)
-            elif pursuit.leg == "driving":
-                pursuit = pursuit._replace(releases=pursuit.releases + 1)
-            else:
-                pursuit = pursuit.count_release(odometry)
-        view = self._view(now, odometry, seconds)
-        if pursuit.leg == "driving":
-            return self.legs.drive(pursuit, view)
-        if pursuit.turned > TURNED_MAX:  # one wheel hardly turns, and swings the robot around
-            return self._try_again(pursuit, odometry)
-        return self.legs.turn(pursuit, view)
-
-    def _view(self, now: int, odometry: Odometry, seconds: float) -> LegView:
+    def _view(self, now: int, pursuit: Pursuit, odometry: Odometry, seconds: float) -> MotionView:
         """What is known of the motion when a command that is sent now takes effect."""
         delay = round(self.command_delay * SECOND)
         commands = [(time + delay, linear, angular) for time, linear, angular in self.sent]
-        # Odometry knows the motors from the way; until the first stop, nothing else does.
-        lag = max(self.lag_estimate, min(odometry.coast_time, COAST_TIME_MAX))
+        # Odometry learns the motors on the way; until the first stop, nothing else does.
+        lag = max(self._lag, min(odometry.coast_time, COAST_TIME_MAX))
         predicted = predict_motion(odometry, now + delay, commands, lag)
-        return LegView(odometry, predicted, self.sent[-1][2], lag, seconds)
+        tolerances = self._tolerances(pursuit, odometry)
+        return MotionView(odometry, predicted, self.sent[-1][2], lag, seconds, tolerances)
 
-    def _await_rest(self, pursuit: Pursuit, odometry: Odometry) -> Pursuit:
-        """End coasting when the robot is slow enough for the next leg or for the final check."""
-        wheel_speed = self._wheel_speed(odometry)
-        if pursuit.leg != "aligning":
-            return pursuit._replace(is_coasting=wheel_speed > SLOW_SPEED_MAX)
-        since = odometry.time if pursuit.still_since is None else pursuit.still_since
-        if wheel_speed > STILL_SPEED_MAX:
-            return pursuit._replace(still_since=None)
-        if odometry.time - since < STILL_TIME_MIN:
-            return pursuit._replace(still_since=since)
-        return pursuit._replace(still_since=None, is_coasting=False)
-
-    def _judge(self, pursuit: Pursuit, odometry: Odometry) -> FollowerStep:
-        distance = pursuit.distance(odometry)
-        turn = abs(pursuit.heading_error(odometry))
-        tolerance, heading_tolerance = self._tolerances(pursuit, odometry)
-        if distance > tolerance or turn > heading_tolerance:
-            return self._try_again(pursuit, odometry)
+    def _judge(self, pursuit: Pursuit, odometry: Odometry) -> tuple[GoalEnd, str]:
+        """How a goal ends within whose tolerances the robot is at rest."""
+        distance, turn = pursuit.distance(odometry), abs(pursuit.final_error(odometry))
         sd = self._pose_sd(odometry)
         # A fault that is possible, but less probable than not, leaves the goal the likelier place.
         is_likely_there = odometry.lost_edges_probability > 0.0
@@ -426,7 +368,7 @@ class GoalFollower(Block):
                 f"it is not known where the robot is: to {sd.position:.1f} m (standard deviation), "
                 f"and the goal was {pursuit.start_distance:.1f} m away: {self._why(odometry)}"
             )
-            return FollowerStep(pursuit, end="given_up", cause=cause)
+            return "given_up", cause
         if pursuit.goal.heading is None:
             sd = sd._replace(heading=0.0)
         aside = pursuit.start_distance * self.heading_tolerance
@@ -437,7 +379,7 @@ class GoalFollower(Block):
             away = f"{distance * 1000:.0f} mm and {degrees(turn):.1f} deg away"
             away = f"no nearer than {away} by odometry"
             doubt = f"{away}, and {doubt}" if doubt else away
-        return FollowerStep(pursuit, end="reached_unsure" if doubt else "reached", cause=doubt)
+        return "reached_unsure" if doubt else "reached", doubt
 
     @property
     def _is_skidding(self) -> bool:
@@ -462,19 +404,6 @@ class GoalFollower(Block):
         sd = self._pose_sd(odometry)
         return max(self.tolerance, sd.position), max(self.heading_tolerance, sd.heading)
 
-    def _try_again(self, pursuit: Pursuit, odometry: Odometry) -> FollowerStep:
-        """Begin the next attempt, or give up."""
-        pursuit = pursuit._replace(attempts=pursuit.attempts + 1)
-        if pursuit.attempts >= self.attempts:
-            cause = f"{_away(pursuit, odometry)} after {pursuit.attempts} attempts"
-            cause = "; ".join((cause, *self.wheels.weaknesses()))
-            return FollowerStep(pursuit, end="given_up", cause=cause)
-        return FollowerStep(self._begin(pursuit, odometry))
-
-    def _wheel_speed(self, odometry: Odometry) -> float:
-        """Speed (m/s) of the faster wheel."""
-        return abs(odometry.linear) + abs(odometry.angular) * 0.5 * self.track
-
 
 def _suspends(stop: Stop | None) -> bool:
     """Whether a stop ends without regard to obstacles: by `resume`, or when a source has begun."""
@@ -483,21 +412,13 @@ def _suspends(stop: Stop | None) -> bool:
 
 def _away(pursuit: Pursuit, odometry: Odometry) -> str:
     """How far the robot is from the goal, and from its heading."""
-    turn = abs(pursuit._replace(leg="aligning").heading_error(odometry))
+    turn = abs(pursuit.final_error(odometry))
     return f"{pursuit.distance(odometry) * 1000:.0f} mm and {degrees(turn):.1f} deg away"
 
 
-def _goal_state(now: int, odometry: Odometry, step: FollowerStep) -> GoalState:
-    pursuit = step.pursuit
-    if step.end is not None:
-        pursuit = pursuit._replace(
-            leg="aligning"
-        )  # so that the error of the final heading is reported
-    return GoalState(
-        now,
-        pursuit.goal.number,
-        pursuit.leg if step.end is None else step.end,
-        pursuit.distance(odometry),
-        pursuit.heading_error(odometry),
-        step.cause,
-    )
+def _goal_state(
+    now: int, odometry: Odometry, pursuit: Pursuit, end: GoalEnd | None, cause: str = ""
+) -> GoalState:
+    turn = pursuit.final_error(odometry) if end else pursuit.heading_error(odometry)
+    state: GoalPhase | GoalEnd = pursuit.phase.value if end is None else end
+    return GoalState(now, pursuit.goal.number, state, pursuit.distance(odometry), turn, cause)

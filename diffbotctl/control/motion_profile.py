@@ -1,7 +1,7 @@
 """Motion from rest to rest: shortest times, approach speeds, and prediction of the motion."""
 
 from collections.abc import Iterable
-from math import atan2, copysign, exp, hypot, inf, pi, sqrt
+from math import atan2, copysign, exp, hypot, pi, sqrt
 from typing import NamedTuple
 
 from diffbotctl.messages import Odometry
@@ -88,14 +88,6 @@ class SpeedBounds(NamedTuple):
     minimum: float
     maximum: float
     braking: float
-    rest: float = inf
-    """m; a longer distance is driven, however small it is for the motors"""
-
-
-def is_too_small(remaining: float, coast_time: float, step: float, bounds: SpeedBounds) -> bool:
-    """Whether a robot at rest should not drive `remaining` metres: it would overshoot."""
-    least = bounds.minimum * (0.5 * step + 0.25 * coast_time)
-    return abs(remaining) <= min(least, bounds.rest)
 
 
 def approach_speed(

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from math import hypot
 from typing import Any, NamedTuple
 
-from diffbotctl.control.goal_pursuit import PLACE_RADIUS
+from diffbotctl.control.pose_sd import PLACE_RADIUS
 from diffbotctl.graph import Graph
 from diffbotctl.messages import Odometry, Stop
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from math import cos, sin, sqrt
 from typing import Protocol
 
-from diffbotctl.control.goal_pursuit import largest_variance
+from diffbotctl.control.pose_sd import largest_variance
 from diffbotctl.estimation.geometry_deviation import (
     GeometryDeviation,
     PoseDeviation,

@@ -10,7 +10,7 @@ from typing import NamedTuple, TypeVar
 
 from diffbotctl.config.checks.calibration import uncalibrated_pose
 from diffbotctl.config.robot import Robot
-from diffbotctl.control.goal_pursuit import PoseSd
+from diffbotctl.control.pose_sd import PoseSd
 from diffbotctl.engine.stop_places import stops_in_force
 from diffbotctl.errors import WIDTH, join_words
 from diffbotctl.messages import (

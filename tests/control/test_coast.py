@@ -2,7 +2,7 @@
 
 import pytest
 
-from diffbotctl.control.goal_pursuit import Coast
+from diffbotctl.control.coast import Coast
 
 LAG = 0.1  # s, stated
 

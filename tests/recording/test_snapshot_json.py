@@ -145,7 +145,7 @@ HOSTILE = {
     "an earlier one from the end": b'[["list"], ["list", [-1]]]',
     "a function": b'[["os:system", "id"]]',
     "a class of a process": b'[["diffbotctl.processes.child_process:ChildSender", "x"]]',
-    "another class": b'[["list"], ["diffbotctl.control.goal_pursuit:Coast", "__class__", [0]]]',
+    "another class": b'[["list"], ["diffbotctl.control.coast:Coast", "__class__", [0]]]',
     "too few fields": b'[["diffbotctl.messages:Twist", 1]]',
     "a long number": b'[["list", ' + b"9" * 100_000 + b"]]",
     "3 MB": b'[["list", "' + b"x" * (3 << 20) + b'"]]',
