@@ -159,3 +159,17 @@ def test_a_robot_whose_files_are_elsewhere_has_no_description_and_says_so():
     status = {"pid": 1, "pipeline": "/nowhere/a.yaml", "robot": "/nowhere/b.yaml"}
     model, complaint = model_of_run(status, None)
     assert model.urdf == "" and "no robot description" in complaint
+
+
+@pytest.mark.parametrize("known", [[0.0] * 6, [1e-4, 0.0, 0.0, 2e-4, 0.0, 3e-4]])
+def test_no_variance_of_odometry_is_zero(known):
+    """The rule of robot_localization: a measurement with a variance of zero is not usable."""
+    fields = conversion.odometry(odometry(covariance=known))
+    for part in ("pose", "twist"):
+        covariance = fields[part]["covariance"]
+        assert len(covariance) == 36 and all(covariance[i * 7] > 0.0 for i in range(6))
+        assert all(isinstance(value, float) for value in covariance)
+    assert fields["pose"]["covariance"][0] == max(known[0], 1e-6)
+    assert fields["twist"]["covariance"][0] == pytest.approx(0.012**2)
+    assert fields["twist"]["covariance"][35] == pytest.approx(0.2**2)
+    assert fields["twist"]["covariance"][14] == 1e6  # what a planar robot does not measure
