@@ -16,8 +16,9 @@ CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202
 STYLE = re.compile("\x1b\\[[0-9;]*m")
 REPLACEMENT = "\N{MIDDLE DOT}"
 NAME_LENGTH_MAX = 60
-# A command of which the user copies a whole row: in backticks, or on a line of its own.
-COMMAND = re.compile(r"`[^`\n]{1,200}`|^(?: {4,}|Now: )diffbotctl .*", re.MULTILINE)
+# A command, which a user copies as a whole: in backticks, or up to the end of an indented line or
+# of one with a colon before it.
+COMMAND = re.compile(r"`[^`\n]{1,200}`|(?:^ {4,}|(?<=: ))diffbotctl [a-z].*", re.MULTILINE)
 JOINT = "\x00"  # stands for a space within a command while a text is folded
 HANG = 2  # columns by which the rest of a folded line is indented
 

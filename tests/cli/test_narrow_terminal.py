@@ -38,6 +38,8 @@ FOLDED = (
     ("", 10, 0, ""),
     ("see `diffbotctl run goal` now", 12, 0, "see\n  `diffbotctl run goal`\n  now"),
     ("    diffbotctl run goal", 12, 0, "    diffbotctl run goal"),
+    ("  Wires: diffbotctl wiring /a/path", 20, 0, "  Wires:\n    diffbotctl wiring /a/path"),
+    ("diffbotctl is no command", 12, 0, "diffbotctl\n  is no\n  command"),
 )
 
 
