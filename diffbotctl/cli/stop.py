@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from diffbotctl.cli.engine_client import attached, held_by, settled
+from diffbotctl.cli.engine_client import attached, held_by, host, settled
 from diffbotctl.cli.options import engine_option, json_option
 from diffbotctl.cli.output import print_json
 
@@ -301,14 +301,32 @@ def _goal_text(status: dict[str, Any]) -> str:
 
 @click.command()
 @engine_option
+@click.option("--all", "all_causes", is_flag=True, help="From the sensor to the motors.")
 @json_option
-def why(engine: str | None, as_json: bool) -> int:
-    """Explain why the robot last stopped, from the sensor to the motors, and what ends the stop."""
-    with attached(engine, "why") as client:
-        text = client.request("explain_stop")["text"]
-        held = client.request("status")["held"]
+def why(engine: str | None, all_causes: bool, as_json: bool) -> int:
+    """Explain why the robot last stopped, and what ends the stop.
+
+    When no engine runs, explain the last run of which the black box has a file.
+    """
+    from diffbotctl.ui.text import fold_text
+
+    explanation, held = _explanation_of(engine)
     if as_json:
-        print_json({"text": text, "held": held})
+        print_json({**explanation, "held": held})
     else:
-        click.echo(click.wrap_text(text, 78))
+        click.echo(fold_text(explanation["text" if all_causes else "summary"]))
     return 0
+
+
+def _explanation_of(engine: str | None) -> tuple[dict[str, str], dict[str, Any] | None]:
+    """What `explain_stop` replies, and the stop in force; of the last run when no engine runs."""
+    from diffbotctl.control_socket.address import engines
+    from diffbotctl.replay.ended_run import explain_ended_run, newest_flight
+
+    path = None if engine or host() or engines() else newest_flight()
+    if path is not None:
+        return explain_ended_run(path)._asdict(), None
+    with attached(engine, "why") as client:
+        explanation = client.request("explain_stop")
+        held = client.request("status")["held"]
+    return {name: explanation[name] for name in ("summary", "text")}, held

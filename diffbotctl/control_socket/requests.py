@@ -111,7 +111,7 @@ class SceneRequest(NamedTuple):
 
 
 class ExplainStopRequest(NamedTuple):
-    """`text`: the chain of causes of the last stop."""
+    """`summary`: the last stop in a sentence; `text`: the chain of its causes."""
 
 
 class ListTopicsRequest(NamedTuple):

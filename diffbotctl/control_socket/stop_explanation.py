@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import hypot, inf
+from typing import NamedTuple
 
 from diffbotctl.codes import code_texts
 from diffbotctl.control_socket.run_state import RunState, StopEpisode
@@ -30,14 +31,26 @@ LINK_CODES = ("link_lost", "telemetry_stale")
 SENSOR_MESSAGES = (Volts, Range, Scan, Encoders, Link)
 
 
-def explain_stop(state: RunState, graph: Graph) -> str:
-    """One paragraph: the stop, the sensor messages before it, the commands, and how it ends."""
+class StopExplanation(NamedTuple):
+    """Why the robot stopped: `summary`, for a person, and `text`, a paragraph with the chain of
+    causes from the sensor to the motors."""
+
+    summary: str
+    text: str
+
+
+def explain_stop(state: RunState, graph: Graph, ending: str | None = None) -> StopExplanation:
+    """Explain the last stop. `ending`: why the run has ended, of one that has."""
+    end = "" if ending is None else f"The run has ended: {ending}."
     if not state.stops:
         nothing = f"Nothing has stopped the robot in {state.now / SECOND:.1f} s."
-        return " ".join([nothing, _goal(state), *_imu(state)])
+        summary = f"{nothing} {end or _goal(state)}"
+        return StopExplanation(summary, " ".join([summary, *_imu(state)]))
     episode = _explained_stop(state)
-    sentences = [_stop(episode), *_sensors(episode, graph), *_commands(episode, state)]
-    return " ".join([*sentences, _motion(state), *_imu(state), _how_it_ends(episode, state)])
+    end = end or _how_it_ends(episode, state)
+    causes = [_stop(episode), *_sensors(episode, graph), *_commands(episode, state)]
+    summary = f"At {episode.time / SECOND:.2f} s: {_title(episode)}: {episode.stop.cause}. {end}"
+    return StopExplanation(summary, " ".join([*causes, _motion(state), *_imu(state), end]))
 
 
 def _explained_stop(state: RunState) -> StopEpisode:
@@ -52,12 +65,16 @@ def _explained_stop(state: RunState) -> StopEpisode:
 
 def _stop(episode: StopEpisode) -> str:
     name = episode.wire.partition(".")[0]
-    code = code_texts().get(episode.stop.code)
-    title = f" ({code.title})" if code is not None else ""
     return (
-        f"At {episode.time / SECOND:.2f} s {name} stopped the robot: {episode.stop.code}{title}: "
-        f"{episode.stop.cause}."
+        f"At {episode.time / SECOND:.2f} s {name} stopped the robot: {episode.stop.code} "
+        f"({_title(episode)}): {episode.stop.cause}."
     )
+
+
+def _title(episode: StopEpisode) -> str:
+    """The meaning of the stop's code; that of another package is its own."""
+    code = code_texts().get(episode.stop.code)
+    return episode.stop.code if code is None else code.title
 
 
 def _sensors(episode: StopEpisode, graph: Graph) -> list[str]:
@@ -75,11 +92,11 @@ def _sensors(episode: StopEpisode, graph: Graph) -> list[str]:
         if node.name != "gate":  # the whole pipeline is upstream of the gate
             waiting += [wire.partition(".")[0] for wire in node.wires.values()]
     texts = [
-        f"{wire} was {_summary(message)} at {message.time / SECOND:.2f} s"
+        f"{wire}: {_summary(message)} ({message.time / SECOND:.2f} s)"
         for wire in reversed(wires)
         if isinstance(message := episode.before.get(wire), SENSOR_MESSAGES)
     ]
-    return [f"Before it {', '.join(texts)}."] if texts else []
+    return [f"Before it, {'; '.join(texts)}."] if texts else []
 
 
 def _commands(episode: StopEpisode, state: RunState) -> list[str]:
@@ -147,7 +164,7 @@ def _summary(message: Message) -> str:
         case Volts():
             return f"{message.volts:.2f} V"
         case Encoders():
-            return f"counts {message.left} and {message.right}"
+            return f"counts left {message.left}, right {message.right}"
         case Link():
             return f"{message.state}{f' ({message.cause})' if message.cause else ''}"
         case Twist():

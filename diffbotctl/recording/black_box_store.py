@@ -54,14 +54,14 @@ def black_box_folder() -> Path:
 
 
 def write_black_box(run: RunMetadata, number: int, ring: InputRing, summary: dict[str, str]) -> str:
-    """Write file `number` of this run. Returns the line to print about it, or about the failure."""
+    """Write file `number` of this run. Returns what to print about it, or about the failure."""
     try:
         path = _save(run, number, ring, summary)
     except OSError as error:
         return write_failed_message(run, error)
     is_whole = ring.known and ring.begin is None
     words = "The whole run so far is" if is_whole else "The last 3 minutes are"
-    return f"{words} in {path}; diffbotctl replay {path}\n"
+    return f"{words} kept: `diffbotctl why` explains it, or\n    diffbotctl replay {path}\n"
 
 
 def write_failed_message(run: RunMetadata, error: OSError) -> str:

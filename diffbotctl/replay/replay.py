@@ -39,6 +39,7 @@ from diffbotctl.runs.options import SocketOptions
 from diffbotctl.runs.outputs import record_to
 from diffbotctl.time import NEVER
 
+Watch = Callable[[Graph, tuple[Any, ...]], None]
 Show = Callable[[Iterator[RunSnapshot]], None]
 
 
@@ -49,7 +50,7 @@ class ReplayOptions(NamedTuple):
     runs as fast as possible, so that the blocks are in the recorded state at `begin`; the metrics
     count from there. `sets` change the recorded configuration. `record` is the file to which the
     replay is recorded. `show` draws it; with `dash` it is the dashboard, connected to a control
-    socket of the replay.
+    socket of the replay. `watch` is called with the graph and each of its instants.
     """
 
     check: bool = False
@@ -60,6 +61,7 @@ class ReplayOptions(NamedTuple):
     record: Path | None = None
     show: Show | None = None
     dash: bool = False
+    watch: Watch | None = None
 
 
 class ReplayResult(NamedTuple):
@@ -232,6 +234,8 @@ class _ReplayRun:
 
     def _record(self, instant: tuple[Any, ...]) -> None:
         self.digest.record(instant)
+        if self.options.watch is not None:
+            self.options.watch(self.graph, instant)
         if self.options.check:
             self.checker.record(instant)
         if self.recorder is not None:

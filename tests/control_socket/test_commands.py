@@ -87,7 +87,7 @@ def test_what_resume_says_and_whether_it_did_anything(before, after, done, words
 
 
 def test_without_an_engine_and_with_several(tmp_path):
-    code, _, complaint = cli(tmp_path, "why")
+    code, _, complaint = cli(tmp_path, "resume")
     assert code == 2 and "E-NO-ENGINE" in complaint
     with running(tmp_path, *FAR, name="first"), running(tmp_path, *FAR, name="second"):
         code, _, complaint = cli(tmp_path, "why")
@@ -150,6 +150,6 @@ def test_a_killed_engine_leaves_no_name_behind(tmp_path):
         process.kill()
         process.wait()
     assert (tmp_path / "diffbotctl" / "test.socket").exists()
-    assert "E-NO-ENGINE" in cli(tmp_path, "why")[2]
+    assert "E-NO-ENGINE" in cli(tmp_path, "resume")[2]
     with running(tmp_path, *FAR):
         assert PlainClient(tmp_path).request("status")["ok"]

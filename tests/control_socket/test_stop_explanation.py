@@ -54,7 +54,8 @@ GATE, GUARD = "gate.stop", "guard.stop"
 )
 def test_the_cause_is_explained(events, explained):
     state = state_after(*((time * MS, wire, message) for time, wire, message in events))
-    text = explain_stop(state, GRAPH)
+    summary, text = explain_stop(state, GRAPH)
+    assert summary.endswith((" again.", "`diffbotctl resume`.", "the cause ends.")), summary
     assert explained in text and text.count("stopped the robot") == 1
 
 
@@ -66,4 +67,4 @@ def test_old_odometry_says_nothing_of_the_wheels_now(age, said):
     moving = Odometry(0, 0.0, 0.0, 0.0, linear=0.2, angular=0.0, covariance=COVARIANCE)
     end = SECOND + round(age * SECOND)
     state = state_after((SECOND, "odometry.odometry", moving), (end, GATE, LOST))
-    assert said in explain_stop(state, GRAPH)
+    assert said in explain_stop(state, GRAPH).text

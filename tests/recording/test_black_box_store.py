@@ -143,7 +143,10 @@ def test_the_black_box_continues_when_the_server_fails(hub, tmp_path):
     flight.close()
     (path,) = (tmp_path / "flights").glob("*.mcap")
     assert recording_info(path).end["cause"] == "gave up"
-    assert reports == [f"The whole run so far is in {path}; diffbotctl replay {path}"]
+    assert reports == [
+        "The whole run so far is kept: `diffbotctl why` explains it, or",
+        f"    diffbotctl replay {path}",
+    ]
 
 
 def test_a_server_that_reads_nothing_is_given_up_at_the_end(monkeypatch):

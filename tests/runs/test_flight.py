@@ -1,5 +1,6 @@
 """The flight recorder: what led to a stop is written down, and can be replayed exactly."""
 
+import json
 import os
 import pickle
 import re
@@ -55,17 +56,43 @@ def said_by_blocks(path, after=-1):
     ]
 
 
-def test_a_stop_is_announced_in_one_line_with_the_file(tmp_path):
+def test_a_stop_is_announced_with_a_command_for_the_file(tmp_path):
     result, told, flights = fly(tmp_path)
     assert result.stops and result.ending.code == 1
     assert told == [
-        f"The whole run so far is in {path}; diffbotctl replay {path}" for path in flights
+        line
+        for path in flights
+        for line in (
+            "The whole run so far is kept: `diffbotctl why` explains it, or",
+            f"    diffbotctl replay {path}",
+        )
     ]
     seen = recording_info(flights[0])
     assert "obstacle" in seen.end["cause"] and seen.complete
     # Nothing that a replay makes anew: messages of drivers, and their pictures for viewers.
     assert {topic.origin for topic in seen.topics if topic.messages} == {"driver", "viewer"}
     assert "blocked" in recording_info(flights[-1]).end["cause"]
+
+
+def test_why_explains_the_newest_run_when_none_is_active(tmp_path):
+    state = {"XDG_STATE_HOME": str(tmp_path), "XDG_RUNTIME_DIR": str(tmp_path / "none")}
+
+    def why(*words):
+        done = CliRunner().invoke(program, ["why", *words], env=state)
+        return done.exit_code, " ".join(f"{done.output}{done.exception or ''}".split())
+
+    assert "E-NO-ENGINE" in why()[1]
+    fly(tmp_path / "diffbotctl" / "flights")
+    code, shown = why()
+    assert code == 0 and shown.startswith("The run of goal, ")
+    assert ": an obstacle is ahead: something stands " in shown
+    assert shown.endswith("for 2 s.") and "The run has ended: goal 1 was not reached" in shown
+    assert "encoders" not in shown and "range.range" not in shown
+    code, whole = why("--all")
+    assert code == 0 and "Before it, robot." in whole and "range.range: measured, 0." in whole
+    code, record = why("--json")
+    assert json.loads(record)["summary"] == shown and json.loads(record)["held"] is None
+    assert "E-NO-ENGINE" in why("--engine", "goal")[1]  # this one is not running
 
 
 def test_a_run_without_a_stop_leaves_nothing(tmp_path):
@@ -100,7 +127,7 @@ def long(tmp_path_factory):
 @pytest.mark.nightly
 def test_of_a_long_run_the_last_minutes_are_kept_and_replayed_bit_for_bit(long, tmp_path):
     told, flights, full = long
-    assert "The last 3 minutes are in" in told[-1]
+    assert "The last 3 minutes are kept" in told[-2]
     run = recorded_run.read_run(flights[-1])
     assert run.begins == "state"
     begin = run.state[0]

@@ -69,7 +69,7 @@ def test_an_imu_that_fails_is_told_by_every_command(tmp_path):
     with running(tmp_path, "goal", "--robot", str(robot), "--stay", "--goal", "0 0"):
         client = PlainClient(tmp_path)
         client.until(lambda _: newest_state(client) == "failed")
-        for words in (["why"], ["doctor"], ["dash", "--once"]):
+        for words in (["why", "--all"], ["doctor"], ["dash", "--once"]):
             _, out, complaint = cli(tmp_path, *words)
             assert f"FAULT: {STUCK}" in " ".join(out.split()), out + complaint
         code, out, complaint = cli(tmp_path, "topic", "echo", "odometry.imu", "--once", "--json")

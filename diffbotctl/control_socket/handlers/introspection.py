@@ -74,7 +74,7 @@ def rate_of(context: RequestContext, wire: str) -> Fields:
 
 
 def handle_explain_stop(context: RequestContext, request: requests.ExplainStopRequest) -> Fields:
-    return {"text": explain_stop(context.state, context.info.graph)}
+    return explain_stop(context.state, context.info.graph)._asdict()
 
 
 def handle_status(context: RequestContext, request: requests.StatusRequest) -> Fields:
