@@ -1,42 +1,25 @@
-"""The ends of squares as they were measured, and mistakes of reading that their errors show.
+"""The ends of squares as they were measured, and mistakes of reading that they show.
 
-To first order three mistakes look alike: directions taken for each other, and the wrong sign of all
-answers to the left, or in front. Each turns the signs of the same sums (umbmark.py).
-
-Both signs wrong at once, or a wrong unit in all answers, look like another robot. So the squares
-end at different places beside their starts: what is measured must differ as the odometry does.
+A wrong sign or unit in all answers looks like another robot. So the squares end at different places
+beside their starts: what is measured must differ as the odometry does.
 """
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Sequence
 from math import isnan, sqrt
 from statistics import fmean
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from diffbotctl.calibrate.dead_reckoning import EndError, wrap_angle
-from diffbotctl.calibrate.step import Event, Message
 from diffbotctl.calibrate.umbmark import SquareErrors
 from diffbotctl.errors import Problem, RunError
-from diffbotctl.prompts.question import Question
 
-SWAPPED = (
-    "The ends of both directions contradict each other. Clockwise and counter-clockwise ends seem "
-    "to be swapped, or the sign of all answers to the left or in front is wrong: the two UMBmark "
-    "rules agree with any one of these mistakes, so the ends do not show which. On the last square "
-    "you can see it: it was driven counter-clockwise, with the square on the left of the robot."
-)
 # Places at which the squares of one direction end, in turn: forward and left, of the side.
 END_PLACES = ((0.04, 0.04), (-0.04, -0.04), (0.04, -0.04), (-0.04, 0.04), (0.0, 0.0))
 # Of the change of the answers over that of odometry, which is 1 but for slip and reading.
 FACTOR_ERROR_MIN, FACTOR_ERROR_SDS = 0.6, 4.0
 FACTOR_ENDS_MIN = 4
-MISTAKES = ("directions", "left", "forward", "none")
-MISTAKE_QUESTION = Question(
-    "geometry.swapped",
-    "Which mistake was it: directions swapped, the sign of left, the sign of forward, or none?",
-    choices=MISTAKES,
-)
 
 
 class SquareEnd(NamedTuple):
@@ -54,46 +37,15 @@ class SquareEnd(NamedTuple):
 
 
 def square_errors(
-    side: float,
-    clockwise: Sequence[SquareEnd],
-    counter: Sequence[SquareEnd],
-    mistake: str = "",
+    side: float, clockwise: Sequence[SquareEnd], counter: Sequence[SquareEnd]
 ) -> SquareErrors:
-    """The end errors, without a mistake of reading: one of MISTAKES, or none."""
-    factors = {"left": (1.0, -1.0), "forward": (-1.0, 1.0)}
-    forward, left = factors.get(mistake, (1.0, 1.0))
-
-    def errors(ends: Sequence[SquareEnd]) -> list[EndError]:
-        return [
-            end._replace(
-                measured=end.measured._replace(x=forward * end.measured.x, y=left * end.measured.y)
-            ).error
-            for end in ends
-        ]
-
-    squares = SquareErrors(side, errors(clockwise), errors(counter))
-    return squares.exchanged() if mistake == "directions" else squares
-
-
-def end_place(number: int, side: float) -> tuple[float, float]:
-    """Where square `number` (from 0) of a direction shall end, m forward and left of its start."""
-    forward, left = END_PLACES[number % len(END_PLACES)]
-    return forward * side, left * side
-
-
-def refuse_other_factor(
-    clockwise: Sequence[SquareEnd], counter: Sequence[SquareEnd], mistake: str = ""
-) -> None:
-    """Raises RunError if the answers do not change from square to square as odometry does.
-
-    `mistake`: one of MISTAKES that the person has confirmed.
-    """
-    directions = {"in front": (0, mistake == "forward"), "to the left": (1, mistake == "left")}
-    for words, (axis, is_turned) in directions.items():
+    """The end errors. Raises RunError if the answers do not change from square to square as
+    odometry does."""
+    for words, axis in (("in front", 0), ("to the left", 1)):
         found = _factor([_along(ends, axis) for ends in (clockwise, counter)])
         if found is None:
             continue
-        factor, sd = (-found[0] if is_turned else found[0]), found[1]
+        factor, sd = found
         if abs(factor - 1.0) <= max(FACTOR_ERROR_MIN, FACTOR_ERROR_SDS * sd):
             continue
         cause = (
@@ -105,6 +57,13 @@ def refuse_other_factor(
             "and to the left positive, behind and right negative. Then run this step again"
         )
         raise RunError(Problem("E-CALIBRATE-ANSWER", "geometry", cause, fix))
+    return SquareErrors(side, *([end.error for end in ends] for ends in (clockwise, counter)))
+
+
+def end_place(number: int, side: float) -> tuple[float, float]:
+    """Where square `number` (from 0) of a direction shall end, m forward and left of its start."""
+    forward, left = END_PLACES[number % len(END_PLACES)]
+    return forward * side, left * side
 
 
 def _along(ends: Sequence[SquareEnd], axis: int) -> list[tuple[float, float]]:
@@ -125,20 +84,3 @@ def _factor(groups: Sequence[Sequence[tuple[float, float]]]) -> tuple[float, flo
     factor = sum(reckoned * measured for reckoned, measured in pairs) / size
     rest = sum((measured - factor * reckoned) ** 2 for reckoned, measured in pairs)
     return factor, sqrt(rest / freedom / size)
-
-
-def ask_mistake() -> Generator[Event, Any, str]:
-    """Which mistake the person has made. Raises RunError if it is none of these."""
-    yield Message(SWAPPED)
-    mistake = str((yield MISTAKE_QUESTION))
-    if mistake == "none":
-        raise contradicting_ends("the ends of both directions contradict each other")
-    return mistake
-
-
-def contradicting_ends(cause: str) -> RunError:
-    fix = (
-        "was each end measured from its own start mark, in front and to the left with its sign, "
-        "and first those of the clockwise squares? Then run this step again"
-    )
-    return RunError(Problem("E-CALIBRATE-ROBOT", "geometry", cause, fix))

@@ -28,7 +28,7 @@ SQUARE_SIDES = 4
 POSITION_SD_MIN_M = 0.001  # of a tape
 HEADING_SD_MIN_RAD = 0.005  # of a set square
 ITERATIONS = 6  # each reduces the error to a tenth or less
-SWAP_SIGNIFICANCE_SD = 5.0  # standard deviations of the means, above which a swap is reported
+CONTRADICTION_SDS_MIN = 5.0  # of the means, of their residuals
 CONTRADICTION_RATIO_MIN = 0.02  # of the side: residual means that no geometry explains
 SIDE_TRACK_RATIO_MAX = 8.0  # above, the errors are not small enough for the equations
 SIDE_MAX_M = 1.0
@@ -75,21 +75,6 @@ def angles_from_headings(side: float, clockwise: EndError, counter: EndError) ->
         (clockwise.heading - counter.heading) / (2 * SQUARE_SIDES),
         (clockwise.heading + counter.heading) / (2 * SQUARE_SIDES),
     )
-
-
-def ends_look_swapped(side: float, clockwise: EndError, counter: EndError) -> bool:
-    """Whether the two directions were probably taken for each other.
-
-    Exchanging them leaves alpha by x and beta by y as they are, and turns the signs of the other
-    two; so the rules contradict each other where they should agree.
-    """
-    along, across = (
-        _angles_from_x(side, clockwise, counter),
-        _angles_from_y(side, clockwise, counter),
-    )
-    agree = hypot(along.alpha - across.alpha, along.beta - across.beta)
-    oppose = hypot(along.alpha + across.alpha, along.beta + across.beta)
-    return agree > 2 * oppose
 
 
 def correct_geometry(geometry: Geometry, side: float, angles: Angles) -> Geometry:
@@ -153,10 +138,6 @@ class SquareErrors(NamedTuple):
     clockwise: Sequence[EndError]
     counter: Sequence[EndError]
 
-    def exchanged(self) -> SquareErrors:
-        """The same with the directions taken for each other."""
-        return SquareErrors(self.side, self.counter, self.clockwise)
-
     @property
     def has_headings(self) -> bool:
         """Whether every end was read with its heading."""
@@ -219,23 +200,13 @@ def fit_umbmark(squares: SquareErrors, used: Geometry, weight: float = 1.0) -> U
     return UmbmarkResult(geometry, Angles(alpha, beta), Angles(sd, sd), before, after)
 
 
-def squares_look_swapped(squares: SquareErrors) -> bool:
-    """Whether the directions were probably taken for each other, and that is no accident."""
-    if not squares.has_positions:
-        return False
-    ways = (squares.clockwise, squares.counter)
-    size = systematic_error(*ways)
-    means = [mean_end(ends) for ends in ways]
-    noise = _mean_noise(squares)
-    return size > SWAP_SIGNIFICANCE_SD * noise and ends_look_swapped(squares.side, *means)
-
-
 def ends_contradict(squares: SquareErrors, result: UmbmarkResult) -> bool:
     """Whether no geometry explains the centres of both directions."""
     if not squares.has_positions:
         return False
-    noise = SWAP_SIGNIFICANCE_SD * _mean_noise(squares)
-    return result.after > max(noise, CONTRADICTION_RATIO_MIN * squares.side)
+    ways = (squares.clockwise, squares.counter)
+    noise = max(_position_spread(ends) / sqrt(len(ends)) for ends in ways)
+    return result.after > max(CONTRADICTION_SDS_MIN * noise, CONTRADICTION_RATIO_MIN * squares.side)
 
 
 def _solve_angles(squares: SquareErrors, used: Geometry, rule: Rule) -> Angles:
@@ -273,12 +244,6 @@ def _position_sd(squares: SquareErrors) -> float:
         for ends, sign in ((squares.clockwise, 1.0), (squares.counter, -1.0))
     )
     return sqrt(scatter) / (SQUARE_SIDES * squares.side * sqrt(2.0))
-
-
-def _mean_noise(squares: SquareErrors) -> float:
-    """Standard deviation of the worse of both centres along an axis, m."""
-    ways = (squares.clockwise, squares.counter)
-    return max(_position_spread(ends) / sqrt(len(ends)) for ends in ways)
 
 
 def _misfit_sd(squares: SquareErrors, used: Geometry, angles: Angles) -> float:

@@ -12,7 +12,6 @@ from diffbotctl.calibrate.end_answers import (
     place_contradiction,
     place_text,
 )
-from diffbotctl.calibrate.square_ends import SquareEnd, square_errors
 from diffbotctl.calibrate.step import Message
 from diffbotctl.errors import RunError
 from diffbotctl.messages import Odometry
@@ -121,22 +120,3 @@ AGAIN = "Measure again; the same answer is accepted."
 )
 def test_a_place_is_told_as_it_was_read(place, text):
     assert place_text(place) == text
-
-
-@pytest.mark.parametrize(
-    ("mistake", "clockwise", "counter"),
-    [
-        ("", (1, 2), (3, 4)),
-        ("none", (1, 2), (3, 4)),
-        ("left", (1, -2), (3, -4)),
-        ("forward", (-1, 2), (-3, 4)),
-        ("directions", (3, 4), (1, 2)),
-    ],
-)
-def test_a_mistake_of_reading_is_taken_back_in_the_reading(mistake, clockwise, counter):
-    """Not in the error: where odometry stood has the sign that it has."""
-    odometry = EndError(10.0, 20.0, 0.0)
-    ends = [SquareEnd(EndError(x, y, nan), odometry) for x, y in ((1.0, 2.0), (3.0, 4.0))]
-    squares = square_errors(1.0, ends[:1], ends[1:], mistake)
-    for errors, (x, y) in ((squares.clockwise, clockwise), (squares.counter, counter)):
-        assert (errors[0].x + 10.0, errors[0].y + 20.0) == (x, y)

@@ -335,7 +335,7 @@ def test_command_names_track_and_stray(tmp_path):
 
 @pytest.mark.parametrize(
     ("option", "said"),
-    [("--save", "add --yes to write, or leave out --save"), ("--truth", "requires an argument")],
+    [("--save", "add --yes, or leave out --save"), ("--truth", "requires an argument")],
 )
 def test_nobody_to_agree(tmp_path, option, said):
     counts = str(written(tmp_path, "a.csv", COUNTED))

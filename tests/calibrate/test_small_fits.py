@@ -162,22 +162,13 @@ def test_headings_alone_serve():
     assert umbmark.fit_umbmark(blind, USED).geometry.track == pytest.approx(true.track, rel=1e-3)
 
 
-def test_exchanged_directions_are_recognised_and_noise_is_not_taken_for_them():
+def test_exchanged_directions_contradict_each_other():
     true = USED.reshaped(1.004, USED.track * 1.02)
     right = ends_of(true)
-    assert umbmark.squares_look_swapped(right.exchanged()) and not umbmark.squares_look_swapped(
-        right
-    )
-    chance = Random(3)
-    for _ in range(200):
-        noise = umbmark.SquareErrors(
-            1.0,
-            *(
-                [EndError(chance.gauss(0, 0.01), chance.gauss(0, 0.01), nan) for _ in range(5)]
-                for _ in range(2)
-            ),
-        )
-        assert not umbmark.squares_look_swapped(noise)
+    wrong = right._replace(clockwise=right.counter, counter=right.clockwise)
+    for squares, contradicts in ((right, False), (wrong, True)):
+        result = umbmark.fit_umbmark(squares, USED)
+        assert umbmark.ends_contradict(squares, result) == contradicts
 
 
 def test_squares_without_readings_are_refused():

@@ -5,7 +5,7 @@ from math import nan
 import pytest
 
 from diffbotctl.calibrate.dead_reckoning import EndError
-from diffbotctl.calibrate.square_ends import SquareEnd, end_place, refuse_other_factor
+from diffbotctl.calibrate.square_ends import SquareEnd, end_place, square_errors
 from diffbotctl.errors import RunError
 
 NOISE = (0.004, -0.006, 0.002, -0.003, 0.003)  # m, of slip and reading
@@ -41,15 +41,8 @@ def driven(error, forward=1.0, left=1.0, noise=1.0, runs=5):
 def test_answers_against_the_odometry_of_the_same_squares(how, words):
     ends = driven((-0.05, 0.03), **how), driven((0.02, -0.06), **how)
     if words is None:
-        refuse_other_factor(*ends)
+        square_errors(1.0, *ends)
         return
     with pytest.raises(RunError, match="E-CALIBRATE-ANSWER") as raised:
-        refuse_other_factor(*ends)
+        square_errors(1.0, *ends)
     assert words in " ".join(str(raised.value).split())
-
-
-def test_a_sign_that_the_person_has_confirmed_is_no_mistake():
-    ends = driven((-0.05, 0.03), left=-1.0), driven((0.02, -0.06), left=-1.0)
-    refuse_other_factor(*ends, "left")
-    with pytest.raises(RunError):
-        refuse_other_factor(*ends, "forward")

@@ -49,6 +49,7 @@ STATIC_DUTY_MAX = 0.75
 DIRECTION_DIFFERENCE_MAX = 0.15  # of the rated speed; more is a fault of gear or driver
 COMMAND_JITTER_MIN_S = 0.005  # standard deviation, for a board that does not report the time
 BATTERY_LISTEN_TIME_S = 1.0
+BREAKAWAY_SD_RATIO = 0.03  # it depends on where the teeth of the gear stand
 SAME_LAG = (1.0, 1.0)  # after steps up and down
 
 
@@ -255,8 +256,9 @@ def _breakaway_findings(path: str, duties: Mapping[str, float]) -> list[Finding]
     forward, backward = (duties[direction] for direction in DIRECTIONS)
     if max(forward, backward) > BREAKAWAY_DUTY_MAX - BREAKAWAY_RESOLUTION:
         return []
-    sd = hypot(0.5 * (forward - backward), BREAKAWAY_RESOLUTION)
-    return [Finding(f"{path}.breakaway", 0.5 * (forward + backward), sd)]
+    duty = 0.5 * (forward + backward)
+    sd = hypot(0.5 * (forward - backward), BREAKAWAY_RESOLUTION, BREAKAWAY_SD_RATIO * duty)
+    return [Finding(f"{path}.breakaway", duty, sd)]
 
 
 def _delay_findings(nominal: Robot, motors: dict[str, MotorFit]) -> list[Finding]:

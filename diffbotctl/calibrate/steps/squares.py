@@ -30,12 +30,8 @@ from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.slip_fit import SLIP_USABLE, SlipFit, fit_slip
 from diffbotctl.calibrate.square_ends import (
     END_PLACES,
-    MISTAKE_QUESTION,
     SquareEnd,
-    ask_mistake,
-    contradicting_ends,
     end_place,
-    refuse_other_factor,
     square_errors,
 )
 from diffbotctl.calibrate.square_outliers import without_outliers
@@ -80,7 +76,6 @@ class SquaresStep:
             ExpectedQuestion(position_question("forward", side), places),
             ExpectedQuestion(position_question("left", side), places),
             ExpectedQuestion(FACING, 0 if self.read == "places" else ends),
-            ExpectedQuestion(MISTAKE_QUESTION, 0),
         ]
 
     def run(self, session: RobotSession) -> StepRun:
@@ -102,10 +97,7 @@ class SquaresStep:
                 problem = Problem("E-CALIBRATE-ROBOT", "geometry", str(error), fix)
                 raise RunError(problem) from error
             if umbmark.ends_contradict(squares, result):
-                raise contradicting_ends(
-                    "no track and no wheels explain the ends of both directions: the best ones "
-                    f"leave an error of {result.after * MM:.0f} mm"
-                )
+                raise _contradicting_ends(result.after)
             slip = _usable_slip(squares, result.geometry)
             findings = [*_findings(before, result, side), *_slip_findings(slip)]
             report += [*left_out, *_report(side, used, result), *_slip_report(slip)]
@@ -121,7 +113,7 @@ class SquaresStep:
     def _drive_squares(
         self, session: RobotSession, side: float
     ) -> Generator[Event, Any, SquareErrors]:
-        """The end errors of one round; corrected if the person confirms a mistake of reading."""
+        """The end errors of one round."""
         reach, beside = side * REACH_RATIO, max(map(max, END_PLACES)) * side * MM
         yield MotionNotice(
             self.name,
@@ -145,13 +137,7 @@ class SquaresStep:
                 )
                 odometry = drive_to(session, waypoints, reach)
                 driven.append((yield from self._end(side, odometry, driven, zeros)))
-        squares = square_errors(side, ends[CLOCKWISE], ends[COUNTER])
-        if umbmark.squares_look_swapped(squares):
-            mistake = yield from ask_mistake()
-            refuse_other_factor(ends[CLOCKWISE], ends[COUNTER], mistake)
-            return square_errors(side, ends[CLOCKWISE], ends[COUNTER], mistake)
-        refuse_other_factor(ends[CLOCKWISE], ends[COUNTER])
-        return squares
+        return square_errors(side, ends[CLOCKWISE], ends[COUNTER])
 
     def _zero_readings(self) -> tuple[ZeroReadings, ZeroReadings]:
         """Of the places and the headings."""
@@ -194,6 +180,19 @@ class SquaresStep:
             yield Message(f"by the wheels: {wheels}; measured: {place_text((x, y))}")
         here = EndError(odometry.x, odometry.y, odometry.heading)
         return SquareEnd(EndError(x, y, heading), here)
+
+
+def _contradicting_ends(rest: float) -> RunError:
+    """The error for ends of which the best geometry leaves `rest` (m)."""
+    cause = (
+        "no track and no wheels explain the ends of both directions: the best ones leave an error "
+        f"of {rest * MM:.0f} mm"
+    )
+    fix = (
+        "was each end measured from its own start mark, in front and to the left with its sign? "
+        "Then run this step again"
+    )
+    return RunError(Problem("E-CALIBRATE-ROBOT", "geometry", cause, fix))
 
 
 def _usable_slip(squares: SquareErrors, geometry: Geometry) -> SlipFit | None:
