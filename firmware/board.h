@@ -118,7 +118,7 @@ bool board_store_ready(void);
 void board_store_clear(uint16_t slot);
 void board_store_write(uint16_t address, uint8_t byte);
 
-/* Cause of the reset that the chip tells: a RESET_... of the protocol; RESET_UNKNOWN when the
+/* Cause of the reset that the chip reports: a RESET_... of the protocol; RESET_UNKNOWN when the
    bootloader has cleared it. */
 uint8_t board_reset_cause(void);
 

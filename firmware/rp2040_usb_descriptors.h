@@ -1,4 +1,4 @@
-/* What the USB port tells the host of itself (USB 2.0, chapter 9; CDC 1.2 and its PSTN subclass). */
+/* Descriptors that the USB port sends to the host (USB 2.0, chapter 9; CDC 1.2 and its PSTN subclass). */
 #ifndef RP2040_USB_DESCRIPTORS_H
 #define RP2040_USB_DESCRIPTORS_H
 

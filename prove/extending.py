@@ -31,7 +31,7 @@ def rows(failures: int) -> Iterator[Row]:
     yield from message_rows()
     yield from round_trip_rows(SECONDS)
     yield from failure_rows(failures)
-    yield deaf_row()
+    yield silent_reader_row()
 
 
 @contextmanager
@@ -189,10 +189,10 @@ def failure_rows(count: int) -> Iterator[Row]:
     )
 
 
-def deaf_row() -> Row:
+def silent_reader_row() -> Row:
     """A client that sends requests and never reads, beside one that stops the robot."""
     with _folder() as folder:
-        attack = hostile_sockets.deaf_client(folder, REQUESTS, STOPS)
+        attack = hostile_sockets.silent_reader(folder, REQUESTS, STOPS)
     worst = max(attack.stops)
     good = attack.survived and not attack.failures and worst <= STOP_MAX_S
     return Row(

@@ -20,7 +20,7 @@ from tests.support.trials.row import Row, print_rows
 
 WAY = "OpenSSH to an asyncssh server here"
 LOSSES = ("frozen", "killed")
-STOPPED_MAX_S, TOLD_MAX_S = 0.5, 3.0
+STOPPED_MAX_S, REPORT_MAX_S = 0.5, 3.0
 ENDING_S = 60  # for a command whose link is lost
 PERSON = r"drive of \S+@\S+"
 
@@ -30,10 +30,10 @@ class LostLink(NamedTuple):
 
     stopped_s: float
     """from the loss to the last command that was not zero, also after the link works again"""
-    told_s: float
-    """until `stop` over the dead link has said that nobody knows whether the robot stopped"""
+    report_s: float
+    """until `stop` over the dead link has reported that it is unknown whether the robot stopped"""
     is_truthful: bool
-    """`stop` said so, and what to do"""
+    """`stop` reported it, and what to do"""
     is_named: bool
     """the stop's cause names the person"""
 
@@ -49,13 +49,13 @@ def rows(trials: int) -> Iterator[Row]:
         f"{STOPPED_MAX_S} s",
         slowest <= STOPPED_MAX_S,
     )
-    told = max(each.told_s for each in outcomes)
+    latest = max(each.report_s for each in outcomes)
     truthful = sum(each.is_truthful for each in outcomes)
     yield Row(
-        "12 `stop --at` over the dead link: says that it is not known, after at most",
-        f"{told:.1f} s, {truthful} of {trials}",
-        f"{TOLD_MAX_S:.0f} s",
-        told <= TOLD_MAX_S and truthful == trials,
+        "12 `stop --at` over the dead link: reports that it is not known, after at most",
+        f"{latest:.1f} s, {truthful} of {trials}",
+        f"{REPORT_MAX_S:.0f} s",
+        latest <= REPORT_MAX_S and truthful == trials,
     )
     named = sum(each.is_named for each in outcomes)
     yield Row("12 the stop names the person", f"{named}", f"{trials}", named == trials)
@@ -86,8 +86,8 @@ def _lost_link(
         server.send_signal(signal.SIGSTOP if how == "frozen" else signal.SIGKILL)
         begun = time.monotonic()
         stop = _start(here, path, "stop")
-        _, said = stop.communicate(timeout=ENDING_S)
-        told_s = time.monotonic() - begun
+        _, output = stop.communicate(timeout=ENDING_S)
+        report_s = time.monotonic() - begun
         held = watcher.until(lambda status: status["held"] and stands(status))["held"]
         if how == "frozen":
             watcher.request("resume")
@@ -104,8 +104,8 @@ def _lost_link(
     ]
     return LostLink(
         (max(moving) - lost_at) / SECOND,
-        told_s,
-        "NOT KNOWN whether the robot has stopped" in said and "switch it off" in said,
+        report_s,
+        "NOT KNOWN whether the robot has stopped" in output and "switch it off" in output,
         bool(re.search(PERSON, held["cause"])),
     )
 

@@ -48,8 +48,8 @@ class Newcomer:
             stderr=subprocess.STDOUT,
             text=True,
         )
-        _, said = outcome(process, cwd=self.folder, env=self.environment)
-        return said
+        _, answer = outcome(process, cwd=self.folder, env=self.environment)
+        return answer
 
     @property
     def program(self) -> Path:

@@ -161,7 +161,7 @@ def rows(seed: int, robots: int) -> Iterator[Row]:
 
 
 class SlideEnd(NamedTuple):
-    """How a goal ended: error of the odometry in m, and in standard deviations of what was told."""
+    """How a goal ended: error of the odometry in m, and in reported standard deviations."""
 
     code: int
     error: float
@@ -185,14 +185,14 @@ def slide(encoders: str, trial: Trial, is_sliding: bool) -> SlideEnd:
         sets = [*OPEN_FLOOR, *[f"robot.simulation.disturbances=[{disturbance}]"] * is_sliding]
         result = Run(load("goal", str(file), sets), options, tell=lambda _: None).go()
     assert result.truth is not None and result.odometry is not None
-    truth, told = result.truth.pose, result.odometry
-    x, y = truth.x - told.x, truth.y - told.y
+    truth, reported = result.truth.pose, result.odometry
+    x, y = truth.x - reported.x, truth.y - reported.y
     code = -1 if result.ending is None else result.ending.code
-    return SlideEnd(code, hypot(x, y), position_sigmas(x, y, told))
+    return SlideEnd(code, hypot(x, y), position_sigmas(x, y, reported))
 
 
 def sliding_wheels(seed: int, count: int) -> Iterator[Row]:
-    """A wheel that slides: the goal is not claimed where the robot is not, as far as it is told."""
+    """A wheel that slides: the goal is not claimed where the robot is not."""
     for encoders in ENCODERS:
         trials = Trial.several(seed * 3000, count)
         ends = [slide(encoders, trial, True) for trial in trials]

@@ -100,14 +100,16 @@ def echoes_in_turn() -> Row:
         )
         bench.ready()
         bench.wait(300)
-        bench.heard.clear()
+        bench.received.clear()
         bench.wait(4000)
-        heard = [each.frame for each in bench.heard if isinstance(each.frame, frames.RangeFrame)]
-    errors = [abs(each.value * 4 - ECHOES_US[each.sensor]) for each in heard]
+        received = [
+            each.frame for each in bench.received if isinstance(each.frame, frames.RangeFrame)
+        ]
+    errors = [abs(each.value * 4 - ECHOES_US[each.sensor]) for each in received]
     worst = max(errors, default=inf)
-    figure = f"{len(heard)} readings, worst {worst:g} us off"
-    is_met = len(heard) >= 70 and worst <= 20
-    return Row("four HC-SR04 do not hear each other", figure, ">= 70, <= 20 us", is_met)
+    figure = f"{len(received)} readings, worst {worst:g} us off"
+    is_met = len(received) >= 70 and worst <= 20
+    return Row("four HC-SR04 do not receive each other", figure, ">= 70, <= 20 us", is_met)
 
 
 def _run(kind: str, fault: str, start: float, seed: int) -> ObservedRun:

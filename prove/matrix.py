@@ -1,4 +1,4 @@
-"""Random robots, perturbations and goals on both plants: what is reached, told and given up.
+"""Random robots, perturbations and goals on both plants: what is reached, reported and given up.
 
 `python -m prove.matrix --seed N --runs N [--plant 1|2]`; a case that is printed with a row can be
 run alone: `python -m prove.matrix --case SEED:ROBOT:PERTURBATION:PLANT:NUMBER`.
@@ -61,7 +61,7 @@ def run_all(todo: list[Case], processes: int = 1) -> Iterator[CaseResult]:
 
 
 def rows(results: list[CaseResult], what: str = "") -> Iterator[Row]:
-    """The rows of both plants, one after the other; `what` is said of all of them."""
+    """The rows of both plants, one after the other; `what` describes all of them."""
     for plant, equations in EQUATIONS.items():
         of_plant = [result for result in results if result.case.plant == plant]
         if of_plant:
@@ -114,7 +114,7 @@ def _plant_rows(name: str, results: list[CaseResult]) -> Iterator[Row]:
 
 
 def is_false(result: CaseResult) -> bool:
-    """Whether it claims a goal from which it is farther than it told."""
+    """Whether it claims a goal from which it is farther than it reported."""
     return (
         result.end == "reached"
         and result.true_error > FALSE_MIN
@@ -151,10 +151,10 @@ def _given_up_row(name: str, results: list[CaseResult]) -> Iterator[Row]:
 
 
 def _coverage_rows(name: str, results: list[CaseResult]) -> Iterator[Row]:
-    """Shares within 1, 2, 3 told standard deviations of the worst robot and perturbation."""
-    for what, target, sigmas, told, error in (
-        ("heading", HEADING_TARGET, _heading_sigmas, _told_heading, _heading_error),
-        ("position", POSITION_TARGET, _position_sigmas, _told_position, _position_error),
+    """Shares within 1, 2, 3 reported standard deviations of the worst robot and perturbation."""
+    for what, target, sigmas, reported, error in (
+        ("heading", HEADING_TARGET, _heading_sigmas, _reported_heading, _heading_error),
+        ("position", POSITION_TARGET, _position_sigmas, _reported_position, _position_error),
     ):
         for kind, groups in (("all", {"": results}), *_groups(results)):
             if not groups:
@@ -168,9 +168,9 @@ def _coverage_rows(name: str, results: list[CaseResult]) -> Iterator[Row]:
                 ">= " + "/".join(f"{100 * part:.0f}" for part in target),
                 _margin(shares, target) >= 0.0,
             )
-        ratio = modesty(results, told, error)
+        ratio = modesty(results, reported, error)
         yield Row(
-            f"{name}: {what}: median told sd over actual RMS",
+            f"{name}: {what}: median reported sd over actual RMS",
             f"{ratio:.2f}",
             f"<= {MODESTY_MAX}",
             ratio <= MODESTY_MAX,
@@ -198,12 +198,12 @@ def _position_sigmas(result: CaseResult) -> float:
     return result.position_sigmas
 
 
-def _told_heading(result: CaseResult) -> float:
-    return result.told_heading
+def _reported_heading(result: CaseResult) -> float:
+    return result.reported_heading
 
 
-def _told_position(result: CaseResult) -> float:
-    return result.told_position * sqrt(2.0)
+def _reported_position(result: CaseResult) -> float:
+    return result.reported_position * sqrt(2.0)
 
 
 def _heading_error(result: CaseResult) -> float:
@@ -214,10 +214,10 @@ def _position_error(result: CaseResult) -> float:
     return result.estimate_error
 
 
-def modesty(results: list[CaseResult], told: Measure, error: Measure) -> float:
-    """Median of the told standard deviation over the RMS of the actual error."""
+def modesty(results: list[CaseResult], reported: Measure, error: Measure) -> float:
+    """Median of the reported standard deviation over the RMS of the actual error."""
     rms = sqrt(sum(error(result) ** 2 for result in results) / len(results))
-    return median(told(result) for result in results) / rms if rms else 0.0
+    return median(reported(result) for result in results) / rms if rms else 0.0
 
 
 def _shares(results: list[CaseResult], sigmas: Measure) -> tuple[float, ...]:
@@ -249,8 +249,8 @@ def summary(results: list[CaseResult]) -> Iterator[str]:
 
 def _table(kind: str, results: list[CaseResult], key: Callable[[CaseResult], str]) -> Iterator[str]:
     yield (
-        f"  {kind:<13} runs feas reach false late |  heading 1/2/3 sd  told/rms | "
-        "position 1/2/3 sd  told/rms | true median p95 mm"
+        f"  {kind:<13} runs feas reach false late |  heading 1/2/3 sd    sd/rms | "
+        "position 1/2/3 sd    sd/rms | true median p95 mm"
     )
     groups = defaultdict(list)
     for result in results:
@@ -265,8 +265,8 @@ def _table(kind: str, results: list[CaseResult], key: Callable[[CaseResult], str
         yield (
             f"  {name:<13} {len(group):4d} {len(feasible):4d} {reached:5.0%} "
             f"{sum(map(is_false, group)):5d} {late:4d} | {heading:>17} "
-            f"{modesty(group, _told_heading, _heading_error):9.2f} | {position:>17} "
-            f"{modesty(group, _told_position, _position_error):9.2f} | "
+            f"{modesty(group, _reported_heading, _heading_error):9.2f} | {position:>17} "
+            f"{modesty(group, _reported_position, _position_error):9.2f} | "
             f"{median(errors):6.0f} {errors[ceil(0.95 * len(errors)) - 1]:6.0f}"
         )
 
@@ -351,7 +351,7 @@ def encoder_cases(seed: int, runs: int, plants: Iterable[int]) -> list[Case]:
 
 
 def encoder_rows(results: list[CaseResult]) -> Iterator[Row]:
-    """What is told when no odometry can follow: a goal must not be claimed without a doubt."""
+    """What is reported when no odometry can follow: no goal may be claimed without a warning."""
     for plant, equations in EQUATIONS.items():
         for fault in ENCODER_FAULTS:
             group = [

@@ -38,7 +38,7 @@ def by_urchin(path: Path) -> dict[str, Any]:
 PARSERS = (by_yourdfpy, by_urchin)
 
 
-def wanted(robot: Robot) -> Iterator[tuple[str, tuple[float, float, float], float]]:
+def expected(robot: Robot) -> Iterator[tuple[str, tuple[float, float, float], float]]:
     """Place (m, over the ground) and heading of each wheel and sensor, straight from the file."""
     drive = robot.drive
     left, right = drive.left.wheel.diameter / 2, drive.right.wheel.diameter / 2
@@ -54,7 +54,7 @@ def wanted(robot: Robot) -> Iterator[tuple[str, tuple[float, float, float], floa
 def error(places: dict[str, Any], robot: Robot) -> float:
     """The largest difference of any number of any wheel's or sensor's place."""
     most = 0.0
-    for name, position, heading in wanted(robot):
+    for name, position, heading in expected(robot):
         place = places[name]
         turned = ((cos(heading), -sin(heading)), (sin(heading), cos(heading)))
         for i in range(3):

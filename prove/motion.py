@@ -45,7 +45,7 @@ class Trip(NamedTuple):
     y: float
     seconds: float
     bound: float
-    said: str
+    output: str
     """the end of the goal, its cause, and the log's lines"""
 
 
@@ -63,7 +63,7 @@ class TimedRun(Run):
     """A run that notes when its goal was reached first."""
 
     reached_at = 0
-    said = ""
+    output = ""
 
     def _sinks(self):
         sinks = super()._sinks()
@@ -73,7 +73,7 @@ class TimedRun(Run):
         return sinks
 
     def _on_text(self, text):
-        self.said += f"{text}\n"
+        self.output += f"{text}\n"
 
     def _on_goal_state(self, now, state):
         if state.state in GOAL_EXIT_CODES:
@@ -131,7 +131,7 @@ def trip(setup: Configuration, goal: Goal, seed: int, reverse: bool = False) -> 
         at.y - goal.y,
         run.seconds_of_goal(),
         bound,
-        run.said,
+        run.output,
     )
 
 
@@ -161,13 +161,13 @@ def rows(seed: int, robots: int, kinds: list[str]) -> Iterator[Row]:
         good = sum(
             t.reached and t.error <= near and degrees(t.heading_error) <= tolerance for t in trips
         ) / len(trips)
-        wanted = 0.97 if stock else 0.99
+        required = 0.97 if stock else 0.99
         unsure = sum(t.is_unsure for t in trips) / len(trips)
         yield Row(
             f"{kind}: goals within 2 m reached",
             f"{good:.1%}" + (f", {unsure:.1%} unsure" if unsure else ""),
-            f">= {wanted:.0%}",
-            good >= wanted,
+            f">= {required:.0%}",
+            good >= required,
         )
         far = max(t.farther for t in trips)
         yield Row(f"{kind}: most ever farther away", f"{far:.2f} m", "<= 0.50 m", far <= 0.5)

@@ -202,7 +202,7 @@ def stranger(folder: Path) -> Row:
         (folder / "diffbotctl").chmod(0o700)
     good = (code == 7) + (second == 7)
     return Row(
-        "another user (nobody): refused by the folder, by the socket",
+        "another user: refused by the folder, by the socket",
         f"{good} of 2 refused",
         "2 of 2",
         good == 2 and os.getuid() == 0,

@@ -62,7 +62,7 @@ def rows(opened: int) -> Iterator[Row]:
         stack.enter_context(running(folder, "standby", "--stay", name="floor"))
         server = stack.enter_context(serving(folder, "--engine", "floor"))
         client = PlainClient(folder, "floor")
-        for device in DEVICES:  # a page must be in front, and nobody else may drive
+        for device in DEVICES:  # a page must be in front, and no one else may drive
             with Browser(folder / device, OFFLINE) as alone:
                 page = _open(alone, server, device)
                 _presser(page, device)("#take")

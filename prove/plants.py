@@ -28,7 +28,7 @@ MM = 1000
 class DriveResult(NamedTuple):
     """Heading changes (rad) of one straight drive by hand, and the bound by its true wheels."""
 
-    told: float
+    reported: float
     true: float
     bound: float
 
@@ -97,13 +97,13 @@ def _goal_rows(folder: Path, plant: int, name: str, seed: int, number: int) -> I
     yield _healthy_row(name, trips(folder, "book_2wd", plant, seed, number))
     missing = trips(folder, "book_2wd", plant, seed, number, encoder={"missed": 0.01})
     errors = [one.true_error * MM for one in missing]
-    said = sum(one.said.find("missing") >= 0 or "unsure" in one.said for one in missing)
+    reporting = sum(one.output.find("missing") >= 0 or "unsure" in one.output for one in missing)
     half, most = median(errors), share(errors, 0.95)
     yield Row(
-        f"{name}: 1 % missed edges, true median, p95; says so",
-        f"{half:.0f}, {most:.0f} mm; {said} of {number}",
+        f"{name}: 1 % missed edges, true median, p95; reported",
+        f"{half:.0f}, {most:.0f} mm; {reporting} of {number}",
         "<= 15, 60 mm; all that are off",
-        half <= 15 and most <= 60 and said > 0,
+        half <= 15 and most <= 60 and reporting > 0,
     )
     step = {"disturbances": [{"start": 1.5, "supply": 0.85}]}
     for what, changes in (
@@ -157,13 +157,13 @@ def _drive_rows(folder: Path, plant: int, name: str, seed: int, number: int) -> 
     for spread in (0.0, 0.01):
         file = robot_file(folder, "book_2wd", plant, {"geometry": {"diameter_spread": spread}})
         drives = [hand_drive(file, rng.getrandbits(31)) for _ in range(number)]
-        told = [abs(degrees(drive.told)) for drive in drives]
+        reported = [abs(degrees(drive.reported)) for drive in drives]
         if not spread:
             yield Row(
                 f"{name}: drive 6 s: heading by odometry, median, worst",
-                f"{median(told):.2f}, {max(told):.1f} deg",
+                f"{median(reported):.2f}, {max(reported):.1f} deg",
                 "<= 1, 4 deg",
-                median(told) <= 1.0 and max(told) <= 4.0,
+                median(reported) <= 1.0 and max(reported) <= 4.0,
             )
         beyond = [abs(degrees(drive.true)) - degrees(drive.bound) for drive in drives]
         limit = 1.0 if spread else 1.5

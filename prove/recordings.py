@@ -261,12 +261,12 @@ def changed(path: Path) -> Row:
     command = ("replay", str(path), "--set", "robot.limits.speed=0.15 m/s")
     one, other = run(*command), run(*command)
     names = ("time to goal", "cross track max", "cross track rms", "stops", "true error")
-    told = sum(bool(re.search(rf"^{name} .*\d", one, re.M)) for name in names)
+    reported = sum(bool(re.search(rf"^{name} .*\d", one, re.M)) for name in names)
     before = run("replay", str(path))
     digests = [re.search(r"digest (\w+)", text) for text in (one, other, before)]
     first, again, plain = (found[1] if found else None for found in digests)
-    met = one == other and first == again != plain and told == len(names)
-    figure = f"{'same' if one == other else 'DIFFERENT'}, {told} metrics"
+    met = one == other and first == again != plain and reported == len(names)
+    figure = f"{'same' if one == other else 'DIFFERENT'}, {reported} metrics"
     return Row("replayed twice with one parameter changed", figure, "same, 5 metrics", met)
 
 

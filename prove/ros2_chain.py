@@ -6,7 +6,7 @@ They have no serial protocol to negotiate, no limits but one, no recording and n
 diffbotctl has all of them.
 
 An answer of the nodes carries the number of its tick, so each is counted, however late it is. A
-command of diffbotctl may equal the one before; then it is no answer that could be told from a
+command of diffbotctl may equal the one before; then its answer looks the same as a
 repetition, and one that takes longer than a period counts for the next tick.
 """
 

@@ -75,7 +75,7 @@ class Driver(Node):
         for topic, speed in zip((LEFT_PWM, RIGHT_PWM), speeds, strict=True):
             steps = round(limited(speed / FULL_SPEED, 0.95) * 255 / CODES)
             rest, code = divmod(rest, CODES)
-            pwm = CODES * steps + code  # tells to which tick it belongs
+            pwm = CODES * steps + code  # shows to which tick it belongs
             body = struct.pack("<Hi", topic, pwm)
             data += HEADER + body + bytes([255 - sum(body) % 256])
         os.write(self.port, data)
@@ -138,9 +138,9 @@ class Limiter(Node):
         super().__init__("limiter")
         self.linear = 0.0
         self.publisher = self.create_publisher(Twist, "cmd_vel", QUEUE_DEPTH)
-        self.create_subscription(Twist, "goal_vel", self.wanted, QUEUE_DEPTH)
+        self.create_subscription(Twist, "goal_vel", self.take_goal_velocity, QUEUE_DEPTH)
 
-    def wanted(self, message):
+    def take_goal_velocity(self, message):
         self.linear += limited(message.linear.x - self.linear, self.STEP)
         message.linear.x = self.linear
         self.publisher.publish(message)

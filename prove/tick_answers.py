@@ -127,7 +127,7 @@ def answer_times(
     """Seconds from each tick to the first pair that carries its command or that of a later tick.
 
     `sent` has the times of the ticks. None for a tick that leaves the command as it was, so that
-    its answer could not be told from a repetition; infinity for one without an answer.
+    its answer could not be distinguished from a repetition; infinity for one without an answer.
     """
     times: list[float | None] = [None]
     for tick in range(1, len(sent)):

@@ -71,7 +71,7 @@ while True:
 class Timing(NamedTuple):
     """Sorted times (s) from a tick's last byte to the command that answers it, and the ticks sent.
 
-    A tick whose command equals the one before has no answer that could be told from a repetition:
+    The answer of a tick whose command equals the one before looks the same as a repetition:
     `unchanged` counts these. An answer that did not come took an infinite time.
     """
 

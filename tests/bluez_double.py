@@ -92,14 +92,14 @@ class Bluez:
             if kind is MessageType.method_call:
                 self._obey(message)
             elif kind in (MessageType.method_return, MessageType.error) and self.pending:
-                self._told(message)
+                self._end_confirmation(message)
 
     def _obey(self, message):
         fields = message.header.fields
         name, path = fields[HeaderFields.member], fields[HeaderFields.path]
         self.calls.append(name)
         if name in self.refuses:
-            self.connection.send(new_error(message, self.refuses[name], "s", ("as told",)))
+            self.connection.send(new_error(message, self.refuses[name], "s", ("as requested",)))
             return
         answer = getattr(self, snake(name))(message, path, message.body)
         if answer is not None:
@@ -169,7 +169,7 @@ class Bluez:
             self.pending = (serial, message, module)
             self.connection.send(question, serial=serial)
 
-    def _told(self, message):
+    def _end_confirmation(self, message):
         serial, asked, module = self.pending
         if message.header.fields.get(HeaderFields.reply_serial) != serial:
             return

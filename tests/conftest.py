@@ -14,7 +14,7 @@ from hypothesis import settings
 from tests.stalled_computer import StalledComputer
 
 os.chdir(Path(__file__).parent.parent)
-# A busy machine makes single examples slow, which says nothing about the program.
+# A busy machine makes single examples slow, which shows nothing about the program.
 settings.register_profile("no_deadline", deadline=None)
 settings.load_profile("no_deadline")
 # A background shell starts its jobs with SIGINT ignored, nohup with SIGHUP ignored. Programs that

@@ -2,7 +2,7 @@
 
 Tests with an emulated board run in real time. A computer that gives its programs no processor for a
 tenth of a second (another virtual machine has it) stops the emulated robot, as it should: such a
-failure says nothing about the program. A process of its own measures how late it is woken up, so
+failure shows nothing about the program. A process of its own measures how late it is woken up, so
 that nothing is repeated that failed without a stall, and what fails again has failed.
 """
 
@@ -48,16 +48,16 @@ class StalledComputer:
 
     def pytest_runtest_protocol(self, item, nextitem):
         item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
-        told = []
+        stalls = []
         for repeats_left in reversed(range(REPEATS + 1)):
             begin = time.monotonic()
             reports = runtestprotocol(item, nextitem=nextitem, log=False)
             stall = self.longest_since(begin)
             if not stall or not repeats_left or not any(report.failed for report in reports):
                 break
-            told.append(f"{item.nodeid}: the computer stood still for {stall:.2f} s")
+            stalls.append(f"{item.nodeid}: the computer stood still for {stall:.2f} s")
             item._initrequest()
-        reports[0].user_properties += [(PROPERTY, line) for line in told]
+        reports[0].user_properties += [(PROPERTY, line) for line in stalls]
         for report in reports:
             item.ihook.pytest_runtest_logreport(report=report)
         item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)

@@ -55,7 +55,7 @@ class Filter:
 """
 
 
-def test_the_compiler_is_told_of_classes_and_constants_and_lines_keep_their_numbers():
+def test_the_compiler_gets_classes_and_constants_and_lines_keep_their_numbers():
     assert build_compiled.attributed(SOURCE) == ATTRIBUTED
 
 
@@ -79,7 +79,7 @@ def test_no_compiled_module_is_older_than_its_source():
 
 
 @pytest.mark.parametrize("name", build_compiled.modules())
-def test_each_sum_of_a_generator_says_whether_it_is_an_integer(name):
+def test_each_sum_of_a_generator_states_whether_it_is_an_integer(name):
     for node in ast.walk(ast.parse((ROOT / "diffbotctl" / name).read_text())):
         if isinstance(node, ast.Call) and ast.unparse(node.func) == "sum":
             assert len(node.args) == 2 or not isinstance(node.args[0], ast.GeneratorExp), (

@@ -24,9 +24,9 @@ def test_what_python_is_shown_to_answer_it_answers(page):
     text = page.read_text()
     shown = [each for each in re.findall(r"```python\n(.*?)```", text, re.S) if ">>> " in each]
     test = doctest.DocTestParser().get_doctest("".join(shown), {}, page.name, str(page), 0)
-    said = []
-    doctest.DocTestRunner(optionflags=doctest.ELLIPSIS).run(test, out=said.append)
-    assert not said, "".join(said)
+    output = []
+    doctest.DocTestRunner(optionflags=doctest.ELLIPSIS).run(test, out=output.append)
+    assert not output, "".join(output)
     assert page.name != "kinematics.md" or len(test.examples) > 40
 
 
@@ -116,7 +116,7 @@ def test_the_reference_is_what_the_declarations_say():
     )
 
 
-def test_every_target_is_run_by_ci_or_the_readme_tells_that_it_is_not():
+def test_every_target_is_run_by_ci_or_the_readme_states_that_it_is_not():
     rules = dict(re.findall(r"^([\w-]+):(.*)$", (ROOT / "Makefile").read_text(), re.M))
     ci, readme = (ROOT / ".ci" / "run").read_text(), (ROOT / "README.md").read_text()
     run = set(" ".join(re.findall(r"^ *make ((?:[a-z]+ )+)", ci, re.M)).split())

@@ -111,7 +111,7 @@ class Reader:
         }
 
     def types(self, line):
-        """Run the line; its exit code and what it said."""
+        """Run the line; its exit code and output."""
         # Files of this test alone; the ports of its board are in /tmp/diffbot-*.
         line = re.sub(r"/tmp/(?!diffbot-)", f"{self.environment['TMPDIR']}/", line)
         options = {"cwd": self.work, "env": self.environment}
@@ -129,8 +129,8 @@ class Reader:
             stdin=subprocess.DEVNULL,
         )
         try:
-            for said in engine.stdout:
-                if "odometry" in said or "pose" in said or " s " in said:
+            for output in engine.stdout:
+                if "odometry" in output or "pose" in output or " s " in output:
                     break
             yield
         finally:
@@ -156,9 +156,9 @@ def test_commands_that_need_nothing(page, reader):
             continue
         if words_of(line)[0] == "run":
             line = re.sub(r"( +#.*)?$", " --fast --quiet", line, count=1)
-        code, said = reader.types(line)
+        code, output = reader.types(line)
         finds = any(line.startswith(f"diffbotctl {words}") for words in FINDS)
-        assert code == 0 or (code == 1 and finds), f"{page.name} shows: {line}\n{said}"
+        assert code == 0 or (code == 1 and finds), f"{page.name} shows: {line}\n{output}"
 
 
 @pages_that_show(on_an_engine)
@@ -170,10 +170,10 @@ def test_commands_for_a_running_robot(page, reader):
                 line += " --for 1s"  # it would go on until somebody ends it
             for _ in range(HELD_TIMES_MAX):  # a loaded machine stops the robot at any time
                 reader.types("diffbotctl resume")
-                code, said = reader.types(line)
-                if "E-HELD" not in said:
+                code, output = reader.types(line)
+                if "E-HELD" not in output:
                     break
-            assert code == 0, f"{page.name} shows: {line}\n{said}"
+            assert code == 0, f"{page.name} shows: {line}\n{output}"
 
 
 @pages_that_show(on_a_terminal)
@@ -217,10 +217,10 @@ def test_commands_for_a_board(page, reader):
             line = line.partition(" #")[0].replace("/dev/rfcomm0", str(virtual.radio))
             line = re.sub(r"--port (auto|/dev/tty\w+)", f"--port {virtual.usb}", line)
             line += " --yes" * (" flash " in line) + " --quiet" * (" run " in line)
-            code, said = reader.types(line)
+            code, output = reader.types(line)
             # A robot that was stopped under way, and resumed, may know its position less well.
-            is_done = code == 0 or (code == 3 and "host_frozen" in said)
-            assert is_done, f"{page.name} shows: {line}\n{said}"
+            is_done = code == 0 or (code == 3 and "host_frozen" in output)
+            assert is_done, f"{page.name} shows: {line}\n{output}"
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -228,7 +228,7 @@ def test_commands_inside_a_sentence_can_be_read(page):
     for shown in map("".join, MENTIONED.findall(page.read_text())):
         for line in shown.split(" | ")[:1]:
             words = [word for word in words_of(line) if word not in ("...", "…")]
-            read(words, f"{page.name} says `{line}`")
+            read(words, f"{page.name} states `{line}`")
 
 
 def read(words, where):

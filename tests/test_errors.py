@@ -36,7 +36,7 @@ def test_the_tone():
     )
 
 
-def test_a_warning_says_so():
+def test_a_warning_is_marked_as_such():
     problem = Problem("W-TEST", "robot.yaml", "unwise", "think", "warning")
     assert problem.render() == "robot.yaml  W-TEST  (warning)\n  unwise; think"
 
@@ -136,7 +136,7 @@ def test_listed(words, text):
     "text, count",
     [("a", 1), ("a\nb", 2), ("a\r\nb\rc", 3), ("a\x85b\u2028c", 3), ("a\x0cb\x0bc", 1)],
 )
-def test_lines_end_where_yaml_says(text, count):
+def test_lines_end_where_yaml_defines_it(text, count):
     assert len(Source("a", text).lines) == count
 
 

@@ -10,7 +10,7 @@ from diffbotctl.time import SECOND
 
 
 class Speaks(Block):
-    """Says one line a level at each message, and passes it on."""
+    """Logs one line a level at each message, and passes it on."""
 
     twist = In(Twist)
     passed = Out(Twist)
@@ -36,7 +36,7 @@ def lines(seen):
 
 
 @pytest.mark.parametrize(
-    "level, heard",
+    "level, received",
     [
         (None, ["info", "warning", "error"]),  # info is where every block begins
         ("debug", ["debug", "info", "warning", "error"]),
@@ -44,20 +44,20 @@ def lines(seen):
         ("error", ["error"]),
     ],
 )
-def test_a_block_is_heard_from_its_level_on(level, heard):
+def test_a_block_logs_from_its_level_on(level, received):
     book = Logbook()
     if level is not None:
         book.set_level("one", level)
     _, seen = run(book, 2.0)
-    assert lines(seen) == [LogLine(0, each, "one", f"{each} at 2") for each in heard]
+    assert lines(seen) == [LogLine(0, each, "one", f"{each} at 2") for each in received]
 
 
 def test_lines_follow_their_instant_with_its_time_on_the_last_wire():
     graph, seen = run(Logbook(), 1.0, 2.0)
     assert graph.wires[-1] == "log"
     times_and_kinds = [(instant[0], type(instant[-1])) for instant in seen]
-    said = [(0, LogLine)] * 3
-    assert times_and_kinds[:5] == [(0, type(None)), *said, (1, type(None))]
+    logged = [(0, LogLine)] * 3
+    assert times_and_kinds[:5] == [(0, type(None)), *logged, (1, type(None))]
 
 
 def test_all_are_set_at_once_and_an_unknown_level_changes_nothing():
@@ -70,7 +70,7 @@ def test_all_are_set_at_once_and_an_unknown_level_changes_nothing():
     assert book.level("one") == "error"
 
 
-def test_a_block_that_says_a_line_a_message_is_cut_short_and_that_is_said():
+def test_a_block_that_logs_a_line_a_message_is_cut_short_and_that_is_logged():
     book = Logbook()
     book.set_level("one", "error")  # one line an instant
     log = book.source_log("one")
@@ -80,8 +80,8 @@ def test_a_block_that_says_a_line_a_message_is_cut_short_and_that_is_said():
         found += book.take_lines(now)
     assert len(found) == LINES_PER_SECOND_MAX
     log.error("later")
-    told, later = book.take_lines(SECOND)
-    assert told == LogLine(
+    reported, later = book.take_lines(SECOND)
+    assert reported == LogLine(
         SECOND, "warning", "one", "7 lines of one were left out: too many in a second"
     )
     assert later.text == "later"
@@ -95,7 +95,7 @@ def test_sources_are_counted_apart():
     assert [line.source for line in book.take_lines(0)] == ["one"] * LINES_PER_SECOND_MAX + ["two"]
 
 
-def test_a_block_that_stands_alone_says_nothing():
+def test_a_block_that_stands_alone_logs_nothing():
     block = Speaks()
     assert block.react(0, Twist(0, 1.0, 0.0)).linear == 1.0
     assert not block.log.debugs and block.log.lines == []

@@ -1,4 +1,4 @@
-"""A failure is repeated only if the computer stood still during it, and the summary says so."""
+"""A failure is repeated only if the computer stood still during it, and the summary states it."""
 
 import subprocess
 import sys
@@ -58,7 +58,7 @@ def test_a_failure_is_repeated_only_if_the_computer_stood_still(
     text = TEST.format(is_stalled=is_stalled, passes_from=passes_from, logs=str(tmp_path))
     (tmp_path / "test_it.py").write_text(text)
     environment = {"PYTHONPATH": str(ROOT), "PATH": "", "TMPDIR": str(tmp_path)}
-    said = subprocess.run(
+    output = subprocess.run(
         [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "."],
         cwd=tmp_path,
         env=environment,
@@ -66,10 +66,10 @@ def test_a_failure_is_repeated_only_if_the_computer_stood_still(
         text=True,
         check=False,
     ).stdout
-    assert outcome in said, said
+    assert outcome in output, output
     count = int((tmp_path / "runs").read_text())
-    assert ("the computer stood still for " in said) == (count > 1), said
-    assert runs in (count, None), said
+    assert ("the computer stood still for " in output) == (count > 1), output
+    assert runs in (count, None), output
 
 
 @pytest.mark.parametrize("half", ["", "2", "250.", "250.75", "250.75 9.", "250.75 9.9"])

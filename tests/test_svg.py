@@ -46,10 +46,10 @@ TEXTS = some.text(
 
 
 @given(TEXTS, TEXTS)
-def test_any_text_may_stand_in_it(said, look):
+def test_any_text_may_stand_in_it(output, look):
     root = ElementTree.fromstring(
-        svg_document(10, 20.4, [text_element(1, 2, said, data_part=look)])
+        svg_document(10, 20.4, [text_element(1, 2, output, data_part=look)])
     )
     assert (root.get("width"), root.get("height"), root.get("viewBox")) == ("10", "20", "0 0 10 20")
     _, text = root
-    assert (text.text or "") == said and text.get("data-part") == look
+    assert (text.text or "") == output and text.get("data-part") == look

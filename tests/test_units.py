@@ -1,4 +1,4 @@
-"""Quantities as people write them, and what the message says of those that are not accepted."""
+"""Quantities as people write them, and the error for those that are not accepted."""
 
 from contextlib import suppress
 from math import pi

@@ -25,7 +25,7 @@ from diffbotctl.calibrate.geometry_search import EndGrid
 Drives = Sequence[RecordedDrive]
 Cut = Callable[[Drives], tuple[list[Segment], Floats]]
 """From drives to their segments and the weights of these"""
-# Logarithm of the density ratio from which a mistake is believed: 1000 to 1. Few users make one.
+# Logarithm of the density ratio from which a mistake is accepted: 1000 to 1. Few users make one.
 MISTAKE_LOG_RATIO_MIN = 7.0
 POLISH_LOG_RATIO_MIN = -12.0  # a hypothesis that is worse on the grid is not refined
 USUAL_NOISE = (0.0007, 0.004, radians(2.0), radians(0.5))  # slip, position, heading, start

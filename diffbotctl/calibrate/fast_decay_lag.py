@@ -1,12 +1,12 @@
 """Lag and dead time of motors whose driver opens between two pulses (fast decay).
 
 No current brakes such a motor in the pauses, so that its lag is longer the lower the duty: after a
-step up it is shorter than after a step down, by a ratio that the curve of the motor tells. The dead
-time is the same, so both delays together show both, where the shape of a response hardly does.
+step up it is shorter than after a step down, by a ratio that follows from the curve of the motor.
+The dead time is the same, so both delays together show both; the shape of one response hardly does.
 
 After a step the battery recovers, or drops, for about half a second, since the current tends to
 what friction takes with the lag of the motor. That delays the speed as a dead time does: of usual
-batteries by some milliseconds, which no speed tells from a dead time.
+batteries by some milliseconds, which no speed distinguishes from a dead time.
 """
 
 from __future__ import annotations

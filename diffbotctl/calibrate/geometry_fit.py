@@ -342,7 +342,7 @@ def _mean_by_drives(result: Posterior, prior: GeometryPrior) -> tuple[float, flo
 
 
 def _refuse_other_wheels(fit: GeometryFit, mean_log: float, mean_log_sd: float) -> None:
-    """Raises ValueError if the track is wrong, or wheels whose size nobody has measured are.
+    """Raises ValueError if the track is wrong, or wheels of unmeasured size are.
 
     Drives that end where they began show the track in multiples of what a count rolls. Wrong slots
     look like a wrong track there. `mean_log`: of the mean diameter over the stated one by the

@@ -112,7 +112,7 @@ def fit_curve(points: Sequence[RulerPoint]) -> RangeFit:
 def find_misread(points: Sequence[RulerPoint]) -> tuple[RulerPoint, RangeFit] | None:
     """The point without which all others fit, and their curve; None if there is none, or several.
 
-    A misread distance bends the whole curve, so its own error is not the largest one. What tells it
+    A misread distance bends the whole curve, so its own error is not the largest one. What shows it
     is how far it lies from the curve of the others.
     """
     found = []

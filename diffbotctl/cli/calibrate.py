@@ -100,7 +100,7 @@ def from_log(
     try:
         found = fit_geometry(drives, stated, sd)
     except ValueError as error:
-        fix = "`diffbotctl explain E-CALIBRATE-FIT` tells the usual causes"
+        fix = "`diffbotctl explain E-CALIBRATE-FIT` lists the usual causes"
         place = ", ".join(map(str, files))
         raise RunError(Problem("E-CALIBRATE-FIT", place, str(error), fix)) from error
     for line in fit_report(found):

@@ -251,7 +251,7 @@ def _blocked(progress: DriveProgress) -> Exception:
     from diffbotctl.errors import Problem, RunError
 
     cause = f"{progress.text()}; stopped by {progress.stop}, for {progress.waiting:.1f} s"
-    fix = "remove the obstacle, or drive another way; `diffbotctl why` tells more"
+    fix = "remove the obstacle, or drive another way; `diffbotctl why` explains more"
     if not progress.stop:
         cause = f"{progress.text()}; the robot has not moved for {progress.waiting:.1f} s"
         fix = "does something hold a wheel, or is the speed too low for the motors?"
@@ -285,7 +285,7 @@ def _drive_progress(
     ends = {"--for": duration, "--distance": distance, "--angle": angle}
     given = [name for name, end in ends.items() if end is not None]
     if len(given) > 1:
-        refuse_pair(given[0], given[1], "each tells where the drive ends")
+        refuse_pair(given[0], given[1], "each states where the drive ends")
     for name, end in ends.items():
         if end == 0.0:
             raise click.UsageError(f"{name} 0 is no drive: give another value")

@@ -41,7 +41,7 @@ root_option = click.option(
 @click.command()
 @exclusive("--ask", ("--json",), "what a board answers is printed as text")
 @exclusive("--ask", ("--root",), "the boards of a copied folder cannot be asked")
-@needs(("--robot",), ("--ask",), "it tells how to ask the board")
+@needs(("--robot",), ("--ask",), "it states how to ask the board")
 @click.argument("port", required=False)
 @click.option("--ask", is_flag=True, help="Ask the board on each port; resets boards on USB.")
 @robot_option

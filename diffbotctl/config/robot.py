@@ -730,7 +730,7 @@ def fill_counts(robot: Robot) -> None:
 
 
 def fill_bridge(robot: Robot) -> None:
-    """Set what the data sheet of each motor's driver tells: its voltage over that of the battery,
+    """Set the data-sheet values of each motor's driver: its voltage over that of the battery,
     and what it does between two pulses.
 
     Values that could not be read leave 0 and False.

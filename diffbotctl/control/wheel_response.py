@@ -127,7 +127,7 @@ class WheelResponse:
 
         `lag` of the motors in s; `counted`: travel (m) of the counts in that time with its sign,
         None if unknown.
-        A wheel that turns against its command, or of which the odometry believes so, still turns.
+        A wheel that turns against its command, also only by odometry, still turns.
         Counts that only take back the last ones do not: with channel B dead, an encoder of two
         channels counts up and down in turn.
         `is_limited`: the motor may be at its limit; below it, a loop that sets the duty still

@@ -240,7 +240,7 @@ CODES_OF_BOARDS = {
 
 
 def board_of(port: SerialPort) -> BoardCode | None:
-    """The board that a port's USB identity tells; None for the serial chip of a clone."""
+    """The board by a port's USB identity; None for the serial chip of a clone."""
     chip = port.usb.chip if port.usb else None
     return CODES_OF_BOARDS[chip.board] if chip and chip.board else None
 

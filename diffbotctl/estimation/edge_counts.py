@@ -70,7 +70,7 @@ def counts_until_edge(
 def counts_until_frame(
     motion: WheelKalman, faults: EdgeFaults, slot: int, direction: int, steps: int, bounces: bool
 ) -> Sequence[PassedCount]:
-    """The same until the time of the frame, where the board tells no edge times."""
+    """The same until the time of the frame, where the board reports no edge times."""
     counts: list[PassedCount] = []
     if not motion.finds_faults:
         return [PassedCount(0.0, 0.0, 0, False)]

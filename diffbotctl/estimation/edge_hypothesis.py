@@ -247,7 +247,7 @@ class EdgeHypothesis:
         update_by_level(motion, low, high, has_counted_level, is_at_rest or self.is_reversed)
 
     def _may_be_missed(self, probability: float) -> bool:
-        # A wheel whose first edge is overdue is still held by friction: the next edge tells more.
+        # A wheel whose first edge is overdue is still held by friction: the next edge shows more.
         return (
             not self.is_reversed
             and self.motion.edges_since_rest > 0

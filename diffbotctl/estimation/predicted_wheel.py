@@ -34,7 +34,7 @@ from diffbotctl.estimation.priors import WIDE_NOISE_RATIO, Priors
 from diffbotctl.estimation.slot_errors import SlotErrors, Slots, TransitionRows
 
 UNIFORM_VARIANCE = 1.0 / 12.0  # of a uniform distribution over one pitch
-FRAME_TIME_MAX = 0.002  # s; of a board that tells the time of its frames
+FRAME_TIME_MAX = 0.002  # s; of a board that reports the time of its frames
 SUSPECT_NOISE = 4.0  # times the usual variance, above which faults of the encoder are likely
 # Standard deviations of the prior up to which an offset is friction. A larger one was learnt from a
 # sudden change, which may have been one of the gain or of the encoder.

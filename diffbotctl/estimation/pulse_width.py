@@ -2,7 +2,7 @@
 
 The pin has the counted level for half of a pitch after each edge, nearly. Where every second pulse
 is missing, the counted edges are two pitches apart, and it has that level for a quarter or for
-three quarters of the way between them, whichever level a pulse has. The board tells the level at
+three quarters of the way between them, whichever level a pulse has. The board reports the level at
 the times of its frames, and when the edge before came: how far the wheel has turned since then,
 relative to the way between two edges, follows from the time if it turns evenly.
 """
@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from math import exp, log
 
-# Shares of the way between two edges at which the level tells a missing pulse: it is that of a
+# Shares of the way between two edges at which the level shows a missing pulse: it is that of a
 # healthy disc, whose share is 0.5 with a standard deviation of 0.07, or that of a quarter, or of
 # three quarters.
 QUARTER, THREE_QUARTERS = (0.30, 0.38), (0.62, 0.70)
@@ -40,7 +40,7 @@ class PulseWidth:
     def update(
         self, time: int, count: int, edge_time: int | None, has_counted_level: bool | None
     ) -> None:
-        """Take a frame, with the level of the pin if it tells that; times in ns."""
+        """Take a frame, with the level of the pin if it has it; times in ns."""
         if edge_time is None:
             return
         if edge_time != self.edge:

@@ -23,7 +23,7 @@ DRY_LOG_COST = 1.0  # natural log of the ratio of motors that coast with their l
 # Pitches, for each reversal: how a motor that free-wheels between the pulses breaks loose depends
 # on load and battery more than its model knows, and decides which of two edges was the first one.
 FREE_WHEELING_REVERSAL_SD = 0.15
-# The same where the level of the pin tells on which side of an edge the wheel has stopped; and of a
+# The same where the level of the pin shows on which side of an edge the wheel has stopped; and of a
 # motor of an unusual kind.
 LEVEL_REVERSAL_SD, UNUSUAL_LEVEL_REVERSAL_SD = 0.1, 0.2
 UNUSUAL_REVERSAL_SD = 0.5  # the next edge may be either edge of the slot
@@ -73,7 +73,7 @@ class WheelOdometer:
         self.drive_direction = 0
         self.reversals = self.reported_reversals = 0
         self.skipped: tuple[int, float] | None = None  # command in the next frame: ns, value
-        self.has_levels = False  # whether the board tells those of the pin
+        self.has_levels = False  # whether the board reports those of the pin
         self.has_counted_level: bool | None = None  # in the next frame
         self.travel = 0.0  # m, since the last report
         # Variances in m2: of that travel; of all travel, if the best hypothesis is right; of the

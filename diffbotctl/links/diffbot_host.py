@@ -377,7 +377,7 @@ class DiffbotHost:
         encoders = self._telemetry.read(now, frame)
         if isinstance(frame, frames.InertialFrame):
             encoders = self._with_gyro(now, encoders, frame)
-        elif self._tells_levels:
+        elif self._reports_levels:
             encoders = with_level(encoders, frame)
         output.append(("encoders", encoders))
         if self.settings.range_channel is not None and frame.range != frames.ANALOG_NONE:
@@ -385,7 +385,7 @@ class DiffbotHost:
         return output
 
     @property
-    def _tells_levels(self) -> bool:
+    def _reports_levels(self) -> bool:
         """Whether the board's state and counts frames have the levels of the encoder pins."""
         levels = 1 << CapabilityCode.LEVELS
         return self.hello is not None and bool(self.hello.capabilities & levels)

@@ -35,7 +35,7 @@ TURN = radians(frames.TURN_NANODEGREES * 1e-9)
 
 
 def with_level(encoders: Encoders, frame: frames.StateFrame | frames.CountsFrame) -> Encoders:
-    """`encoders` with the level of the pin that their frame tells: the left one in each second."""
+    """`encoders` with the level of the pin of their frame: the left one in each second."""
     if frame.sequence % 2:
         return encoders._replace(right_level=frame.level)
     return encoders._replace(left_level=frame.level)

@@ -478,7 +478,7 @@ class SimulatedRobot:
             self._arriving.append((arrival, "battery", battery))
 
     def _with_level(self, frame: Encoders) -> Encoders:
-        """The frame with the level of one encoder's pin, in turn. The published firmware tells
+        """The frame with the level of one encoder's pin, in turn. The published firmware sends
         none, nor do frames with the turn of a gyro."""
         if self.gyro is not None or not self._model.has_speed_loop:
             return frame

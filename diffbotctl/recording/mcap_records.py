@@ -157,7 +157,7 @@ def _unpack(place: int, chunk: Any) -> bytes:
 def _unpack_zstd(place: int, chunk: Any) -> bytes:
     decompressor = zstandard.ZstdDecompressor(max_window_size=UNPACKED_MAX_BYTES)
     try:
-        # The size in the packed data is not believed: at most one byte more than promised is read.
+        # The size in the packed data is not trusted: at most one byte more than promised is read.
         with decompressor.stream_reader(chunk.data) as reader:
             return bytes(reader.read(chunk.uncompressed_size + 1))
     except zstandard.ZstdError as error:

@@ -391,7 +391,7 @@ def notes(robot: Robot) -> Iterator[str]:
             level = "1 kOhm in its wire and 2 kOhm from the pin to GND make it 3.3 V"
         yield (
             f"The echo of an HC-SR04 is a 5 V signal: {level}. Mount it at least 10 cm above the "
-            "floor, or tilted up: it hears 15 degrees around its axis."
+            "floor, or tilted up: its beam is 15 degrees around its axis."
         )
     if robot.imu.type is not None:
         yield (

@@ -21,7 +21,7 @@ static avr_cycle_count_t end_echo(avr_t *avr, avr_cycle_count_t when, void *valu
 }
 
 /* The burst that left `sender` at `sent` arrives at a sensor that listens: the first one ends its echo. */
-static void hear(sonar_t *sonar, const sonar_t *sender, avr_cycle_count_t sent)
+static void receive(sonar_t *sonar, const sonar_t *sender, avr_cycle_count_t sent)
 {
     avr_t *avr = sonar->board->avr;
     avr_cycle_count_t arrival = sent + sender->width;
@@ -48,9 +48,9 @@ static avr_cycle_count_t begin_echo(avr_t *avr, avr_cycle_count_t when, void *va
     for (unsigned i = 0; i < board->options.sonars; i++) {
         sonar_t *other = &board->sonars[i];
         if (other->sent)
-            hear(sonar, other, other->sent);
+            receive(sonar, other, other->sent);
         if (other != sonar && other->listens && other->width != SONAR_ENDLESS)
-            hear(other, sonar, sonar->sent);
+            receive(other, sonar, sonar->sent);
     }
     return 0;
 }

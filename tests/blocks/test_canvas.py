@@ -109,7 +109,7 @@ def test_a_turtle_that_no_block_moves_is_reported(driven, warned):
     assert all("stands still" in line.text and line.level == "warning" for line in lines)
 
 
-def test_the_pipeline_turtles_drives_as_many_as_its_canvas_says():
+def test_the_pipeline_turtles_drives_as_many_as_its_canvas_states():
     blocks = {use.name: use.values for use in load("turtles").blocks}
     numbers = [values["number"] for name, values in blocks.items() if name.startswith("turtle")]
     assert sorted(numbers) == list(range(2, blocks["canvas"]["driven"] + 1))

@@ -35,7 +35,7 @@ ROBOT = {
 
 
 class Course:
-    """An ideal robot at 50 Hz: it moves as the last twist says. Keeps twists and states."""
+    """An ideal robot at 50 Hz: it moves as the last twist commands. Keeps twists and states."""
 
     def __init__(self, moves=True, calibrated=GEOMETRY, **values):
         self.block = GoalFollower(**{**ROBOT, **values}, calibration=dict.fromkeys(calibrated))
@@ -235,15 +235,15 @@ def test_a_robot_that_does_not_move_is_stuck():
 
 
 @pytest.mark.parametrize("in_force", [0.0, 2.0])
-def test_a_robot_whose_commands_are_lost_on_the_link_is_told_so(in_force):
+def test_commands_that_are_lost_on_the_link_are_reported(in_force):
     """Telemetry shows the command that the board carries out; 0: none of ours."""
     block, causes = Course().block, []
     for frame in range(1, 250):
         time = frame * STEP
         pose = Odometry(time, 0.0, 0.0, 0.0, 0.0, 0.0, NONE)
         telemetry = Encoders(time, 0, 0, None, None, in_force, in_force, "wheels")
-        wanted = goal(1.0, 0.0) if frame == 1 else None
-        _, state = block.react(time, pose, wanted, telemetry, None)
+        new_goal = goal(1.0, 0.0) if frame == 1 else None
+        _, state = block.react(time, pose, new_goal, telemetry, None)
         causes += [state.cause] if state is not None and state.state == "stuck" else []
     assert causes
     assert ("no command in force" in causes[0]) == (in_force == 0.0)
@@ -267,7 +267,7 @@ class JitteryCourse(Course):
         return super().step(goal, stop)
 
 
-def test_the_time_limit_is_told_with_what_is_left():
+def test_the_time_limit_is_reported_with_the_remainder():
     course = JitteryCourse(0.05)
     course.block.attempts = 1000
     assert course.drive(goal(0.5, 0.0, 0.0), 60.0) == "given_up"
@@ -375,7 +375,7 @@ def test_a_goal_that_another_replaces_is_cancelled(is_withdrawn_first):
     assert (state.number, state.state, state.cause) == (1, "cancelled", "replaced by goal 2")
     assert state.distance == pytest.approx(1.0 - course.x)
     assert course.drive(goal(0.0, 1.0, number=2)) == "reached"
-    assert course.states.count("cancelled") == 0, "told once"
+    assert course.states.count("cancelled") == 0, "reported once"
 
 
 def test_a_goal_that_continues_after_manual_driving_is_not_cancelled():
@@ -463,7 +463,7 @@ def test_a_pose_that_is_known_too_badly_reaches_a_goal_unsurely(sd, warning, end
         assert f"{sd * 1000:.0f} mm" in course.causes[-1] and warning in course.causes[-1]
 
 
-def test_a_very_uncertain_position_is_told_in_metres():
+def test_a_very_uncertain_position_is_printed_in_metres():
     course = Course()
     course.covariance = (1.96, 0.0, 0.0, 1e-6, 0.0, 0.0)
     assert course.drive(goal(1.5, 0.0, 0.0)) == "reached_unsure"
@@ -552,7 +552,7 @@ def test_one_wheel_that_does_not_turn_is_named():
     assert course.now < 4e9
 
 
-def test_a_weak_wheel_is_told_with_its_figure():
+def test_a_weak_wheel_is_reported_with_its_figure():
     course = WeakCourse(reach=0.1)
     book = Logbook()
     course.block.log = book.source_log("follower")
@@ -600,11 +600,11 @@ def test_what_is_counted_between_two_goals_is_not_compared():
     for frame in range(1, 200):
         time, first, second = frame * STEP, frame == 1, frame == 150
         pose = Odometry(time, 0.0, 0.0, 0.0, 0.0, 0.0, NONE)
-        wanted = goal(1.0, 0.0) if first else goal(1.0, 0.0, number=2) if second else None
+        new_goal = goal(1.0, 0.0) if first else goal(1.0, 0.0, number=2) if second else None
         if frame == 2:
-            wanted = Goal(0, 0)  # withdrawn, to drive by hand
+            new_goal = Goal(0, 0)  # withdrawn, to drive by hand
         counts = min(max(frame - 2, 0), 148) * 5
-        _, state = block.react(time, pose, wanted, Encoders(time, counts, counts), None)
+        _, state = block.react(time, pose, new_goal, Encoders(time, counts, counts), None)
         states += [state] if state is not None else []
     assert states and "given_up" not in {state.state for state in states}
 

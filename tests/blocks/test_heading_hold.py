@@ -1,4 +1,4 @@
-"""Driving straight when told to drive straight: worked examples, and simulated robots."""
+"""Driving straight when commanded to: worked examples, and simulated robots."""
 
 from math import pi, radians
 from random import Random
@@ -80,7 +80,7 @@ def test_a_twist_that_turns_is_passed_and_sets_a_new_heading():
     assert bench.step(heading=7.5) == pytest.approx(0.0, abs=0.02)
 
 
-def test_beyond_15_degrees_it_is_no_longer_held_and_told_once():
+def test_beyond_15_degrees_it_is_no_longer_held_and_reported_once():
     bench = started()
     assert bench.step(heading=14.0) < 0.0
     assert [bench.step(heading=angle) for angle in (16.0, 10.0, 1.0)] == [0.0, 0.0, 0.0]
@@ -129,7 +129,7 @@ def test_simulated_robots_drive_straight(robot):
 
 def swings(lag, delay=0.05, seconds=12.0):
     """Largest heading error (degrees) in each quarter of a drive, of a robot that turns with `lag`
-    (s) and `delay` (s) after its commands and was turned by 5 degrees; the block is told 0.1 s."""
+    (s) and `delay` (s) after its commands and was turned by 5 degrees; the block assumes 0.1 s."""
     bench = started()
     heading, rate, sent = 5.0, 0.0, [0.0] * round(delay / 0.05)
     largest = [0.0] * 4

@@ -226,9 +226,9 @@ def test_after_a_gap_the_counts_give_the_travel(kind, silent):
                 robot.command(now, Wheels(now, 8.0, 8.0))
             now += 5 * MS
             robot.advance(now)
-            heard = not 1.5e9 < now < (1.5 + silent) * 1e9
+            received = not 1.5e9 < now < (1.5 + silent) * 1e9
             for port, message in robot.deliver():
-                if port == "encoders" and heard:
+                if port == "encoders" and received:
                     pose, _ = odometry.react(now, message)
         truth = robot.truth().pose
         # Half a pitch of each wheel is not known: 5 mm along the way, and 0.08 rad.
@@ -334,7 +334,7 @@ def test_the_last_edges_of_a_robot_that_rolls_out_slowly_are_no_push():
     assert pose.covariance[5] < before.covariance[5] + (0.5 * PITCH / odometry.track) ** 2
 
 
-def test_an_encoder_that_loses_every_second_edge_is_told_and_in_the_covariance():
+def test_an_encoder_that_loses_every_second_edge_is_reported_and_in_the_covariance():
     """From 2 s on the right wheel counts half; both motors turn as stated, at changing duties."""
     setup, odometry = block("counts")
     motor, period, change = setup.robot.drive.left.motor, 20 * MS, SECOND

@@ -122,10 +122,11 @@ def test_without_a_fresh_scan_it_stops_with_a_code():
     again, more = at(602)
     assert again.linear == 0.0
     assert more is None  # sent once
-    free, told = at(603, scan_of(FAR, 603 * MS))
+    free, reported = at(603, scan_of(FAR, 603 * MS))
     assert free.linear == 0.2
-    assert told.code == ""
-    held, stale = at(604)  # one that falls silent later is told at once: it was waited for already
+    assert reported.code == ""
+    # A sensor that falls silent later is reported at once: the start is over.
+    held, stale = at(604)
     assert held.linear == 0.0
     assert stale.code == STALE
 

@@ -93,7 +93,7 @@ def test_a_single_zero_ends_at_rest():
     driven(block, [(0, 0.3, 2.0), (290, 0.3, 2.0), (390, 0.0, 0.0)])
     assert block.linear == pytest.approx(0.15)
     assert block.react(440 * MS, None) == Twist(440 * MS, 0.0, 0.0)
-    assert block.react(540 * MS, None) is None, "told once"
+    assert block.react(540 * MS, None) is None, "reported once"
     assert driven(block, [(640, 0.3, 0)])[0].linear == pytest.approx(0.25), "from rest"
 
 

@@ -39,7 +39,7 @@ class Frames:
 def turtle():
     """Turtle 2 at 2, 3, facing along x."""
     frames = Frames()
-    assert frames.frame() is None  # nobody has spawned it
+    assert frames.frame() is None  # not spawned
     assert frames.place(number=3) is None  # another one
     pose = frames.place()
     assert pose[2:] == (2.0, 3.0, 0.0, 0.0, 0.0)

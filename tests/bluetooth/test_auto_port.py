@@ -23,20 +23,20 @@ def known(address, **what):
 
 def test_a_paired_module_is_listed_with_its_command(own_bus):
     with bluez(known(ROBOT, answers=False), powered=False) as service:
-        code, said = diffbotctl("run", "goal", "--port", "auto")
+        code, output = diffbotctl("run", "goal", "--port", "auto")
         assert not service.powered  # it only looks
-    assert code == 1 and f"paired over Bluetooth: HC-05 {ROBOT}" in flat(said)
-    assert f"`diffbotctl run goal --port bluetooth:{ROBOT}`" in flat(said)
+    assert code == 1 and f"paired over Bluetooth: HC-05 {ROBOT}" in flat(output)
+    assert f"`diffbotctl run goal --port bluetooth:{ROBOT}`" in flat(output)
 
 
 def test_each_of_two_modules_is_listed_with_its_command(own_bus):
     with bluez(known(ROBOT), known(OTHER)):
-        code, said = diffbotctl("blink")
+        code, output = diffbotctl("blink")
     assert code == 1
     assert (
         f"`diffbotctl blink --port bluetooth:{OTHER}` or "
         f"`diffbotctl blink --port bluetooth:{ROBOT}`"
-    ) in flat(said)
+    ) in flat(output)
 
 
 @pytest.mark.parametrize(
@@ -49,8 +49,8 @@ def test_each_of_two_modules_is_listed_with_its_command(own_bus):
 )
 def test_a_device_without_serial_port_is_not_listed(own_bus, module, words):
     with bluez(module):
-        code, said = diffbotctl(*words)
-    assert code == 1 and "E-NO-BOARD" in said and ROBOT not in said
+        code, output = diffbotctl(*words)
+    assert code == 1 and "E-NO-BOARD" in output and ROBOT not in output
 
 
 def test_without_the_service_nothing_is_listed(own_bus):

@@ -25,17 +25,17 @@ def code_of(error):
 def test_scan_lists_modules_and_leaves_out_phones(own_bus):
     phone = Module("40:4E:36:00:00:01", "a phone", serial=False)
     with bluez(Module(ROBOT), phone) as service:
-        code, said = diffbotctl("bluetooth", "scan", "--for", 1)
+        code, output = diffbotctl("bluetooth", "scan", "--for", 1)
     assert code == 0
-    assert f"{ROBOT} HC-05 -55 dBm serial port not paired" in flat(said)
-    assert "a phone" not in said
+    assert f"{ROBOT} HC-05 -55 dBm serial port not paired" in flat(output)
+    assert "a phone" not in output
     assert service.calls[-1] == "StopDiscovery"
 
 
 def test_scan_all_lists_phones_too(own_bus):
     with bluez(Module("40:4E:36:00:00:01", "a phone", serial=False)):
-        code, said = diffbotctl("bluetooth", "scan", "--for", 1, "--all")
-    assert code == 0 and "a phone" in said
+        code, output = diffbotctl("bluetooth", "scan", "--for", 1, "--all")
+    assert code == 0 and "a phone" in output
 
 
 def test_a_module_is_known_by_its_name_before_its_profile_is(own_bus):
@@ -45,45 +45,45 @@ def test_a_module_is_known_by_its_name_before_its_profile_is(own_bus):
     assert found.is_serial
 
 
-def test_a_scan_without_result_says_what_to_check(own_bus):
+def test_a_scan_without_result_lists_what_to_check(own_bus):
     with bluez():
-        code, said = diffbotctl("bluetooth", "scan", "--for", 1)
-    assert code == 1 and "Is it powered" in said
+        code, output = diffbotctl("bluetooth", "scan", "--for", 1)
+    assert code == 1 and "Is it powered" in output
 
 
 def test_pair_with_the_pin_of_an_hc05(own_bus):
     with bluez(Module(ROBOT)) as service:
-        code, said = diffbotctl("bluetooth", "pair", ROBOT.lower())
-        assert code == 0, said
-        assert f"diffbotctl run goal --port bluetooth:{ROBOT}" in said
+        code, output = diffbotctl("bluetooth", "pair", ROBOT.lower())
+        assert code == 0, output
+        assert f"diffbotctl run goal --port bluetooth:{ROBOT}" in output
         assert service.modules[0].paired and service.trusted == [service.modules[0].path]
         assert service.agent is None  # the desktop's own agent is asked again from now on
-        code, said = diffbotctl("bluetooth", "pair", f"bluetooth:{ROBOT}")
-        assert code == 0 and "paired already" in said
+        code, output = diffbotctl("bluetooth", "pair", f"bluetooth:{ROBOT}")
+        assert code == 0 and "paired already" in output
 
 
 def test_pair_with_another_pin(own_bus):
     with bluez(Module(ROBOT, pin="0000")):
-        code, said = diffbotctl("bluetooth", "pair", ROBOT)
+        code, output = diffbotctl("bluetooth", "pair", ROBOT)
         assert code == 1
-        assert "E-BLUETOOTH-PAIR" in said and "--pin 0000" in said
-        code, said = diffbotctl("bluetooth", "pair", ROBOT, "--pin", "0000")
-        assert code == 0, said
+        assert "E-BLUETOOTH-PAIR" in output and "--pin 0000" in output
+        code, output = diffbotctl("bluetooth", "pair", ROBOT, "--pin", "0000")
+        assert code == 0, output
 
 
 def test_pair_again_forgets_first(own_bus):
     with bluez(Module(ROBOT, paired=True, found=True)) as service:
-        code, said = diffbotctl("bluetooth", "pair", ROBOT, "--again")
-        assert code == 0, said
-        assert "forgotten" in said and service.modules[0].paired
+        code, output = diffbotctl("bluetooth", "pair", ROBOT, "--again")
+        assert code == 0, output
+        assert "forgotten" in output and service.modules[0].paired
         assert service.calls.index("RemoveDevice") < service.calls.index("Pair")
 
 
 def test_a_module_that_is_off_is_distinguished_from_a_wrong_pin(own_bus):
-    # Known from before, but nobody answers its page.
+    # Known from before, but its page has no answer.
     with bluez(Module(ROBOT, answers=False, found=True)):
-        code, said = diffbotctl("bluetooth", "pair", ROBOT)
-    assert code == 1 and "E-BLUETOOTH-ABSENT" in said
+        code, output = diffbotctl("bluetooth", "pair", ROBOT)
+    assert code == 1 and "E-BLUETOOTH-ABSENT" in output
 
 
 def test_an_unknown_module_that_never_answers(own_bus):
@@ -118,9 +118,9 @@ def test_problems_of_the_radio(own_bus, how, code):
 
 
 def test_without_the_service_its_package_is_named(own_bus):
-    code, said = diffbotctl("bluetooth", "scan", "--for", 1)
+    code, output = diffbotctl("bluetooth", "scan", "--for", 1)
     assert code == 1
-    assert "E-BLUETOOTH-SERVICE" in said and "apt-get install bluez" in flat(said)
+    assert "E-BLUETOOTH-SERVICE" in output and "apt-get install bluez" in flat(output)
 
 
 def test_without_a_bus(tmp_path, monkeypatch):

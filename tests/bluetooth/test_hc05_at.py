@@ -22,17 +22,17 @@ FIRMWARE = Path(__file__).parents[2] / "firmware"
 
 def talk(baud, answers):
     """The commands sent, and the result, with these replies in order."""
-    said, conversation = [], set_baud(baud)
+    sent, conversation = [], set_baud(baud)
     command = next(conversation)
     for answer in answers:
-        said.append(command)
+        sent.append(command)
         try:
             command = conversation.send(answer)
         except StopIteration as end:
-            return said, end.value
+            return sent, end.value
         except AtModeError as error:
-            return said, str(error)
-    return said, None
+            return sent, str(error)
+    return sent, None
 
 
 OK = ["OK"]
@@ -40,7 +40,7 @@ OLD, NEW = ["+UART:9600,0,0", "OK"], ["+UART:115200,0,0", "OK"]
 
 
 @pytest.mark.parametrize(
-    ("answers", "said", "end"),
+    ("answers", "sent", "end"),
     [
         # All well.
         (
@@ -79,8 +79,8 @@ OLD, NEW = ["+UART:9600,0,0", "OK"], ["+UART:115200,0,0", "OK"]
         ([OK, ["OK"]], ["AT", "AT+UART?"], "it does not report its rate"),
     ],
 )
-def test_conversations(answers, said, end):
-    assert talk(115200, answers) == (said, end)
+def test_conversations(answers, sent, end):
+    assert talk(115200, answers) == (sent, end)
 
 
 @pytest.mark.parametrize(
@@ -106,49 +106,51 @@ def test_the_command_changes_module_and_board(tmp_path):
     before = (folder("robots") / "book_2wd.yaml").read_text()
     mine.write_text(before)
     with board() as virtual, Hc05(virtual.radio, first_errors=1) as module:
-        code, said = diffbotctl(
+        code, output = diffbotctl(
             "bluetooth", "baud", 115200, "--port", virtual.usb, "--robot", mine, "--yes"
         )
-        assert code == 0, said
+        assert code == 0, output
         assert module.rate == 115200 and module.restarted
-        assert module.heard[-4:] == ["AT+UART?", "AT+UART=115200,0,0", "AT+UART?", "AT+RESET"]
-        said = flat(said)
-        assert "went from 9600 to 115200 baud" in said
-        assert "+link: {protocol: diffbot, uart: 1, baud: 115200}" in said  # of the difference
-        assert "ready" in said  # our firmware is back, with its settings
+        assert module.commands[-4:] == ["AT+UART?", "AT+UART=115200,0,0", "AT+UART?", "AT+RESET"]
+        output = flat(output)
+        assert "went from 9600 to 115200 baud" in output
+        assert "+link: {protocol: diffbot, uart: 1, baud: 115200}" in output  # of the difference
+        assert "ready" in output  # our firmware is back, with its settings
         assert mine.read_text() == before.replace("baud: 9600}", "baud: 115200}") != before
-        code, said = diffbotctl("blink", "--port", virtual.usb, "--robot", mine, "--times", 1)
-        assert code == 0, said
+        code, output = diffbotctl("blink", "--port", virtual.usb, "--robot", mine, "--times", 1)
+        assert code == 0, output
 
 
 def test_a_robot_file_that_cannot_be_written_is_reported_with_the_line(monkeypatch):
     monkeypatch.chdir(folder("robots").parent)  # where ./robots are the files that ship
     with board() as virtual, Hc05(virtual.radio) as module:
-        code, said = diffbotctl(
+        code, output = diffbotctl(
             "bluetooth", "baud", 115200, "--port", virtual.usb, "--robot", "book_2wd", "--yes"
         )
         assert module.rate == 115200
-    assert code == 1 and "E-CALIBRATE-WRITE" in said, said
-    assert "still says 9600 baud" in flat(said) and "link: {baud: 115200}" in said
+    assert code == 1 and "E-CALIBRATE-WRITE" in output, output
+    assert "still states 9600 baud" in flat(output) and "link: {baud: 115200}" in output
 
 
 def test_a_module_in_data_mode_leaves_the_firmware_on_the_board():
     with board() as virtual, Hc05(virtual.radio, at_mode=False) as module:
-        code, said = diffbotctl(
+        code, output = diffbotctl(
             "bluetooth", "baud", 115200, "--port", virtual.usb, "--robot", "book_2wd", "--yes"
         )
         assert code == 1
-        assert "E-BLUETOOTH-AT" in said and "blink slowly" in flat(said)
-        assert module.rate == 9600 and module.heard == []
-        code, said = diffbotctl("blink", "--port", virtual.usb, "--robot", "book_2wd", "--times", 1)
-        assert code == 0, said
+        assert "E-BLUETOOTH-AT" in output and "blink slowly" in flat(output)
+        assert module.rate == 9600 and module.commands == []
+        code, output = diffbotctl(
+            "blink", "--port", virtual.usb, "--robot", "book_2wd", "--times", 1
+        )
+        assert code == 0, output
 
 
 def test_without_a_terminal_yes_is_required():
     with closing(PseudoTerminal()) as port:
         words = ("bluetooth", "baud", 9600, "--port", port.name, "--robot", "book_2wd")
-        code, said = diffbotctl(*words)
-    assert code == 2 and "--yes" in said
+        code, output = diffbotctl(*words)
+    assert code == 2 and "--yes" in output
 
 
 def test_the_bridge_is_what_its_source_gives(tmp_path):

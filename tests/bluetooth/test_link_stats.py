@@ -42,8 +42,10 @@ def test_too_little_is_refused():
 
 def test_clock_drift_is_not_jitter():
     # 200 parts in a million, a bad crystal: 12 ms in the minute that this takes.
-    heard = [Arrival(k * 25 * MS, round(k * 25 * MS * (1 - 200e-6)), k % 64) for k in range(2400)]
-    assert max(frame_delays(heard)) <= 0.0040 + 1e-9  # of the 20 s that are looked at together
+    received = [
+        Arrival(k * 25 * MS, round(k * 25 * MS * (1 - 200e-6)), k % 64) for k in range(2400)
+    ]
+    assert max(frame_delays(received)) <= 0.0040 + 1e-9  # of the 20 s that are looked at together
 
 
 @pytest.mark.parametrize(
@@ -101,21 +103,21 @@ def test_a_link_of_known_delays_is_measured(tmp_path):
         with RadioModule(
             virtual.radio, tmp_path / "radio", delay=(0.030, 0.060), loss=0.1
         ) as radio:
-            code, said = diffbotctl(
+            code, output = diffbotctl(
                 "bluetooth", "test", radio.device, "--robot", "book_2wd", "--for", 6
             )
         duty = virtual.board.duty
-    assert code == 0, said
-    said = flat(said)
-    words = said.split()
+    assert code == 0, output
+    output = flat(output)
+    words = output.split()
     lost = float(words[words.index("lost,") - 1].rstrip("%"))
     answer = float(words[words.index("answer") + 2])
     assert 3.0 < lost < 25.0  # of some 240 frames a tenth; four standard deviations
     assert answer > 60  # twice the least delay, and the time on the wire
     assert duty == [0.0, 0.0]
-    assert "%" in said and "jitter" in said and "silence" in said
+    assert "%" in output and "jitter" in output and "silence" in output
 
 
 def test_a_bad_port_is_reported_before_the_measurement():
-    code, said = diffbotctl("bluetooth", "test", "98:D3:31:FC:12", "--robot", "book_2wd")
-    assert code == 2 and "E-BLUETOOTH-ADDRESS" in said
+    code, output = diffbotctl("bluetooth", "test", "98:D3:31:FC:12", "--robot", "book_2wd")
+    assert code == 2 and "E-BLUETOOTH-ADDRESS" in output

@@ -35,8 +35,8 @@ def driving(link, name):
 def ended(driver):
     """The output until Ctrl-C."""
     driver.send_signal(signal.SIGINT)
-    said, _ = driver.communicate(timeout=60)
-    return flat(said)
+    output, _ = driver.communicate(timeout=60)
+    return flat(output)
 
 
 def travel(virtual):
@@ -65,9 +65,9 @@ def test_it_drives_over_a_late_and_lossy_link(tmp_path):
         driving(link, name) as driver,
     ):
         wait_until(lambda: goes(virtual, name, 0.2))
-        said = ended(driver)
+        output = ended(driver)
         assert virtual.board.duty == STILL
-    assert "final stop" in said
+    assert "final stop" in output
     assert link.up.lost > 0  # it was lossy indeed
 
 
@@ -92,9 +92,9 @@ def test_after_an_outage_nothing_moves_until_the_user_resumes(tmp_path, how):
         wait_until(lambda: len(link.passed) > before + FRAMES)
         assert travel(virtual) == gone
         wait_until(lambda: goes(virtual, name, gone + 0.05))
-        said = ended(driver)
+        output = ended(driver)
         assert virtual.board.duty == STILL
-    assert "waits for `resume`" in said and "final stop" in said
+    assert "waits for `resume`" in output and "final stop" in output
 
 
 def test_the_figures_in_virtual_time():

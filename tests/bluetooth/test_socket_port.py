@@ -19,7 +19,7 @@ ADDRESS = "98:D3:31:FC:12:34"
 
 
 @pytest.mark.parametrize(
-    ("text", "wanted"),
+    ("text", "expected"),
     [
         (ADDRESS, RfcommPort(ADDRESS)),
         (f"bluetooth:{ADDRESS.lower()}", RfcommPort(ADDRESS)),
@@ -27,9 +27,9 @@ ADDRESS = "98:D3:31:FC:12:34"
         (f"bluetooth:{ADDRESS}/2", RfcommPort(ADDRESS, 2)),
     ],
 )
-def test_addresses(text, wanted):
-    assert parse_port(text) == wanted
-    assert parse_port(str(wanted)) == wanted
+def test_addresses(text, expected):
+    assert parse_port(text) == expected
+    assert parse_port(str(expected)) == expected
 
 
 @pytest.mark.parametrize(
@@ -159,7 +159,7 @@ def test_reopening_does_not_wait_and_loses_nothing():
 
 def test_a_call_that_is_refused_later_fails_at_reading_and_writing():
     with socket.socket() as bound:
-        bound.bind(("127.0.0.1", 0))  # bound, but nobody listens: refused
+        bound.bind(("127.0.0.1", 0))  # bound, but not listening: refused
         for use in (lambda port: port.read(), lambda port: port.write(b"x")):
             port = call_over_tcp(bound.getsockname())
             select.select([port.fd], [], [])

@@ -33,11 +33,11 @@ class Relay(BackgroundDevice):
                 if end is self.server:
                     host, _ = self.server.accept()
                 elif end is host:
-                    said = b""
+                    output = b""
                     with suppress(ConnectionResetError):  # who was killed leaves so
-                        said = host.recv(4096)
-                    os.write(self.board, said)
-                    if not said:
+                        output = host.recv(4096)
+                    os.write(self.board, output)
+                    if not output:
                         host.close()
                         host = None
                 else:
@@ -72,7 +72,7 @@ def test_an_ended_run_hangs_up_and_the_next_one_drives(tmp_path):
             driver = drive(relay)
             stock.wait_for(lambda board: board.speed["left"] > 3, 60)
             driver.terminate()
-            said, _ = driver.communicate(timeout=60)
-            assert "final stop confirmed" in said
+            output, _ = driver.communicate(timeout=60)
+            assert "final stop confirmed" in output
             assert stock.board.pwm == {"left": 0, "right": 0}
     stock.close()

@@ -1,4 +1,4 @@
-"""Answers files: which entry answers, and what is said when none can."""
+"""Answers files: which entry answers, and the error when none can."""
 
 import pytest
 
@@ -81,7 +81,7 @@ def test_a_wheel_turned_by_the_user(file):
         ("distance.reading: {measure: tape, noise: 1 deg}", Fixed(1), "noise: deg is an angle"),
     ],
 )
-def test_what_cannot_answer_says_why(file, text, instruments, words):
+def test_what_cannot_answer_reports_why(file, text, instruments, words):
     with pytest.raises(RunError) as raised:
         file(text, instruments).answer(READING)
     assert words in " ".join(str(raised.value).split())
@@ -136,13 +136,13 @@ def test_a_file_is_compared_with_the_questions_before_anything_moves(file, text,
         return
     with pytest.raises(RunError) as raised:
         made.check(ASKED, NAMES)
-    told = [" ".join(problem.cause.split()) for problem in raised.value.problems]
-    assert len(told) == len(words)
-    for cause, part in zip(told, words, strict=True):
+    reported = [" ".join(problem.cause.split()) for problem in raised.value.problems]
+    assert len(reported) == len(words)
+    for cause, part in zip(reported, words, strict=True):
         assert part in cause
 
 
-def test_a_real_robot_needs_a_hand_and_a_tape_which_is_told_first(file):
+def test_a_real_robot_needs_a_person_and_a_tape_which_is_stated_first(file):
     made = file("distance.reading: {measure: tape}\ngeometry.left: 3\n")
     with pytest.raises(RunError) as raised:
         made.check([*ASKED, ExpectedQuestion(LIFT)], NAMES)

@@ -20,7 +20,7 @@ ROBOT = load_robot("book_2wd").robot  # glitch 2 ms; 20 slots and 100 rpm: open 
         ([], []),
         ([0, 30, 60], [0, 0, 0]),
         ([0, 0.5, 1.2, 30, 60, 63], [1.2, 0, 3]),
-        ([60, 0, 1.2, 63, 0.5, 30], [1.2, 0, 3]),  # told in another order
+        ([60, 0, 1.2, 63, 0.5, 30], [1.2, 0, 3]),  # reported in another order
         ([0, 3, 6, 9], [9]),  # each follows closely on the one before
     ],
 )

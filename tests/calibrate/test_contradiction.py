@@ -51,7 +51,7 @@ def test_what_was_seen_against_what_was_counted(seen, left, right, noisy, before
     [
         (1.05, 1.0, (), False),  # a wheel that is 5 % larger than stated
         (0.85, 1.0, (), True),
-        (1.07, 1.0, (), True),  # more than three times the 2 % of wheels that nobody measured
+        (1.07, 1.0, (), True),  # more than three times the 2 % of wheels that were not measured
         (1.05, 1.0, (1.048,), False),
         (1.005, 1.0, (1.048, 1.05), True),  # 1005 typed for 1050
     ],
@@ -85,7 +85,7 @@ def asked(answers, check):
         return end.value, events
 
 
-def test_a_contradicted_answer_is_asked_again_and_believed_when_repeated():
+def test_a_contradicted_answer_is_asked_again_and_accepted_when_repeated():
     def check(answer):
         return "No." if answer > 1.0 else None
 

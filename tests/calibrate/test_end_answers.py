@@ -84,20 +84,20 @@ def test_exactly_nothing_is_measured_seldom(kind, planned, readings, is_refused)
 
 
 def asked(answers, check):
-    """The place of these answers in mm, and what was said."""
-    said, steps, answers = [], ask_place(1.0, check), iter(answers)
+    """The place of these answers in mm, and the text."""
+    output, steps, answers = [], ask_place(1.0, check), iter(answers)
     answer = None
     try:
         while True:
             event = steps.send(answer)
             if isinstance(event, Message):
-                said.append(event.text)
+                output.append(event.text)
             answer = next(answers) / 1000 if isinstance(event, Question) else None
     except StopIteration as end:
-        return end.value, said
+        return end.value, output
 
 
-def test_a_contradicted_place_is_asked_again_and_believed_when_repeated():
+def test_a_contradicted_place_is_asked_again_and_accepted_when_repeated():
     def check(place):
         return "No." if place[0] > 0.1 else None
 
@@ -118,5 +118,5 @@ AGAIN = "Measure again; the same answer is accepted."
         ((-0.094, 0.002), "94 mm behind, 2 mm to the left"),
     ],
 )
-def test_a_place_is_told_as_it_was_read(place, text):
+def test_a_place_is_reported_as_it_was_read(place, text):
     assert place_text(place) == text

@@ -35,9 +35,11 @@ def test_exchanged_channels_are_found_and_written(tmp_path, kind, port):
     )
     answers.write_text(ENCODER_ANSWERS)
     words = ["calibrate", "encoders", "--robot", str(robot), "--port", port, "--rolls", "0"]
-    code, said, complaints = cli(tmp_path, *words, "--answers", str(answers), "--yes", cwd=tmp_path)
-    assert code == 0, said + complaints
-    assert "left encoder: channels A and B exchanged: it counted down going forward" in said
+    code, output, complaints = cli(
+        tmp_path, *words, "--answers", str(answers), "--yes", cwd=tmp_path
+    )
+    assert code == 0, output + complaints
+    assert "left encoder: channels A and B exchanged: it counted down going forward" in output
     encoders = load_robot(str(simulated_copy_of(robot))).robot.drive
     assert (encoders.left.encoder.reversed, encoders.right.encoder.reversed) == (True, False)
 
@@ -51,8 +53,10 @@ def test_a_wheel_turned_by_hand_shows_the_slots_where_four_counts_are_one(tmp_pa
     )
     answers.write_text(ENCODER_ANSWERS)
     words = ["calibrate", "encoders", "--robot", str(robot), "--port", "sim", "--rolls", "2"]
-    code, said, complaints = cli(tmp_path, *words, "--answers", str(answers), "--yes", cwd=tmp_path)
-    assert code == 0, said + complaints
+    code, output, complaints = cli(
+        tmp_path, *words, "--answers", str(answers), "--yes", cwd=tmp_path
+    )
+    assert code == 0, output + complaints
     encoder = load_robot(str(simulated_copy_of(robot))).robot.drive.left.encoder
     assert encoder.slots == pytest.approx(1100, abs=1)  # a hand ends some slots beside the mark
     assert encoder.counts == 4 * encoder.slots

@@ -22,7 +22,7 @@ def assert_near(fit, true, share=1.0):
 
 @settings(max_examples=3, deadline=None)
 @given(some.floats(0.995, 1.005), some.floats(0.97, 1.03))
-@example(1.0, 1.0)  # other tracks close the same squares: nobody has made a mistake
+@example(1.0, 1.0)  # other tracks close the same squares: this is no mistake
 def test_exact_squares_give_the_geometry(ratio, track):
     true = STATED.reshaped(ratio, STATED.track * track)
     fit = fit_geometry(squares(true, each_way=1), STATED)
@@ -32,7 +32,7 @@ def test_exact_squares_give_the_geometry(ratio, track):
 
 @pytest.mark.parametrize("every", [1, 7, 50])
 def test_exact_paths_give_every_length_at_any_rate_of_rows(every):
-    # The mean diameter is off too: a path of a known length tells it, a square would not. A
+    # The mean diameter is off too: a path of a known length shows it, a square would not. A
     # step of steady curvature is a chord, exactly; the curvature changes every 100 rows, so steps
     # of 7 rows see it change within them, and are a little off.
     true = Geometry(0.0655, 0.0652, 0.1417)

@@ -43,7 +43,7 @@ def prepared(tmp_path):
 
 
 @pytest.mark.nightly
-def test_a_spin_tells_the_track_that_goes_with_the_wheels_as_stated(prepared):
+def test_a_spin_shows_the_track_that_goes_with_the_wheels_as_stated(prepared):
     converted, prompter, body = prepared()
     run_step(make_step("geometry", how="spin", repeats=1), converted, prompter, Quiet())
     # It turns by way over track: with the stated diameter the track is off by as much as that.
@@ -66,8 +66,8 @@ def test_what_is_measured_in_diameters_is_no_surer_than_these(prepared, how):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("how", by_day(1, ["straight", "squares", "spin"]))
-def test_a_scale_that_nobody_measured_is_known_to_2_percent(prepared, how):
-    """Each length says so itself, and what is known of its ratio to the others."""
+def test_a_scale_that_was_not_measured_is_known_to_2_percent(prepared, how):
+    """Each length states it, and what is known of its ratio to the others."""
     converted, prompter, _ = prepared()
     # Of 16 robots, two runs of squares alone leave 0.1 to 0.6 % of the track, which would show.
     more = {"runs": 4} if how == "squares" else {"repeats": 2}
@@ -85,7 +85,7 @@ def test_a_scale_that_nobody_measured_is_known_to_2_percent(prepared, how):
 
 
 @pytest.mark.nightly
-def test_a_track_says_that_distance_scaled_it_and_did_not_find_it(prepared):
+def test_a_track_states_that_distance_scaled_it_and_did_not_find_it(prepared):
     converted, prompter, _ = prepared()
     run_step(make_step("geometry", how="spin", repeats=1), converted, prompter, Quiet())
     for _ in range(2):

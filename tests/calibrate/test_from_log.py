@@ -126,7 +126,7 @@ def test_wheels_that_depend_on_the_scale_of_one_axis_are_not_saved(tmp_path):
         ],
     ),
 )
-def test_what_cannot_be_told_from_the_ends_is_refused(tmp_path, corruption, seed, words):
+def test_what_the_ends_do_not_determine_is_refused(tmp_path, corruption, seed, words):
     drawn, rng = draw_set(f"7301 wrong {seed}"), Random(f"7301 {seed}")
     saved = calibrated(CORRUPTIONS[corruption](drawn, rng), tmp_path / "set")
     assert saved.exit_code != 0 and saved.deviations == []
@@ -156,8 +156,8 @@ def test_a_camera_of_another_clock_is_named_by_drives_that_hardly_turn(tmp_path)
     drawn = draw_foreign_set("late 18")  # squares and lines
     lines = [drive for drive in drawn.drives if drive.name.startswith("line")]
     saved = calibrated(delayed(replace(drawn, drives=lines), 0.6), tmp_path / "set")
-    said = " ".join(saved.text.split())
-    assert saved.exit_code != 0 and "0.3 s or more before or after" in said
+    output = " ".join(saved.text.split())
+    assert saved.exit_code != 0 and "0.3 s or more before or after" in output
 
 
 def in_text(change):
@@ -194,9 +194,9 @@ def test_ends_that_are_no_ends(tmp_path, change, words):
             return arguments
 
     saved = calibrated(Changed(), tmp_path / "set")
-    said = " ".join(saved.text.split())
+    output = " ".join(saved.text.split())
     assert saved.exit_code != 0 and saved.deviations == []
-    assert words in said and "must be in degrees" not in said
+    assert words in output and "must be in degrees" not in output
 
 
 @pytest.mark.parametrize(
@@ -212,9 +212,9 @@ def test_dead_encoders_are_no_wrong_headings(tmp_path, share, words):
         for number, drive in enumerate(drawn.drives)
     ]
     saved = calibrated(replace(drawn, drives=drives), tmp_path / "set")
-    said = " ".join(saved.text.split())
+    output = " ".join(saved.text.split())
     assert saved.exit_code != 0 and saved.deviations == []
-    assert words in said and "must be in degrees" not in said
+    assert words in output and "must be in degrees" not in output
 
 
 @pytest.mark.nightly
@@ -233,8 +233,8 @@ def test_squares_do_not_tell_other_slots_from_another_track(tmp_path, number):
     drawn, rng = draw_set(f"41 wrong {number}"), Random(f"41 {number}")
     saved = calibrated(CORRUPTIONS["other slots"](drawn, rng), tmp_path / "set")
     assert saved.exit_code != 0 and saved.deviations == []
-    said = " ".join(saved.text.split())
-    assert "either the track is" in said and "calibrate distance" in said
+    output = " ".join(saved.text.split())
+    assert "either the track is" in output and "calibrate distance" in output
 
 
 def test_corruptions_of_headings_need_headings():
@@ -243,7 +243,7 @@ def test_corruptions_of_headings_need_headings():
     assert any(isnan(drive.end[2]) for drive in drawn.drives)
 
 
-def test_without_real_data_the_row_says_so(tmp_path):
+def test_without_real_data_the_row_states_it(tmp_path):
     (row,) = session_rows(1, [tmp_path])
     assert row.figure == "no data"
 
@@ -258,6 +258,6 @@ def test_poses_of_another_clock_are_named(tmp_path, delay):
         if each.format.is_camera and {drive.name[:3] for drive in each.drives} == {"joy"}
     )
     saved = calibrated(delayed(drawn, delay), tmp_path / "set")
-    said = " ".join(saved.text.split())
+    output = " ".join(saved.text.split())
     assert saved.exit_code != 0 and saved.deviations == []
-    assert "0.3 s or more before or after" in said
+    assert "0.3 s or more before or after" in output

@@ -1,4 +1,4 @@
-"""Lag and dead time of a board with the book's firmware, which tells of neither."""
+"""Lag and dead time of a board with the book's firmware, which reports neither."""
 
 import pytest
 
@@ -34,7 +34,7 @@ def stock(seed, delay):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("seed, delay", by_day(1, [(1, 100), (2, 30), (3, 180)]))
-def test_a_delay_is_told_apart_from_the_motors_lag(seed, delay):
+def test_a_delay_is_distinguished_from_the_motors_lag(seed, delay):
     made, plant = stock(seed, delay)
     fitted = fit_common_lag(ended(motor_experiments.record_steps(made)), 20, 0.012)
     lag = sum(motor.lag for motor in plant.motors) / 2

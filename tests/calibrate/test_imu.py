@@ -129,7 +129,7 @@ def test_lifting_the_robot_shows_the_sign_without_proven_motors(opened, true):
 
 
 @pytest.mark.parametrize("polarity", ["unproven", "checked_by_hand"])
-def test_motors_that_turn_the_robot_to_the_right_are_told_from_the_imu(opened, polarity):
+def test_motors_that_turn_the_robot_to_the_right_are_distinguished_from_the_imu(opened, polarity):
     wiring = "left: plain, right: reversed"  # the robot file has the opposite
     session, prompter, _ = opened(polarity=polarity, wiring=wiring)
     with session:

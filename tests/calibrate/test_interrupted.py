@@ -1,4 +1,4 @@
-"""A calibration that is ended by a signal: the robot is stopped, and that is said."""
+"""A calibration that is ended by a signal: the robot is stopped, and that is reported."""
 
 import signal
 

@@ -102,7 +102,7 @@ def test_ends_by_hand(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("time,right\n0,0\n1,1\n", "does not name left"),
         ("time,right,left\n0,0,0\n", "at least two rows"),
@@ -134,10 +134,10 @@ def test_ends_by_hand(tmp_path):
         ("time,right,left\n0,0,0\n1,1,1\n2,2\n", "row 3 has no time or no count"),
     ],
 )
-def test_unusable_files_are_refused(tmp_path, text, said):
+def test_unusable_files_are_refused(tmp_path, text, message):
     with pytest.raises(UsageError, match="E-CALIBRATE-LOG") as raised:
         read_counts(written(tmp_path, "a.csv", text), (20, 20))
-    assert said in " ".join(str(raised.value).split())
+    assert message in " ".join(str(raised.value).split())
 
 
 def test_text_that_is_not_utf_8(tmp_path):
@@ -147,7 +147,7 @@ def test_text_that_is_not_utf_8(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         (
             "recording,x,y,heading,heading_deg\na,1,2,1,30\n",
@@ -159,10 +159,10 @@ def test_text_that_is_not_utf_8(tmp_path):
         ("recording,x,y\na,0,0\nb,0,0\n", "x and y are 0 in every line"),
     ],
 )
-def test_unusable_ends_are_refused(tmp_path, text, said):
+def test_unusable_ends_are_refused(tmp_path, text, message):
     with pytest.raises(UsageError, match="E-CALIBRATE-LOG") as raised:
         read_ends(written(tmp_path, "ends.csv", text))
-    assert said in " ".join(str(raised.value).split())
+    assert message in " ".join(str(raised.value).split())
 
 
 @pytest.mark.parametrize(
@@ -232,7 +232,7 @@ def test_session_without_its_description(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("line", "said"),
+    ("line", "message"),
     [
         ("ngear,0", "ngear is not above 0"),
         ("ngear,nan", "ngear is not above 0, or no finite number"),
@@ -240,7 +240,7 @@ def test_session_without_its_description(tmp_path):
         ("Di,0.084,inf", "Di is not above 0"),
     ],
 )
-def test_session_with_an_impossible_description(tmp_path, line, said):
+def test_session_with_an_impossible_description(tmp_path, line, message):
     folder = session(tmp_path / "7")
     good = dict(each.split(",", 1) for each in ("ngear,43.7", "encRes,64", "Li,0.2", "Di,0.084"))
     name, value = line.split(",", 1)
@@ -248,24 +248,24 @@ def test_session_with_an_impossible_description(tmp_path, line, said):
     written(folder, "7_metadata.csv", rows)
     with pytest.raises(UsageError, match="E-CALIBRATE-LOG") as raised:
         read_session(folder)
-    assert said in " ".join(str(raised.value).split())
+    assert message in " ".join(str(raised.value).split())
 
 
 @pytest.mark.parametrize(
-    ("row", "said"),
+    ("row", "message"),
     [
         ("0.15,0.2,0,0.3,nan,0", "no finite number"),
         ("0.15,0.2,0,0.3,,0", "cannot be read"),
         ("0.15,0.2,0,0.3,inf,0", "no finite number"),
     ],
 )
-def test_session_with_a_wrong_cell(tmp_path, row, said):
+def test_session_with_a_wrong_cell(tmp_path, row, message):
     folder = session(tmp_path / "7")
     run = folder / "7_run-01.csv"
     run.write_text(run.read_text("utf-8") + row + "\n", "utf-8")
     with pytest.raises(UsageError, match="E-CALIBRATE-LOG") as raised:
         read_session(folder)
-    assert said in " ".join(str(raised.value).split())
+    assert message in " ".join(str(raised.value).split())
 
 
 @pytest.mark.parametrize("name", ["7_metadata.csv", "7_run-01.csv"])
@@ -334,14 +334,14 @@ def test_command_names_track_and_stray(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("option", "said"),
+    ("option", "message"),
     [("--save", "add --yes, or leave out --save"), ("--truth", "requires an argument")],
 )
-def test_nobody_to_agree(tmp_path, option, said):
+def test_no_terminal_to_ask_on(tmp_path, option, message):
     counts = str(written(tmp_path, "a.csv", COUNTED))
     arguments = ["calibrate", "from-log", counts, "--robot", ROBOT, option]
     result = CliRunner().invoke(program, arguments)
-    assert result.exit_code == 2 and said in " ".join(result.output.split())
+    assert result.exit_code == 2 and message in " ".join(result.output.split())
     assert "--dry-run" not in result.output
 
 

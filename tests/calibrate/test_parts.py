@@ -56,7 +56,7 @@ def test_the_sensor_s_block_reads_what_was_found(robot):
     result = calibrate("range")
     assert result.exit_code == 0, result.output
     curve = calibrated(robot).sensors["front"].curve
-    # The card stands where the rule says to 0.2 mm; 3 mm to 20 cm, 2 % beyond, and that
+    # The card stands where the rule shows it, to 0.2 mm; 3 mm to 20 cm, 2 % beyond, and that
     for place, volts in CURVE:
         if 0.04 <= place <= 0.30:
             distance = distance_at(volts + 0.12, curve.a, curve.b, curve.c)
@@ -72,7 +72,7 @@ def test_the_sensor_s_block_reads_what_was_found(robot):
 
 
 def test_a_card_in_the_fold_is_named(robot):
-    """Where the rule says 4 cm the card stands at 7, and the other way round: the voltage rises."""
+    """The card stands at 7 cm instead of 4 cm, and the other way round: the voltage rises."""
     placed = {**ANSWERS, "range.distance": ["7 cm", "4 cm", "10 cm", "16 cm", "25 cm", "30 cm"]}
     result = calibrate("range", placed)
     assert isinstance(result.exception, RunError)
@@ -85,10 +85,10 @@ def test_a_misread_distance_is_named_and_measured_again(robot):
     typed = ["4 cm", "7 cm", "12 cm", "16 cm", "25 cm", "30 cm"]
     result = calibrate("range", {"range.distance": typed})
     assert result.exit_code == 0, result.output
-    said = " ".join(result.output.split())
-    assert "Without the point at 10 cm the others fit, and by these the card stood at" in said
-    assert "not at 12 cm. Measure this point again." in said
-    assert "Put the card 10 cm from the sensor's front." in said
+    printed = " ".join(result.output.split())
+    assert "Without the point at 10 cm the others fit, and by these the card stood at" in printed
+    assert "not at 12 cm. Measure this point again." in printed
+    assert "Put the card 10 cm from the sensor's front." in printed
     curve = calibrated(robot).sensors["front"].curve
     volts = dict(CURVE)[0.10] + 0.12
     assert distance_at(volts, curve.a, curve.b, curve.c) == pytest.approx(0.10, abs=0.003)
@@ -102,7 +102,7 @@ def test_a_distance_that_is_misread_again_is_refused_by_its_name(robot):
     assert not calibrated(robot).calibration
 
 
-def test_points_of_no_curve_are_told_with_their_errors(robot):
+def test_points_of_no_curve_are_reported_with_their_errors(robot):
     """Each of three is wrong; the curve's own deviation would be larger than half of it."""
     typed = ["4 cm", "9 cm", "9.5 cm", "20 cm", "22 cm", "40 cm"]
     result = calibrate("range", {"range.distance": typed})
@@ -146,19 +146,19 @@ def test_cells_that_contradict_the_meter_are_refused(robot, answers, words):
     assert not calibrated(robot).calibration
 
 
-def test_a_meter_that_contradicts_the_board_is_told_with_both_figures(robot):
+def test_a_meter_that_contradicts_the_board_is_reported_with_both_figures(robot):
     """7.6 V in truth are 7.17 V by the stated divider; 9.1 V are 27 % more."""
     result = calibrate("battery", ANSWERS | {"battery.volts": "9.1 V"}, "--dry-run")
-    said = " ".join(result.output.split())
-    assert "The board reports 7.17 V" in said and "9.10 V differ from that by +27 %" in said
+    printed = " ".join(result.output.split())
+    assert "The board reports 7.17 V" in printed and "9.10 V differ from that by +27 %" in printed
 
 
 def test_an_empty_battery_gets_no_low_limit_above_its_voltage(robot):
     """One LiPo cell has at most 4.25 V, and two have 6.6 V or more unless they are empty."""
     result = calibrate("battery", ANSWERS | {"battery.volts": "6.5 V"})
     assert result.exit_code == 0, result.output
-    said = " ".join(result.output.split())
-    assert "no number of lipo cells, of 3.3 to 4.25 V each, has 6.50 V" in said
+    printed = " ".join(result.output.split())
+    assert "no number of lipo cells, of 3.3 to 4.25 V each, has 6.50 V" in printed
     assert calibrated(robot).battery.low == 0.0  # none
 
 

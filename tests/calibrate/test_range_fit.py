@@ -45,8 +45,8 @@ def noisy(chance, offset, readings):
     """Each point as the step averages it."""
     points = []
     for each in RULER_DISTANCES_M:
-        heard = [KNOWN[each] + offset + chance.gauss(0.0, 0.010) for _ in range(readings)]
-        points.append(RulerPoint(each, fmean(heard), pstdev(heard), readings))
+        received = [KNOWN[each] + offset + chance.gauss(0.0, 0.010) for _ in range(readings)]
+        points.append(RulerPoint(each, fmean(received), pstdev(received), readings))
     return points
 
 

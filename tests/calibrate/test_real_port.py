@@ -78,7 +78,7 @@ def test_a_question_at_a_terminal_has_no_time_limit(robot):
                 terminal.type(f"{answer}\r")
             assert terminal.ended() == 0, terminal.text
     assert load_robot(str(simulated_copy_of(robot))).robot.drive.polarity == "calibrated"
-    # What piled up meanwhile would be told with times that are wrong by the board's 2.1 s.
+    # Frames that queued up meanwhile would have times that are wrong by the board's 2.1 s.
     (recording,) = Path("recordings").glob("encoders-*.csv")
     with recording.open() as lines:
         times = [float(row["time"]) for row in csv.DictReader(lines)]

@@ -37,8 +37,8 @@ def test_a_whole_drive(recorded):
 
 
 def test_other_discs_than_those_of_the_robot_file(recorded):
-    said = refusal(recorded, load_robot(ROBOT).robot)
-    assert "with 24 counts per turn of the left wheel, but the robot file states 20" in said
+    printed = refusal(recorded, load_robot(ROBOT).robot)
+    assert "with 24 counts per turn of the left wheel, but the robot file states 20" in printed
 
 
 def write(file, frames, wires=("robot.encoders",)):

@@ -55,9 +55,9 @@ def stands(one, truths):
 
 def test_a_command_holds_as_long_as_it_is_held_and_then_the_board_stops_by_itself(session):
     one, truths = session
-    heard = one.run_for(FORWARD, 1.0)
-    assert len(heard.encoders) == pytest.approx(40, abs=2) and truths.truth.left_speed > 3.0
-    one.listen(2.0)  # nobody says stop: the dead-man does, after 300 ms
+    received = one.run_for(FORWARD, 1.0)
+    assert len(received.encoders) == pytest.approx(40, abs=2) and truths.truth.left_speed > 3.0
+    one.listen(2.0)  # without a stop the dead-man acts, after 300 ms
     assert truths.truth.left_speed == 0.0
 
 
@@ -75,8 +75,8 @@ def test_a_long_wait_for_an_answer_does_not_shorten_the_next_motion(session):
     one, truths = session
     one.clock = Wall()
     one.clock.passed = one.now + 100 * SECOND
-    heard = one.run_for(FORWARD, 1.0)
-    assert len(heard.encoders) == pytest.approx(40, abs=2) and truths.truth.left_speed > 3.0
+    received = one.run_for(FORWARD, 1.0)
+    assert len(received.encoders) == pytest.approx(40, abs=2) and truths.truth.left_speed > 3.0
 
 
 def test_counts_are_current_after_a_wheel_was_turned_during_a_question(session):
@@ -205,7 +205,7 @@ class Breaking:
         return Outcome("breaking", [])
 
 
-class Deaf:
+class Silent:
     """An prompter and screen that fails when it is spoken to."""
 
     def confirm_motion(self, notice):
@@ -219,17 +219,19 @@ class Deaf:
 def test_a_step_that_is_interrupted_leaves_a_robot_at_rest(session):
     one, truths = session
     with pytest.raises(KeyboardInterrupt):
-        run_step(Breaking(), one, Deaf(), Deaf())
+        run_step(Breaking(), one, Silent(), Silent())
     assert stands(one, truths)
 
 
-def test_the_emulated_board_takes_duty_and_says_when_it_took_hold(robot):
+def test_the_emulated_board_takes_duty_and_reports_when_it_took_hold(robot):
     one, truths = open_session(robot, "emulated", seed=1)
     try:
         one.connect()
-        heard = one.run_for(Duty(0, 0.5, -0.5), 1.0).encoders[-1]
-        assert heard.command_kind == "duty" and heard.command_time is not None
-        assert (heard.left_command, heard.right_command) == pytest.approx((0.5, -0.5), abs=1e-3)
+        received = one.run_for(Duty(0, 0.5, -0.5), 1.0).encoders[-1]
+        assert received.command_kind == "duty" and received.command_time is not None
+        assert (received.left_command, received.right_command) == pytest.approx(
+            (0.5, -0.5), abs=1e-3
+        )
         assert truths.truth.left_speed > 3.0 and truths.truth.right_speed < -3.0
         assert stands(one, truths)
     finally:

@@ -110,7 +110,7 @@ def test_written_values_take_the_place_of_the_stated_ones(robot):
     assert (file.robot.drive.left.motor.lag, file.robot.drive.right.motor.lag) == (0.093, 0.1)
 
 
-def test_a_folder_in_which_nothing_can_be_written_is_told(robot):
+def test_a_folder_in_which_nothing_can_be_written_is_reported(robot):
     (robot.parent / f".{robot.name}.trial.yaml").mkdir()  # also where the user may write anything
     with pytest.raises(UsageError, match="its folder cannot be written"):
         plan_change(robot, [TRACK], ORIGIN)

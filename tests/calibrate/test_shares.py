@@ -43,7 +43,7 @@ def turning(pitches, part, wheel=0, pitch=50.0):
         ([(0, 1), (10, 0), (40, 1), (50, 0)], 0, [0.75]),  # low for 30 of 40
         # both flanks chatter within the glitch time: the first change of a burst counts
         ([(0, 1), (0.5, 0), (1, 1), (10, 0), (10.4, 1), (11, 0), (40, 1)], 1, [0.25]),
-        # told in another order
+        # reported in another order
         ([(40, 1), (0, 1), (10, 0)], 1, [0.25]),
         # the hand rests between the second and the third pitch
         ([(0, 1), (10, 0), (40, 1), (60, 0), (80, 1), (90, 0), (500, 1)], 1, [0.25, 0.5]),
@@ -97,6 +97,6 @@ def test_the_encoders_step_finds_the_share_that_is_true(port, edge, tmp_path: Pa
     for side, disc in zip(("left", "right"), truths._plant.discs, strict=True):
         ups, downs = disc.edges[::2], disc.edges[1::2]
         high = sum(b - a for a, b in zip(ups, downs, strict=True)) / (2 * pi)
-        wanted = high if edge == "rising" else 1.0 - high
+        expected = high if edge == "rising" else 1.0 - high
         # An eighth of a slot in a hundred pitches, and the mean of ratios for the ratio of means.
-        assert shares[f"drive.{side}.encoder.open_share"] == pytest.approx(wanted, abs=0.008)
+        assert shares[f"drive.{side}.encoder.open_share"] == pytest.approx(expected, abs=0.008)

@@ -41,9 +41,9 @@ def test_the_slip_is_found_whatever_the_geometry_misses(slip):
     assert sum(within) >= 34
 
 
-def test_a_floor_without_slip_is_told_from_one_that_slips():
+def test_a_floor_without_slip_is_distinguished_from_one_that_slips():
     assert fit_slip(squares(0.0, 1), GEOMETRY).value < 0.0005
 
 
-def test_one_square_in_each_direction_says_nothing():
+def test_one_square_in_each_direction_shows_no_slip():
     assert fit_slip(squares(0.001, 1, runs=1), GEOMETRY) is None

@@ -1,4 +1,4 @@
-"""Discs are learnt from lifted wheels that turn each way; what tells too little is refused."""
+"""Discs are learnt from lifted wheels that turn each way; too little motion is refused."""
 
 from math import pi
 from random import Random
@@ -26,7 +26,7 @@ def learner():
 
 
 def turned(seed: int, ways=(1.0, -1.0)):
-    """A robot drawn from `seed`, and what its board told while both wheels turned."""
+    """A robot drawn from `seed`, and the frames of its board while both wheels turned."""
     setup = load("goal", "book_2wd")
     robot = SimulatedRobot(
         "edges", plant_parameters(setup.robot), setup.robot.simulation, Random(seed)

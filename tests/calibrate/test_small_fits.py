@@ -53,13 +53,13 @@ def test_a_mean_leaves_out_a_stray_reading():
     assert fit.half_width == pytest.approx(3.18 * 0.000854, rel=0.01)
 
 
-def test_repeats_that_agree_perfectly_are_not_believed_to_be_perfect():
+def test_repeats_that_agree_perfectly_are_not_assumed_to_be_perfect():
     fit = robust_mean([1.0] * 4, sd_min=0.002)
     assert fit.sd == pytest.approx(0.001)  # 0.002 over the root of four
 
 
 def test_a_line_through_exact_points_is_found_again():
-    # duty = 0.1 + 0.08 speed; the wheel that did not turn tells nothing
+    # duty = 0.1 + 0.08 speed; the wheel that did not turn shows nothing
     fit = motor_fit.fit_line([(0.05, 0.0), (0.3, 2.5), (0.5, 5.0), (0.9, 10.0), (-0.9, -10.0)])
     assert (fit.static, fit.slope) == pytest.approx((0.1, 0.08))
     assert fit.rated == pytest.approx(11.25)  # (1 - 0.1) / 0.08
@@ -81,7 +81,7 @@ def steps(lag, dead, uneven=0.0, seed=1):
     """Edges of a disc with 20 slots that steps between 3 and 8 rad/s, with `lag` and `dead` s."""
     chance, pitch = Random(seed), 2 * pi / 20
     places = [chance.gauss(0.0, uneven) for _ in range(20)]
-    slot_count, angle, speed, now, wanted, count = [], 0.1, 3.0, 0.0, 3.0, 0
+    slot_count, angle, speed, now, setpoint, count = [], 0.1, 3.0, 0.0, 3.0, 0
     frames, last, at, up = [], None, 0.0, True
     tick = 0.0005  # s; half a millisecond of a lag of 60 and more
     for number in range(9):
@@ -92,8 +92,8 @@ def steps(lag, dead, uneven=0.0, seed=1):
         while now < end:
             now += tick
             if now - at > dead:
-                wanted = target
-            speed += (wanted - speed) * (1.0 - exp(-tick / lag))
+                setpoint = target
+            speed += (setpoint - speed) * (1.0 - exp(-tick / lag))
             angle += speed * tick
             while angle >= (count + 1 + places[(count + 1) % 20]) * pitch:
                 count += 1

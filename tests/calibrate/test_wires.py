@@ -30,7 +30,7 @@ def begins(faults):
         # the left channel turns the right wheel, whose encoder sits in its own socket
         (("right forward", 0, 4), ("left forward", 4, 0), ["motors swapped"]),
         (("left forward", 0, 4), ("right forward", 4, 0), ["encoders swapped"]),
-        # both exchanged: each channel is heard by its own socket, and only the eye can tell
+        # both exchanged: each channel arrives at its own socket, and only the eye can tell
         (("right forward", 4, 0), ("left forward", 0, 4), ["motors swapped", "encoders swapped"]),
         (
             ("right backward", 0, 4),
@@ -59,7 +59,7 @@ def test_faults_that_settings_correct(left, right, mended):
             ["right encoder floating"],
             [],
         ),
-        # the left wheel is heard in the right socket, so the dead one must sit in the left
+        # the left wheel counts in the right socket, so the dead one must sit in the left
         (
             ("left forward", 0, 4),
             ("right forward", 0, 0),
@@ -103,11 +103,11 @@ def test_pins_and_directions_that_make_up_for_exchanged_and_reversed_motors():
         "drive.right.motor.enable": "5",
         "drive.right.motor.in1": "6",
         "drive.right.motor.in2": "7",
-        "drive.right.motor.reversed": True,  # channel 5, 6, 7 is told so, and was right
+        "drive.right.motor.reversed": True,  # channel 5, 6, 7 is set so, and was right
         "drive.left.motor.enable": "8",
         "drive.left.motor.in1": "9",
         "drive.left.motor.in2": "10",
-        # channel 8, 9, 10 was not told so and turned backward: now it is, and left stays as it was
+        # channel 8, 9, 10 was not set so and turned backward: now it is, and left stays as it was
     }
 
 

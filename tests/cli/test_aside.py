@@ -37,7 +37,7 @@ def read_until(file, end):
     return data
 
 
-def test_it_waits_for_nobody_and_says_the_rest_at_the_end(ends, monkeypatch):
+def test_it_does_not_wait_for_a_reader_and_writes_the_rest_at_the_end(ends, monkeypatch):
     ours, theirs = ends
     ending = b"\r\n" if os.isatty(theirs) else b"\n"
     with open(theirs, "w", closefd=False) as error:
@@ -46,16 +46,16 @@ def test_it_waits_for_nobody_and_says_the_rest_at_the_end(ends, monkeypatch):
         aside.say("first")
         assert b"first" in read_until(ours, b"\n")  # at once
         fill(theirs)
-        aside.say("second")  # returns though nobody reads
+        aside.say("second")  # returns without a reader
         aside.say("third")
         with ThreadPoolExecutor() as reader:
-            heard = reader.submit(read_until, ours, b"third" + ending)
+            received = reader.submit(read_until, ours, b"third" + ending)
             aside.end()
-            assert b"second" in heard.result(LONGEST)
+            assert b"second" in received.result(LONGEST)
 
 
 def test_a_file_is_written_in_order(tmp_path, monkeypatch):
-    path = tmp_path / "said"
+    path = tmp_path / "lines"
     with path.open("w") as error:
         monkeypatch.setattr(sys, "stderr", error)
         aside = NonBlockingStderr()

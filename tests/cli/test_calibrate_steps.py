@@ -123,7 +123,7 @@ def test_an_option_before_the_steps_name_is_not_lost_silently(robot):
 
 
 class Terminal:
-    """A person at a terminal: reads what is said, types."""
+    """A person at a terminal: reads the output, types."""
 
     def __init__(self, *words):
         self.end, other = pty.openpty()
@@ -136,20 +136,20 @@ class Terminal:
             env={**os.environ, "PYTHONPATH": str(ROOT), "TERM": "dumb"},
         )
         os.close(other)
-        self.said = ""
+        self.printed = ""
 
     def wait_for(self, text):
-        """Read until `text` has been said since the last time."""
+        """Read until `text` has been printed since the last time."""
         until = time.monotonic() + LONGEST
-        while text not in self.said:
-            assert time.monotonic() < until, self.said
+        while text not in self.printed:
+            assert time.monotonic() < until, self.printed
             if not select.select([self.end], [], [], 0.2)[0]:
                 continue
             try:
-                self.said += os.read(self.end, 4096).decode()
+                self.printed += os.read(self.end, 4096).decode()
             except OSError:
-                pytest.fail(f"it ended: {self.said}")
-        before, _, self.said = self.said.partition(text)
+                pytest.fail(f"it ended: {self.printed}")
+        before, _, self.printed = self.printed.partition(text)
         return before
 
     def type(self, text):
@@ -183,7 +183,7 @@ def test_nonsense_at_the_terminal_is_asked_again_with_the_reason(robot):
     assert person.close() == 0
 
 
-def test_whoever_says_no_moves_nothing(robot):
+def test_the_answer_no_moves_nothing(robot):
     person = Terminal("motors", "--robot", robot, "--port", "sim", "--dry-run")
     person.wait_for("Press Enter to start")
     person.type("no")
@@ -219,7 +219,7 @@ def test_at_the_mark_too_other_words_start_no_motor(robot):
     assert not list(Path("recordings").glob("*.csv"))
 
 
-def test_answers_that_fit_no_question_are_told_before_the_robot_drives(robot):
+def test_answers_that_fit_no_question_are_reported_before_the_robot_drives(robot):
     Path("few.yaml").write_text("distance.reading: [998, 999]\ndistance.repeats: 3\n")
     done = calibrate(
         "distance", "--robot", robot, "--port", "sim", "--answers", "few.yaml", "--yes"
@@ -231,7 +231,7 @@ def test_answers_that_fit_no_question_are_told_before_the_robot_drives(robot):
     assert not list(Path("recordings").glob("*.csv"))
 
 
-def test_where_nothing_can_be_kept_is_said_before_anything_moves(robot):
+def test_a_folder_that_keeps_nothing_is_reported_before_anything_moves(robot):
     Path("recordings").write_text("no folder")
     done = calibrate(
         "distance", "--robot", robot, "--port", "sim", "--answers", "answers.yaml", "--yes"

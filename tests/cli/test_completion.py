@@ -1,4 +1,4 @@
-"""What the shells are told: by bash itself, and by what the others ask for."""
+"""Completion in bash itself, and the replies for the other shells."""
 
 import os
 import shutil
@@ -107,11 +107,11 @@ def test_names_of_a_running_engine_are_completed(place, engine, shell, monkeypat
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(engine))
     cases = LIVE_CASES if shell == "bash" else LIVE_CASES[:1]
     for line, words in cases:
-        said = asked(place, shell, line)
+        output = asked(place, shell, line)
         separator = "\n" if shell == "zsh" else ","  # of type, word and help
         found = [
             word
-            for word in said.replace("\n", separator).split(separator)
+            for word in output.replace("\n", separator).split(separator)
             if word not in ("plain", "_", "")
         ]
         assert found == words, line
@@ -134,9 +134,9 @@ def test_names_of_a_recording_and_of_a_pipeline_are_completed(place, monkeypatch
 
 
 @pytest.mark.parametrize("shell", ["zsh", "fish"])
-def test_the_other_shells_are_told_the_same_with_its_help(place, shell):
-    said = asked(place, shell, "diffbotctl wir")
-    assert "wiring" in said and COMMANDS["wiring"].help in said
+def test_the_other_shells_get_the_same_with_its_help(place, shell):
+    output = asked(place, shell, "diffbotctl wir")
+    assert "wiring" in output and COMMANDS["wiring"].help in output
 
 
 def test_a_path_is_left_to_the_shell(place):

@@ -96,11 +96,11 @@ NEEDS = [
 
 
 def refused(folder, words):
-    """What is said of a command line that is refused, in one line."""
-    code, out, said = cli(folder, *words, cwd=folder)
-    assert code == 2 and out == "", said
-    assert "Usage:" in said and said.count("error:") == 1
-    return " ".join(said.partition("error:")[2].split())
+    """The error of a command line that is refused, in one line."""
+    code, out, message = cli(folder, *words, cwd=folder)
+    assert code == 2 and out == "", message
+    assert "Usage:" in message and message.count("error:") == 1
+    return " ".join(message.partition("error:")[2].split())
 
 
 @pytest.mark.parametrize(("command", "one", "other", "value"), EXCLUSIVE)
@@ -110,10 +110,10 @@ def test_options_that_contradict_each_other(command, one, other, value, tmp_path
     words += [other] if other not in words else []
     terminal, slave = os.openpty()
     words += [os.ttyname(slave) if value == "TERMINAL" else value] if value else []
-    said = refused(tmp_path, words)
+    message = refused(tmp_path, words)
     os.close(terminal)
     os.close(slave)
-    assert one.partition("=")[0] in said and other in said and "exclude each other" in said
+    assert one.partition("=")[0] in message and other in message and "exclude each other" in message
     assert list(tmp_path.iterdir()) == []
 
 
@@ -121,8 +121,8 @@ def test_options_that_contradict_each_other(command, one, other, value, tmp_path
 def test_an_option_that_has_no_effect_alone(command, option, needed, tmp_path):
     words = command.split()
     words += [option] if option not in words else []
-    said = refused(tmp_path, words)
-    assert option.partition("=")[0] in said and needed in said
+    message = refused(tmp_path, words)
+    assert option.partition("=")[0] in message and needed in message
     assert list(tmp_path.iterdir()) == []
 
 
@@ -164,8 +164,8 @@ def test_what_else_has_no_effect(words, cause, tmp_path):
     ],
 )
 def test_a_run_as_fast_as_possible_that_would_never_end(words, cause, tmp_path):
-    code, out, said = cli(tmp_path, "run", *words, "--fast")
+    code, out, message = cli(tmp_path, "run", *words, "--fast")
     assert (code, out) == (2, "")
-    assert "E-ENDLESS" in said and cause in " ".join(said.split()) and "--for 60s" in said
+    assert "E-ENDLESS" in message and cause in " ".join(message.split()) and "--for 60s" in message
     code, out, _ = cli(tmp_path, "run", *words, "--fast", "--quiet", "--for", "0.2s")
     assert "time limit" in out

@@ -37,7 +37,7 @@ def test_check_finds_nothing_in_the_shipped_files():
     ]
 
 
-def test_check_takes_several_files_and_says_all(tmp_path):
+def test_check_takes_several_files_and_reports_on_all(tmp_path):
     wrong = tmp_path / "wrong.yaml"
     wrong.write_text("format: 1\nkind: robot\ninclude: book_2wd\nlimits: {speed: 5 deg, sped: 1}\n")
     code, output = invoke(check.check, str(wrong), "goal", "--set", "follower.tolerance=1 mm")
@@ -100,7 +100,7 @@ def test_blocks_show(name):
     assert "outputs" in output
 
 
-def test_blocks_show_says_all_that_is_declared():
+def test_blocks_show_prints_all_that_is_declared():
     _, output = invoke(blocks.command, "show", "obstacle_stop")
     for words in (
         "range   Range (fresh for the parameter stale_after)",

@@ -85,8 +85,8 @@ def test_a_picture_is_written_over_ours_but_over_no_other_file(tmp_path):
     for name in ("g.svg", "g.dot", "g.mmd"):
         path = tmp_path / name
         for _ in range(2):
-            code, said, complaint = cli(tmp_path, "graph", "hello", "--output", str(path))
-            assert code == 0 and re.search(r"written: .*g\.", said), complaint
+            code, printed, complaint = cli(tmp_path, "graph", "hello", "--output", str(path))
+            assert code == 0 and re.search(r"written: .*g\.", printed), complaint
         assert has_mark(path.read_bytes())
     own = tmp_path / "own.dot"
     own.write_text("// a drawing of my own\n")

@@ -25,7 +25,7 @@ from tests.sampling import by_day
 from tests.support.virtual_board import diffbotctl, flat
 
 ROOT = Path(__file__).parents[2]
-# What is inherent in the kit, and said: no obstacle sensor; HC-05 and USB on one port.
+# Inherent in the kit, and reported: no obstacle sensor; HC-05 and USB on one port.
 WARNINGS = {"W-UNGUARDED", "W-WIRING-SHARED", "W-SKID-STEER"}
 # Goals behind a turn, before the track of four wheels is calibrated.
 ONE_OF_EACH_CHIP = ("four_wheels", "uno_tb6612", "pico_tc1508s")
@@ -76,7 +76,7 @@ def test_a_kit_s_robot_may_have_a_name_of_its_own():
 
 
 @pytest.mark.parametrize("name", [name for name, kit in KITS.items() if kit.unsupported])
-def test_what_is_not_supported_is_said(name):
+def test_unsupported_features_are_reported(name):
     assert f"note: {KITS[name].unsupported}" in new_robot("--kit", name)
 
 
@@ -97,14 +97,16 @@ def test_a_kit_passes_check_wiring_and_simulation(name):
 def test_a_kit_flies_in_the_emulator(name):
     """The file's own board, with its real firmware, also where it stands in for another board."""
     new_robot("--kit", name)
-    code, said = diffbotctl(
+    code, printed = diffbotctl(
         "run", "goal", "--robot", name, "--port", "emulated", "--fast", "--quiet"
     )
     if name in UNSURE:
-        assert code == 3 and "goal 1 reached, but the position is known to" in flat(said), said
+        assert code == 3 and "goal 1 reached, but the position is known to" in flat(printed), (
+            printed
+        )
     else:
-        assert code == 0 and "goals 1 of 1 reached" in flat(said), said
-    assert "0 damaged, 0 lost" in flat(said), said
+        assert code == 0 and "goals 1 of 1 reached" in flat(printed), printed
+    assert "0 damaged, 0 lost" in flat(printed), printed
 
 
 @pytest.mark.parametrize("seed", by_day(1, range(8)))
@@ -123,16 +125,18 @@ def test_four_wheels_never_claim_a_goal_behind_a_turn(seed):
 def test_goals_reached_unsurely_are_counted_and_the_error_is_that_of_the_last_one():
     new_robot("--kit", "four_wheels")
     words = ("run", "square", "--robot", "four_wheels", "--fast", "--quiet")
-    code, said = diffbotctl(*words)
-    assert code == 3 and "goals 4 of 4 reached, 3 of them unsure" in flat(said), said
-    code, said = diffbotctl(*words, "--json")
-    record = json.loads(said[said.index("{") :])
+    code, printed = diffbotctl(*words)
+    assert code == 3 and "goals 4 of 4 reached, 3 of them unsure" in flat(printed), printed
+    code, printed = diffbotctl(*words, "--json")
+    record = json.loads(printed[printed.index("{") :])
     assert (record["reached"], record["reached_unsure"], record["goals"]) == (1, 3, 4)
     assert record["estimated_error"]["position"] < 0.01  # from goal 4, not from goal 1
     for limit, goals in (("8s", "2 of 4"), ("15.7s", "4 of 4")):  # on the way to goal 3, at goal 4
-        code, said = diffbotctl(*words, "--for", limit)
-        assert f"goals {goals} reached" in flat(said) and code == (1 if goals < "4" else 3), said
-        assert ("error probably" in said) == (code == 3)
+        code, printed = diffbotctl(*words, "--for", limit)
+        assert f"goals {goals} reached" in flat(printed) and code == (1 if goals < "4" else 3), (
+            printed
+        )
+        assert ("error probably" in printed) == (code == 3)
 
 
 @pytest.mark.parametrize("slots", by_day(1, [187, 1496, 94]))
@@ -152,7 +156,7 @@ def test_slots_that_the_motors_cannot_explain_are_named(slots):
 
 
 @pytest.mark.parametrize("field", ["encoder.slots: {value: 146", "wheel.diameter: {value: 60 mm"])
-def test_a_run_says_that_counts_are_not_verified_until_they_are(field):
+def test_a_run_reports_that_counts_are_not_verified_until_they_are(field):
     new_robot("--kit", "xrp")
     file = load_robot("xrp").file
     line = "  counts not verified: `diffbotctl calibrate encoders` counts the slots"
@@ -164,7 +168,7 @@ def test_a_run_says_that_counts_are_not_verified_until_they_are(field):
     assert line not in diffbotctl(*words)[1]
 
 
-def test_a_calibrated_track_of_four_wheels_is_believed():
+def test_a_calibrated_track_of_four_wheels_is_trusted():
     new_robot("--kit", "four_wheels")
     file = load_robot("four_wheels").file
     values = "calibration: {drive.track: {value: 240 mm, sd: 1 mm}}"

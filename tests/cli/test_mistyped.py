@@ -1,4 +1,4 @@
-"""What a newcomer types by mistake, and what is said: place, cause, fix, and the exit code."""
+"""What a newcomer types by mistake, and the error: place, cause, fix, and the exit code."""
 
 import os
 import socket
@@ -14,15 +14,15 @@ from tests.support.terminal import Terminal
 ROBOT_FILE = "format: 1\nkind: robot\ninclude: book_2wd\nwheels: 3\n"
 
 
-def told(folder, *words):
-    """Exit code, and what is said, in one line."""
-    code, out, said = cli(folder, *words, cwd=folder)
-    assert "Traceback" not in said and "E-DEFECT" not in said
-    return code, " ".join((out + said).split())
+def outcome(folder, *words):
+    """Exit code, and the output, in one line."""
+    code, out, err = cli(folder, *words, cwd=folder)
+    assert "Traceback" not in err and "E-DEFECT" not in err
+    return code, " ".join((out + err).split())
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "expected"),
     by_day(
         14,
         [
@@ -69,39 +69,39 @@ def told(folder, *words):
         ],
     ),
 )
-def test_a_mistyped_command_names_what_to_write(words, said, tmp_path):
-    code, text = told(tmp_path, *words)
-    assert code == 2 and said in text
+def test_a_mistyped_command_names_what_to_write(words, expected, tmp_path):
+    code, text = outcome(tmp_path, *words)
+    assert code == 2 and expected in text
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "expected"),
     [
         (("--port", "SIM"), "did you mean sim?"),
         (("--port", "simulated"), "did you mean sim?"),
         (("--port", "emulator"), "did you mean emulated?"),
-        (("--group", "nobody_"), "--group E-SOCKET there is no group 'nobody_'"),
+        (("--group", "nothing_"), "--group E-SOCKET there is no group 'nothing_'"),
     ],
     ids=["upper", "longer", "other", "group"],
 )
-def test_no_such_port(words, said, tmp_path):
-    code, text = told(tmp_path, "run", "goal", *words)
-    assert code == 1 and said in text
+def test_no_such_port(words, expected, tmp_path):
+    code, text = outcome(tmp_path, "run", "goal", *words)
+    assert code == 1 and expected in text
 
 
 @pytest.mark.parametrize("command", by_day(2, ["web", "foxglove", "blocks", "why"]))
 def test_the_engine_of_another_computer_is_never_taken_for_one_here(command, tmp_path):
     with running(tmp_path, "standby", "--stay"):
-        code, text = told(tmp_path, command, "--at", "nobody@computer.invalid")
-        assert code == 1 and "nobody@computer.invalid E-SSH" in text
+        code, text = outcome(tmp_path, command, "--at", "ann@computer.invalid")
+        assert code == 1 and "ann@computer.invalid E-SSH" in text
 
 
-def test_a_problem_of_two_files_is_told_once(tmp_path):
+def test_a_problem_of_two_files_is_reported_once(tmp_path):
     (tmp_path / "robot.yaml").write_text(ROBOT_FILE)
     robot = "robot: {use: ./robot.yaml}\n"
     (tmp_path / "mine.yaml").write_text(f"format: 1\nkind: pipeline\ninclude: goal\n{robot}")
-    code, text = told(tmp_path, "check", "./mine.yaml", "./robot.yaml")
+    code, text = outcome(tmp_path, "check", "./mine.yaml", "./robot.yaml")
     assert code == 2 and text.count("unknown key 'wheels'") == 1
     assert "./mine.yaml: 1 error" in text and "./robot.yaml: 1 error, reported above" in text
 
@@ -110,13 +110,13 @@ def test_a_problem_of_two_files_is_told_once(tmp_path):
 def test_a_log_is_not_appended_to_another_file(content, tmp_path):
     file = tmp_path / "mine"
     file.write_text(content)
-    code, text = told(tmp_path, "run", "goal", "--fast", "--log", "mine")
+    code, text = outcome(tmp_path, "run", "goal", "--fast", "--log", "mine")
     assert code == 2 and "E-LOG this file is not the log" in text.partition("mine ")[2]
     assert file.read_text() == content
 
 
 def test_a_log_and_a_recording_are_two_files(tmp_path):
-    code, text = told(tmp_path, "run", "goal", "--fast", "--record", "a", "--log", "./a")
+    code, text = outcome(tmp_path, "run", "goal", "--fast", "--record", "a", "--log", "./a")
     assert code == 2 and "--record and --log name the same file" in text
 
 
@@ -133,7 +133,7 @@ def test_a_run_writes_to_files_only(option, kind, tmp_path):
         path.symlink_to(os.ttyname(slave))  # as the port of a board
     words = ("run", "goal", "--fast", "--quiet", option, "out")
     for more in ((), ("--force",)) if option == "--record" else ((),):
-        code, text = told(tmp_path, *words, *more)
+        code, text = outcome(tmp_path, *words, *more)
         assert code == 2 and "this is a device or a pipe, not a file" in text
     os.close(terminal)
     os.close(slave)
@@ -144,44 +144,46 @@ def test_a_run_writes_to_files_only(option, kind, tmp_path):
     [("--record", "recording", "incomplete_recording"), ("--log", "log file", "incomplete_log")],
 )
 def test_a_run_whose_file_is_incomplete_fails(option, name, field, tmp_path):
-    code, text = told(tmp_path, "run", "goal", "--fast", "--quiet", option, "/dev/full")
+    code, text = outcome(tmp_path, "run", "goal", "--fast", "--quiet", option, "/dev/full")
     assert code == 1 and f"{name} INCOMPLETE: No space left on device" in text
-    code, text = told(tmp_path, "run", "goal", "--fast", "--json", option, "/dev/full")
+    code, text = outcome(tmp_path, "run", "goal", "--fast", "--json", option, "/dev/full")
     assert code == 1 and f'"{field}": "No space left on device"' in text
 
 
-def test_a_replay_whose_recording_is_incomplete_says_so(tmp_path):
-    assert told(tmp_path, "run", "goal", "--fast", "--quiet", "--record", "a.mcap")[0] == 0
+def test_a_replay_whose_recording_is_incomplete_reports_it(tmp_path):
+    assert outcome(tmp_path, "run", "goal", "--fast", "--quiet", "--record", "a.mcap")[0] == 0
     for more in ((), ("--set", "follower.tolerance=20 mm")):
-        code, text = told(tmp_path, "replay", "a.mcap", "--record", "/dev/full", *more)
+        code, text = outcome(tmp_path, "replay", "a.mcap", "--record", "/dev/full", *more)
         assert code == 1 and "/dev/full E-RECORD cannot record there: No space left" in text
 
 
 def test_a_replay_from_beyond_the_end_is_refused(tmp_path):
     words = ("--for", "1s", "--record", "a.mcap")
-    assert told(tmp_path, "run", "hello", "--fast", *words)[0] == 0
-    code, text = told(tmp_path, "replay", "a.mcap", "--from", "100s")
+    assert outcome(tmp_path, "run", "hello", "--fast", *words)[0] == 0
+    code, text = outcome(tmp_path, "replay", "a.mcap", "--from", "100s")
     assert code == 2 and "--from 100 s has nothing to show: the last message is at 0.90 s" in text
 
 
 def test_fields_and_file_are_exported_in_either_order(tmp_path):
     words = ("--for", "1s", "--record", "a.mcap")
-    assert told(tmp_path, "run", "hello", "--fast", *words)[0] == 0
-    code, text = told(
+    assert outcome(tmp_path, "run", "hello", "--fast", *words)[0] == 0
+    code, text = outcome(
         tmp_path, "bag", "export", "a.mcap", "talker.text.text", "listener.heard.text"
     )
     assert code == 0 and text.startswith("time,talker.text.text,listener.heard.text ")
-    assert told(tmp_path, "bag", "export", "talker.text.text", "listener.heard.text", "a.mcap") == (
+    assert outcome(
+        tmp_path, "bag", "export", "talker.text.text", "listener.heard.text", "a.mcap"
+    ) == (
         0,
         text,
     )
 
 
 def test_a_device_is_not_replaced_by_a_file(tmp_path):
-    assert told(tmp_path, "run", "goal", "--fast", "--quiet", "--record", "a.mcap")[0] == 0
+    assert outcome(tmp_path, "run", "goal", "--fast", "--quiet", "--record", "a.mcap")[0] == 0
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
-    code, text = told(tmp_path, "bag", "recover", "a.mcap", "--output", "pipe")
+    code, text = outcome(tmp_path, "bag", "recover", "a.mcap", "--output", "pipe")
     assert code == 2 and "pipe E-OUTPUT this is a device or a pipe, not a file" in text
     assert pipe.is_fifo()
 
@@ -205,6 +207,6 @@ def test_a_reader_that_ends_early_is_no_defect(words):
     process = subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     process.stdout.readline()
     process.stdout.close()
-    said = process.stderr.read()
+    err = process.stderr.read()
     process.wait(timeout=60)
-    assert "Traceback" not in said and "E-DEFECT" not in said
+    assert "Traceback" not in err and "E-DEFECT" not in err

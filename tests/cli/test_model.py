@@ -42,8 +42,8 @@ def test_show_draws_both_views_within_80_columns():
 
 
 def test_show_writes_a_picture(tmp_path):
-    said = run("show", "book_2wd", "--output", str(tmp_path / "robot.svg"))
-    assert "robot.svg" in said
+    output = run("show", "book_2wd", "--output", str(tmp_path / "robot.svg"))
+    assert "robot.svg" in output
     root = ElementTree.parse(tmp_path / "robot.svg").getroot()
     assert root.tag.endswith("svg")
 
@@ -55,10 +55,10 @@ def test_export_urdf_writes_the_same_to_a_file(tmp_path):
     assert ElementTree.fromstring(text).get("name") == "mine"
 
 
-def test_a_file_that_cannot_be_written_is_told_in_words(tmp_path):
-    said = run("export", "urdf", "--output", str(tmp_path / "no" / "a.urdf"), code=1)
-    assert "E-OUTPUT" in said and "Traceback" not in said
+def test_a_file_that_cannot_be_written_is_an_error_with_a_text(tmp_path):
+    output = run("export", "urdf", "--output", str(tmp_path / "no" / "a.urdf"), code=1)
+    assert "E-OUTPUT" in output and "Traceback" not in output
 
 
-def test_an_unknown_robot_is_told_in_words():
+def test_an_unknown_robot_is_an_error_with_a_text():
     assert "Did you mean" in run("frames", "bok_2wd", code=2).replace("did", "Did")

@@ -116,9 +116,9 @@ def test_a_copied_robot_has_its_schema():
     ],
 )
 def test_names_that_cannot_be(words, code):
-    with pytest.raises(UserError) as told:
+    with pytest.raises(UserError) as raised:
         invoke(new.command, *words)
-    assert told.value.problems[0].code == code
+    assert raised.value.problems[0].code == code
     assert not [path for path in Path().rglob("*") if "cache" not in path.parts]
 
 
@@ -126,9 +126,9 @@ def test_names_that_cannot_be(words, code):
 def test_nothing_is_written_over(kind):
     invoke(new.command, kind, "mine")
     before = {path: path.read_text() for path in Path().rglob("*.*") if path.is_file()}
-    with pytest.raises(UserError) as told:
+    with pytest.raises(UserError) as raised:
         invoke(new.command, kind, "mine")
-    assert told.value.problems[0].code == "E-FILE-WRITE"
+    assert raised.value.problems[0].code == "E-FILE-WRITE"
     assert {path: path.read_text() for path in before} == before
 
 
@@ -157,7 +157,7 @@ def python(*words, path):
 
 
 def pip_install(folder, target):
-    code, said = python(
+    code, printed = python(
         "-m",
         "pip",
         "install",
@@ -171,7 +171,7 @@ def pip_install(folder, target):
         folder,
         path=[],
     )
-    assert code == 0, said
+    assert code == 0, printed
 
 
 def test_a_new_message_installs_runs_and_is_recorded(tmp_path):
@@ -179,37 +179,37 @@ def test_a_new_message_installs_runs_and_is_recorded(tmp_path):
     folder, target = tmp_path / "gas", tmp_path / "installed"
     pip_install(folder, target)
     line = ["run", folder / "gas.yaml", "--fast", "--quiet", "--record", "gas.mcap"]
-    code, said = python(*PROGRAM, *line, path=[target, ROOT])
-    assert (code, "INCOMPLETE" in said) == (0, False), said
-    code, said = python(*PROGRAM, "replay", "gas.mcap", "--check", path=[target, ROOT])
-    assert (code, "same" in said) == (0, True), said
-    code, said = python(*PROGRAM, "bag", "export", "gas.mcap", "gas.gas", path=[ROOT])
-    assert said.startswith("time,gas.gas.distance,gas.gas.state,gas.gas.turns\n"), said
-    assert ",far," in said  # the goal is 1.1 m away, and `far` begins at 0.5 m
+    code, printed = python(*PROGRAM, *line, path=[target, ROOT])
+    assert (code, "INCOMPLETE" in printed) == (0, False), printed
+    code, printed = python(*PROGRAM, "replay", "gas.mcap", "--check", path=[target, ROOT])
+    assert (code, "same" in printed) == (0, True), printed
+    code, printed = python(*PROGRAM, "bag", "export", "gas.mcap", "gas.gas", path=[ROOT])
+    assert printed.startswith("time,gas.gas.distance,gas.gas.state,gas.gas.turns\n"), printed
+    assert ",far," in printed  # the goal is 1.1 m away, and `far` begins at 0.5 m
 
 
 def test_a_new_message_s_own_test_passes(tmp_path):
     invoke(new.command, "message", "gas")
     folder = tmp_path / "gas"
-    code, said = python("-m", "pytest", "-q", folder, path=[folder, ROOT])
-    assert (code, "4 passed" in said) == (0, True), said
+    code, printed = python("-m", "pytest", "-q", folder, path=[folder, ROOT])
+    assert (code, "4 passed" in printed) == (0, True), printed
 
 
 def test_a_new_driver_reads_its_device_and_is_replayed_without_it(tmp_path):
     invoke(new.command, "driver", "sonar")
     folder, target = tmp_path / "sonar", tmp_path / "installed"
     pip_install(folder, target)
-    code, said = python(*PROGRAM, "blocks", path=[target, ROOT])
-    assert "sonar           (driver) Read a distance sensor" in said, said
+    code, printed = python(*PROGRAM, "blocks", path=[target, ROOT])
+    assert "sonar           (driver) Read a distance sensor" in printed, printed
     line = ["run", folder / "sonar.yaml", "--quiet", "--for", "2s", "--record", "sonar.mcap"]
-    code, said = python(*PROGRAM, *line, path=[target, ROOT])
-    assert code == 1 and "E-DEVICE" in said and "sonar.yaml:7:3" in said
-    assert "source sonar (/dev/ttyUSB0): No such file or directory" in said
+    code, printed = python(*PROGRAM, *line, path=[target, ROOT])
+    assert code == 1 and "E-DEVICE" in printed and "sonar.yaml:7:3" in printed
+    assert "source sonar (/dev/ttyUSB0): No such file or directory" in printed
     master, slave = os.openpty()
     tty.setraw(slave)
     os.write(master, b"412\n" * 5)
     words = [*line, "--set", f"sonar.device={os.ttyname(slave)}"]
-    code, said = python(*PROGRAM, *words, path=[target, ROOT])
+    code, printed = python(*PROGRAM, *words, path=[target, ROOT])
     os.close(master)
     os.close(slave)
     distances = [
@@ -217,16 +217,16 @@ def test_a_new_driver_reads_its_device_and_is_replayed_without_it(tmp_path):
         for item in RecordingReader(Path("sonar.mcap")).messages()
         if item.wire == "sonar.range"
     ]
-    assert distances == [0.412] * 5, said
-    code, said = python(*PROGRAM, "replay", "sonar.mcap", "--check", path=[target, ROOT])
-    assert (code, "same" in said) == (0, True), said
+    assert distances == [0.412] * 5, printed
+    code, printed = python(*PROGRAM, "replay", "sonar.mcap", "--check", path=[target, ROOT])
+    assert (code, "same" in printed) == (0, True), printed
 
 
 def test_a_new_driver_s_own_tests_pass(tmp_path):
     invoke(new.command, "driver", "sonar")
     folder = tmp_path / "sonar"
-    code, said = python("-m", "pytest", "-q", folder, path=[folder, ROOT])
-    assert (code, "6 passed" in said) == (0, True), said
+    code, printed = python("-m", "pytest", "-q", folder, path=[folder, ROOT])
+    assert (code, "6 passed" in printed) == (0, True), printed
 
 
 @pytest.mark.parametrize("language", by_day(1, ["python", "c", "node"]))
@@ -240,35 +240,35 @@ def test_a_new_program_runs_as_it_stands(language, tmp_path):
         flags = " -std=c99 -Wall -Wextra -Werror -pedantic"
         subprocess.run(build[1] + flags, shell=True, cwd=folder, check=True)
     words = ["run", folder / "nose.yaml", "--quiet", "--for", "2s", "--record", "nose.mcap"]
-    code, said = python(*PROGRAM, *words, path=[ROOT])
-    assert code == 1 and "E-PROGRAM-CONSENT" in said
-    code, said = python(*PROGRAM, *words, "--allow-programs", path=[ROOT])
-    assert "final stop confirmed" in said, said
-    heard = [
+    code, printed = python(*PROGRAM, *words, path=[ROOT])
+    assert code == 1 and "E-PROGRAM-CONSENT" in printed
+    code, printed = python(*PROGRAM, *words, "--allow-programs", path=[ROOT])
+    assert "final stop confirmed" in printed, printed
+    received = [
         item.message.text
         for item in RecordingReader(Path("nose.mcap")).messages()
         if item.wire == "listener.heard"
     ]
-    assert len(heard) > 5 and all("m from the start" in text for text in heard)
-    code, said = python(*PROGRAM, "replay", "nose.mcap", "--check", path=[ROOT])
-    assert (code, "same" in said) == (0, True), said
+    assert len(received) > 5 and all("m from the start" in text for text in received)
+    code, printed = python(*PROGRAM, "replay", "nose.mcap", "--check", path=[ROOT])
+    assert (code, "same" in printed) == (0, True), printed
 
 
 def test_a_new_block_installs_through_its_entry_point_and_drives(tmp_path):
     invoke(new.command, "block", "half_speed")
     folder, target = tmp_path / "half_speed", tmp_path / "installed"
     pip_install(folder, target)
-    code, said = python(*PROGRAM, "blocks", path=[target, ROOT])
-    assert "half_speed      Scale the requested velocity." in said, said
-    code, said = python(
+    code, printed = python(*PROGRAM, "blocks", path=[target, ROOT])
+    assert "half_speed      Scale the commanded velocity." in printed, printed
+    code, printed = python(
         *PROGRAM, "run", folder / "half_speed.yaml", "--fast", "--quiet", path=[target, ROOT]
     )
-    assert (code, "1 of 1 reached" in said) == (0, True), said
+    assert (code, "1 of 1 reached" in printed) == (0, True), printed
 
 
 def test_a_new_block_s_own_test_passes(tmp_path):
     invoke(new.command, "block", "half_speed")
     folder = tmp_path / "half_speed"
-    code, said = python("-m", "pytest", "-q", folder, path=[folder, ROOT])
-    assert code == 0, said
-    assert "6 passed" in said
+    code, printed = python("-m", "pytest", "-q", folder, path=[folder, ROOT])
+    assert code == 0, printed
+    assert "6 passed" in printed

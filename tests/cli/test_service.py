@@ -54,9 +54,9 @@ def test_the_command_line_is_one_that_run_takes():
 
 
 def test_a_pipeline_that_would_drive_off_at_each_start_is_refused():
-    with pytest.raises(UsageError) as told:
+    with pytest.raises(UsageError) as raised:
         unit("goal")
-    assert told.value.problems[0].code == "E-SERVICE-GOALS"
+    assert raised.value.problems[0].code == "E-SERVICE-GOALS"
 
 
 def test_a_robot_on_standby_stands():

@@ -246,27 +246,27 @@ def followed(lines):
                     yield (bare(pin), *part_at(lines, *end, right=heading == "W"))
 
 
-def test_the_lines_in_the_terminal_lead_where_the_file_says(robot):
+def test_the_lines_in_the_terminal_lead_where_the_file_states(robot):
     lines = lines_of(robot)
-    wanted = {(pin, shortened(part), name) for pin, part, name, _ in expected(robot)}
-    assert set(followed(lines)) == wanted
+    target = {(pin, shortened(part), name) for pin, part, name, _ in expected(robot)}
+    assert set(followed(lines)) == target
     assert max(map(len, lines)) <= 80
 
 
 @pytest.mark.parametrize("name", KITS)
 @pytest.mark.usefixtures("empty_folder")
-def test_the_lines_in_the_terminal_lead_where_a_kit_s_harness_says(name):
+def test_the_lines_in_the_terminal_lead_where_a_kit_s_harness_does(name):
     invoke(new.command, "robot", "--kit", name)
     robot = load_robot(name).robot
     wires = harness(robot)
-    wanted = set()
+    target = set()
     for wire in wires.of(*wires.parts):
         for board, other in ((wire.start, wire.end), (wire.end, wire.start)):
             if board.part == BOARD and wire.colour not in RAILED:
                 pin = bare(wires.printed.get(board.name, board.name))
-                wanted.add((pin, shortened(wires.parts[other.part].title), other.name))
+                target.add((pin, shortened(wires.parts[other.part].title), other.name))
     lines = lines_of(robot)
-    assert set(followed(lines)) >= wanted
+    assert set(followed(lines)) >= target
     assert max(map(len, lines)) <= 80
 
 
@@ -306,7 +306,7 @@ def test_the_divider_is_drawn_where_there_is_one(tmp_path):
     assert not any("k" in line[52:64] for line in lines_of(load_robot(str(file)).robot))
 
 
-def test_a_divided_wire_says_so(robot):
+def test_a_divided_wire_shows_its_divider(robot):
     wire = [wire for wire in harness(robot).wires if wire.end == (RADIO, "RXD")]
     assert all(each.start.part == BOARD and each.through.series == "1k" for each in wire)
     assert len(wire) == bool(robot.link.uart or robot.link.radio)
@@ -357,7 +357,7 @@ def test_the_command_fits_eighty_columns_and_names_every_wire():
         "2 kOhm",
     ],
 )
-def test_what_no_wire_shows_is_said(words):
+def test_what_no_wire_shows_is_noted(words):
     assert words in run("book_2wd")
 
 
@@ -367,7 +367,7 @@ def test_it_warns_as_check_does(tmp_path):
     assert "W-WIRING-SUPPLY" in run(str(file), "--table")
 
 
-def test_each_shipped_robot_has_a_picture_or_says_why_not(tmp_path):
+def test_each_shipped_robot_has_a_picture_or_states_why_not(tmp_path):
     for name in lookup.names("robots"):
         if has_board(name):
             assert "common ground" in run(name)
@@ -380,9 +380,9 @@ def test_the_svg_is_written(tmp_path):
     path = tmp_path / "wiring.svg"
     assert run("book_2wd", "--output", str(path)) == f"written: {path}\n"
     assert {row[:3] for row in drawn(path.read_text())} == {row[:3] for row in BOOK}
-    with pytest.raises(UserError) as told:
+    with pytest.raises(UserError) as raised:
         run("book_2wd", "--output", str(tmp_path / "no" / "wiring.svg"))
-    assert told.value.problems[0].code == "E-OUTPUT"
+    assert raised.value.problems[0].code == "E-OUTPUT"
 
 
 def test_the_columns_of_the_drawing_do_not_touch():

@@ -13,7 +13,7 @@ from diffbotctl.block import Block, In
 from diffbotctl.messages import Text
 
 class Whisper(Block):
-    """Hear a text and keep it."""
+    """Receive a text and keep it."""
     text = In(Text)
     def react(self, now, text):
         return None

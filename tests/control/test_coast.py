@@ -31,23 +31,23 @@ def test_the_travel_is_learnt_at_all_speeds(law):
         assert speed * coast.at(speed) == pytest.approx(law(speed), abs=0.006)
 
 
-def test_one_release_tells_most():
+def test_one_release_shows_most():
     assert after(lambda speed: 0.3 * speed, [0.25]).at(0.25) == pytest.approx(0.3, abs=0.02)
 
 
 @pytest.mark.parametrize(
-    ("told", "expected"),
+    ("reported", "expected"),
     [
-        (0.0, 0.1),  # nothing is told
+        (0.0, 0.1),  # nothing is reported
         (0.05, 0.1),  # nor does a shorter time count
-        # Variance learnt 0.25^2 + (0.5 * 0.2)^2 = 0.0725, told 0.1^2: 0.1 + 0.2 * 0.8788.
+        # Variance learnt 0.25^2 + (0.5 * 0.2)^2 = 0.0725, reported 0.1^2: 0.1 + 0.2 * 0.8788.
         (0.3, 0.2758),
     ],
 )
-def test_what_odometry_tells_counts_by_its_variance(told, expected):
-    assert Coast(LAG).expected(0.2, told) == pytest.approx(expected, abs=1e-4)
+def test_what_odometry_reports_counts_by_its_variance(reported, expected):
+    assert Coast(LAG).expected(0.2, reported) == pytest.approx(expected, abs=1e-4)
 
 
-def test_after_some_releases_what_odometry_tells_hardly_counts():
+def test_after_some_releases_what_odometry_reports_hardly_counts():
     coast = after(lambda speed: 0.1 * speed, [0.3, 0.1] * 4)
     assert coast.expected(0.2, 0.3) == pytest.approx(0.1, abs=0.02)

@@ -113,7 +113,7 @@ def test_a_wheel_that_sticks_at_a_low_command_is_not_weak():
 
 
 def driven_in_bursts(counted, seconds=6.0, command=0.2):
-    """Both wheels driven half a second forth and back with pauses, the left one as `counted` says.
+    """Both wheels driven half a second forth and back with pauses, the left one as in `counted`.
 
     Odometry takes both for turning as commanded.
     """
@@ -171,7 +171,7 @@ def test_a_wheel_that_should_have_counted_is_silent(seconds, counts_after, is_si
 
 
 def both_driven(counts, seconds_before=1.0, speed=0.3, pitch=0.01):
-    """Both wheels at `speed`; from `seconds_before` on, each counts only if `counts` says so."""
+    """Both wheels at `speed`; from `seconds_before` on, each counts if its `counts` is true."""
     response = DriveResponse(0.15, pitch)
     for step in range(round((seconds_before + 0.5) / STEP)):
         for wheel, is_counting in zip((response.left, response.right), counts, strict=True):

@@ -38,7 +38,7 @@ class Desk:
         self.operator = Operator(list(goals), lambda code, cause: self.ended.append(cause))
         changes = LiveChanges(Graph([], {}), {})
         self.person = ControlClientDriver(EngineChannel(ours), self.operator, changes, wakes=False)
-        self.said = {}
+        self.replies = {}
 
     def send(self, request, client=1, number=1):
         command = EngineCommand(number, client, "ann", request)

@@ -43,7 +43,7 @@ def test_stop_why_resume_and_goto(tmp_path):
         assert client.until(lambda status: status["operator.goal"]["x"] == -0.2)
 
 
-def test_resume_before_anything_is_stopped_says_how_the_goal_is_doing(tmp_path):
+def test_resume_before_anything_is_stopped_prints_the_state_of_the_goal(tmp_path):
     with running(tmp_path, *FAR):
         PlainClient(tmp_path).until(moves)
         code, _, complaint = cli(tmp_path, "resume")
@@ -60,7 +60,7 @@ LATCHED = {"code": "operator_stop", "cause": "the cat", "latched": True}
 PASSING = {"code": "obstacle", "cause": "a wall", "latched": False}
 
 
-def test_resume_before_the_link_is_up_says_when_to_call_it_again():
+def test_resume_before_the_link_is_up_states_when_to_call_it_again():
     status = {"held": LATCHED, "operator.goal": GOAL, "goal_state": None}
     down = {**status, "robot.link": {"state": "negotiating", "cause": ""}}
     is_done, text = resume_result(status, down)
@@ -80,7 +80,7 @@ def test_resume_before_the_link_is_up_says_when_to_call_it_again():
         ((None, None), (None, None), False, "nothing is stopped and no goal waits"),
     ],
 )
-def test_what_resume_says_and_whether_it_did_anything(before, after, done, words):
+def test_the_reply_to_resume_and_whether_it_did_anything(before, after, done, words):
     names = ("held", "operator.goal", "goal_state")
     statuses = [dict(zip(names, (*status, None), strict=True)) for status in (before, after)]
     assert resume_result(*statuses)[0] == done and words in resume_result(*statuses)[1]

@@ -55,10 +55,10 @@ def test_engines_here_and_there_are_listed_with_their_states(tmp_path, there):
 
 def test_a_computer_that_does_not_answer_is_named_and_the_others_are_listed(tmp_path, there):
     with running(there, "standby", "--stay", name="left"):
-        words = ("--at", "robot", "--at", "nobody@nowhere.invalid", "--at", "-oProxyCommand=x")
+        words = ("--at", "robot", "--at", "ann@nowhere.invalid", "--at", "-oProxyCommand=x")
         code, rows, err = listed(tmp_path, *words)
         assert code == 1 and [row["engine"] for row in rows] == ["left"]
-        assert "nobody@nowhere.invalid  E-SSH" in err and "is no host" in err
+        assert "ann@nowhere.invalid  E-SSH" in err and "is no host" in err
         assert "Traceback" not in err
 
 

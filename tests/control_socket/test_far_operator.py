@@ -63,8 +63,8 @@ def test_every_command_reaches_the_far_engine_and_the_person_is_named(tmp_path, 
         assert float(re.search(r"driven (\S+) m", driven(tmp_path))[1]) > 0.0
         assert here(tmp_path, "goto", "5", "0")[0] == 0
         watcher.until(moves)
-        said = "robot: test: stopped; `diffbotctl resume` allows motion again\n"
-        assert stopped(tmp_path, "that is", "enough") == said
+        output = "robot: test: stopped; `diffbotctl resume` allows motion again\n"
+        assert stopped(tmp_path, "that is", "enough") == output
         assert stands(watcher.request("status"))
         code, out, _ = here(tmp_path, "why")
         assert code == 0 and re.search(r"diffbotctl stop of \S+@\S+", " ".join(out.split()))
@@ -123,7 +123,7 @@ def test_a_lost_link_stops_the_robot_and_nothing_late_drives(tmp_path, far, how)
     assert motion_at <= command_at + DRIVE_TIMEOUT
 
 
-def test_stop_over_a_dead_link_says_so_within_three_seconds(tmp_path, far):
+def test_stop_over_a_dead_link_reports_it_within_three_seconds(tmp_path, far):
     with running(tmp_path / "there", "goal", "--stay", "--goal", "9 0"):
         PlainClient(tmp_path / "there").until(moves)
         far.send_signal(signal.SIGSTOP)
@@ -152,15 +152,15 @@ def test_stop_without_a_name_stops_all_engines_there(tmp_path, far):
 
 
 @pytest.mark.nightly
-def test_stop_at_several_computers_tells_each_answer(tmp_path, far):
+def test_stop_at_several_computers_prints_each_answer(tmp_path, far):
     there = tmp_path / "there"
     with running(there, "goal", "--stay", "--goal", "9 0"):
         client = PlainClient(there)
         client.until(moves)
-        words = ("--at", "robot", "--at", "nobody@nowhere.invalid")
+        words = ("--at", "robot", "--at", "ann@nowhere.invalid")
         code, out, err = cli(tmp_path / "here", "stop", *words)
         assert code == 1 and "robot: test: stopped" in out, err
-        assert "nobody@nowhere.invalid  E-SSH" in err and "NOT KNOWN" in err
+        assert "ann@nowhere.invalid  E-SSH" in err and "NOT KNOWN" in err
         client.until(stands)
         words = ("--at", "robot", "--at", "tester@robot")  # two names of one computer
         code, out, err = cli(tmp_path / "here", "stop", *words)
@@ -176,7 +176,7 @@ def test_stop_at_several_computers_tells_each_answer(tmp_path, far):
 @pytest.mark.parametrize(
     ("words", "code", "text"),
     [
-        (["--at", "nobody@nowhere.invalid"], 1, "E-SSH"),
+        (["--at", "ann@nowhere.invalid"], 1, "E-SSH"),
         (["--at", "-oProxyCommand=touch x"], 2, "is no host"),
         (["--at", "robot"], 2, "no engine runs there"),
         (["--at", "robot", "--engine", "mower"], 2, "no engine called 'mower'"),
@@ -202,7 +202,7 @@ def test_a_command_is_late_after_its_lease(now, stamp, lease, late):
     assert is_late(now, stamp, lease) is late
 
 
-def test_the_engine_s_time_is_never_told_too_late():
+def test_the_engine_s_time_is_never_reported_too_late():
     clock = EngineTime()
     assert clock.lease() == {}
     clock.note({"time": 10 * S})

@@ -170,18 +170,18 @@ def test_a_thousand_requests_at_once_are_all_answered_in_turn(folder):
 
 
 def test_a_client_that_never_reads_loses_the_oldest_lines_and_gets_their_number(folder):
-    deaf = PlainClient(folder)
-    deaf.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    reader = PlainClient(folder)
+    reader.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
     for _ in range(3):
-        deaf.send('{"method": "subscribe", "topic": "*"}')
+        reader.send('{"method": "subscribe", "topic": "*"}')
     quick = PlainClient(folder)
     began = quick.request("status")["time"]
     quick.until(lambda status: status["time"] > began + 4_000_000_000)
     lost = 0
     while not lost:
-        lost = deaf.read().get("lost", 0)
+        lost = reader.read().get("lost", 0)
     assert lost > 100
-    deaf.close()
+    reader.close()
     quick.close()
 
 
@@ -309,7 +309,7 @@ def test_a_name_with_a_slash_is_refused(tmp_path):
     assert code == 1 and "not a valid name" in complaint
 
 
-def test_a_seat_is_kept_for_stop_when_all_others_are_taken(folder):
+def test_a_connection_is_reserved_for_stop_when_all_others_are_taken(folder):
     crowd = [PlainClient(folder) for _ in range(CLIENTS_MAX)]
     assert crowd[-1].request("status")["ok"]
     for _ in range(2 * STOP_CLIENTS_MAX):  # also when those connections are taken and kept
@@ -323,12 +323,12 @@ def test_a_seat_is_kept_for_stop_when_all_others_are_taken(folder):
         client.close()
 
 
-def test_strangers_take_no_seat_from_who_greets(folder):
+def test_strangers_take_no_connection_from_clients_that_greet(folder):
     strangers = [socket.socket(socket.AF_UNIX) for _ in range(2 * CLIENTS_MAX)]
     for stranger in strangers:
         stranger.connect(str(folder / "diffbotctl" / "test.socket"))
     client = PlainClient(folder)
-    assert client.request("list_topics")["ok"], "an ordinary seat"
+    assert client.request("list_topics")["ok"], "an ordinary connection"
     for stranger in strangers:
         stranger.close()
     client.close()
@@ -371,10 +371,10 @@ def test_a_client_that_asks_and_never_reads_is_disconnected(folder):
     client = socket.socket(socket.AF_UNIX)
     client.settimeout(REPLY_TIMEOUT_S)
     client.connect(str(folder / "diffbotctl" / "test.socket"))
-    client.sendall(b'{"hello": 2, "name": "deaf"}\n')
+    client.sendall(b'{"hello": 2, "name": "reader"}\n')
     with pytest.raises(OSError) as ended:
         client.sendall(b'{"id": 1, "method": "status"}\n' * 100_000)
     assert not isinstance(ended.value, TimeoutError)
     client.close()
     log = (folder / "diffbotctl" / "test.log").read_text()
-    assert "reads no replies" in log and "deaf" in log
+    assert "reads no replies" in log and "reader" in log

@@ -132,7 +132,7 @@ def test_unknown_blocks_and_levels_are_reported(folder, words, complaint):
         ({"method": "read_log", "last": "all"}, "finite number"),
         ({"method": "read_log", "level": "loud"}, "no level 'loud'"),
         ({"method": "set_log_level", "block": "guard", "level": "Debug"}, "no level 'Debug'"),
-        ({"method": "set_log_level", "block": "nobody", "level": "debug"}, "no block 'nobody'"),
+        ({"method": "set_log_level", "block": "absent", "level": "debug"}, "no block 'absent'"),
         ({"method": "set_log_level", "level": "debug"}, "field 'block'"),
     ],
 )

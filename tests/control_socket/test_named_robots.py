@@ -56,9 +56,9 @@ def test_a_stop_of_one_is_not_that_of_the_other_and_stop_without_a_name_stops_al
     for client, name in zip(pair, ("test-left", "test-right"), strict=True):
         assert cli(tmp_path, "resume", "--engine", name)[0] == 0
         moves_again(client)
-    names = ("--engine", "test-left", "--engine", "nobody", "--engine", "test-right")
+    names = ("--engine", "test-left", "--engine", "test-absent", "--engine", "test-right")
     code, out, err = cli(tmp_path, "stop", *names)
-    assert code == 1 and "nobody" in err
+    assert code == 1 and "test-absent" in err
     assert "test-left: stopped" in out and "test-right: stopped" in out
     assert all(stands(client.request("status")) for client in pair)
     code, _, err = cli(tmp_path, "resume")

@@ -17,7 +17,7 @@ def run(tmp_path_factory):
         yield folder
 
 
-def test_the_greeting_says_version_and_engine_and_others_may_not_open_the_socket(run):
+def test_the_greeting_states_version_and_engine_and_others_may_not_open_the_socket(run):
     client = PlainClient(run)
     assert client.greeting["hello"] == 2 and client.greeting["engine"] == "test"
     folder = run / "diffbotctl"

@@ -60,11 +60,11 @@ def test_the_cause_is_explained(events, explained):
 
 
 @pytest.mark.parametrize(
-    ("age", "said"),
+    ("age", "explanation"),
     [(0.4, "The wheels are still turning."), (1.5, "the last odometry is 1.5 s old")],
 )
-def test_old_odometry_says_nothing_of_the_wheels_now(age, said):
+def test_old_odometry_is_not_taken_for_the_motion_now(age, explanation):
     moving = Odometry(0, 0.0, 0.0, 0.0, linear=0.2, angular=0.0, covariance=COVARIANCE)
     end = SECOND + round(age * SECOND)
     state = state_after((SECOND, "odometry.odometry", moving), (end, GATE, LOST))
-    assert said in explain_stop(state, GRAPH).text
+    assert explanation in explain_stop(state, GRAPH).text

@@ -32,7 +32,7 @@ def last(folder, topic):
 
 
 def becomes(folder, topic, holds):
-    """Wait until the newest message of `topic` is as `holds` says: at its next frame, at most."""
+    """Wait until the newest message of `topic` satisfies `holds`: at its next frame, at most."""
     until = time.monotonic() + REPLY_TIMEOUT_S
     while not holds(found := last(folder, topic)):
         assert time.monotonic() < until, f"{topic} stays {found}"

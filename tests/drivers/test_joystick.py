@@ -155,9 +155,9 @@ def test_what_is_no_input_device_is_refused(tmp_path, name):
 
 
 def test_a_joystick_is_found_by_its_udev_name(tmp_path):
-    with pytest.raises(DeviceError) as told:
+    with pytest.raises(DeviceError) as raised:
         find_joystick(tmp_path)
-    assert "no joystick" in told.value.cause
+    assert "no joystick" in raised.value.cause
     (tmp_path / "by-id").mkdir()
     (tmp_path / "by-id" / "usb-Pad-event-joystick").touch()
     assert find_joystick(tmp_path).endswith("usb-Pad-event-joystick")
@@ -185,7 +185,7 @@ def test_the_button_drives_and_its_loss_stops_and_latches(tmp_path, pad):
         assert (held["code"], held["latched"]) == ("input_stale", True)
         assert f"source joystick ({pad.device}): it has disconnected" in held["cause"]
         pad.plug()
-        client.until(lambda status: _says(client, "opened again"))
+        client.until(lambda status: _has_logged(client, "opened again"))
         pad.push()
         pad.hold()
         rate = {"topic": "joystick.twist"}
@@ -200,5 +200,5 @@ def test_the_button_drives_and_its_loss_stops_and_latches(tmp_path, pad):
     assert code == 0 and "same" in out
 
 
-def _says(client, text):
+def _has_logged(client, text):
     return any(text in line["text"] for line in client.request("read_log")["lines"])

@@ -255,13 +255,13 @@ def test_a_device_needs_real_time(tmp_path):
 
 
 def test_a_device_of_others_is_refused_with_its_place(tmp_path):
-    """What `open` says of a device decides; the run does not begin."""
+    """The error of `open` decides; the run does not begin."""
     missing = tmp_path / "pad"
     device = f"joystick: {{driver: joystick, with: {{device: {missing}}}}}"
     configuration = load(pipeline(tmp_path, device))
-    with pytest.raises(RunError) as told:
+    with pytest.raises(RunError) as raised:
         Run(configuration, RunOptions())
-    [problem] = told.value.problems
+    [problem] = raised.value.problems
     assert problem.code == "E-DEVICE" and "pad.yaml:6:3" in str(problem.place)
     assert str(missing) in problem.cause and "plug it in" in problem.fix
     assert not Path(missing).exists() and os.getpid()

@@ -1,4 +1,4 @@
-"""What a run's messages are told as in the log."""
+"""How the messages of a run appear in the log."""
 
 import pytest
 
@@ -65,7 +65,7 @@ TURNING, DRIVING = GoalState(0, 1, "turning", 1.0, 0.5), GoalState(0, 1, "drivin
 @pytest.mark.parametrize(
     "deliveries, lines",
     [
-        # The same stop said again is no new event; its end is one.
+        # The same stop reported again is no new event; its end is one.
         (
             [("drive.stop", HELD), ("drive.stop", HELD), ("drive.stop", Stop(0, "", "", False))],
             [
@@ -77,7 +77,7 @@ TURNING, DRIVING = GoalState(0, 1, "turning", 1.0, 0.5), GoalState(0, 1, "drivin
             [("drive.stop", LATCHED)],
             [("error", "guard", "STOP link_lost: pulled; waits for `resume`")],
         ),
-        # A state that lasts is said when it begins; 0.5 rad are 28.6 degrees.
+        # A state that lasts is logged when it begins; 0.5 rad are 28.6 degrees.
         (
             [("drive.state", TURNING), ("drive.state", TURNING), ("drive.state", DRIVING)],
             [

@@ -36,7 +36,7 @@ class Join(Block):
 
 
 class Fresh(Block):
-    """Says whether its input is fresh."""
+    """Publishes whether its input is fresh."""
 
     patience = Param(float, default=0.1, help="s")
     twist = In(Twist, fresh_for="patience")
@@ -47,7 +47,7 @@ class Fresh(Block):
 
 
 class Clock(Block):
-    """Says when its timer fired."""
+    """Publishes when its timer fired."""
 
     tick = Every(0.02)
     twist = In(Twist, optional=True)
@@ -98,7 +98,7 @@ def test_sampled_input_is_only_looked_at():
     nodes = [Node("join", Join(), {"twist": "drive.twist", "beside": "drive.other"})]
     _, _, outputs_seen = run(nodes, (1, None, 5.0), (2, 1.0, None), (3, 1.0, 7.0))
     out = [instant[-1] and instant[-1].linear for instant in outputs_seen]
-    assert out == [None, 6.0, 8.0]  # 5 alone wakes nobody; 1 + held 5; 1 + new 7
+    assert out == [None, 6.0, 8.0]  # 5 alone triggers no block; 1 + held 5; 1 + new 7
 
 
 def test_input_goes_stale_at_its_deadline_and_wakes_the_block_once():
@@ -131,13 +131,13 @@ def test_several_outputs_leave_as_a_tuple_and_none_means_no_message():
 
 
 def test_sinks_get_new_messages_only():
-    heard = []
+    arrived = []
     nodes = [Node("split", Split(), {"twist": "drive.twist"})]
     graph = Graph(nodes, SOURCES)
-    compiled = graph.compile({"split.words": lambda now, m: heard.append((now, m.text))}, None)
+    compiled = graph.compile({"split.words": lambda now, m: arrived.append((now, m.text))}, None)
     compiled.instant(1, Twist(1, 1.0, 0.0), None)
     compiled.instant(2, Twist(2, -1.0, 0.0), None)
-    assert heard == [(1, "up")]
+    assert arrived == [(1, "up")]
 
 
 def test_loop_names_the_blocks_in_order():

@@ -17,7 +17,7 @@ SOURCES = {"a.b": Text, "operator.log": LogLine, "operator.halt": Stop}
 
 
 class Sleeper(Block):
-    """Sleep for as many seconds as the text says."""
+    """Sleep for as many seconds as the text states."""
 
     text = In(Text)
     slept = Out(Text)
@@ -97,7 +97,7 @@ def test_two_blocks_that_are_slow_together_stop_and_are_named():
     assert len(stops) == 1, "the times of two steps are not added"
 
 
-def test_time_that_blocks_took_is_not_told_as_a_computer_that_did_not_run():
+def test_time_that_blocks_took_is_not_reported_as_a_computer_that_did_not_run():
     monitor = InstantMonitor(instant_limits(2.0, 1.0, is_real=True))
     monitor.begin()
     for name in ("left", "right"):
@@ -120,7 +120,7 @@ def test_a_late_wake_up_stops_a_real_robot(is_real, late, code):
     monitor.close()
 
 
-def test_a_suspended_engine_is_told_from_one_that_computes():
+def test_a_suspended_engine_is_distinguished_from_one_that_computes():
     monitor = InstantMonitor(instant_limits(0.3, 20.0, is_real=True))
     monitor.begin()
     monitor.check_step(round(2.0 * SECOND))

@@ -158,7 +158,7 @@ def test_frames_that_a_busy_host_reads_late_are_no_fast_wheel(delay, speed):
 
 
 @pytest.mark.parametrize("jumps", [(40, 80), (-40, 0, -40, 0), (500,)])
-def test_the_speed_that_is_told_is_above_the_limit_that_is_told(jumps):
+def test_the_reported_speed_is_above_the_reported_limit(jumps):
     detector = OverspeedDetector(MOTOR, SLOTS, 0.1, 0.05, False)
     detector.command(FRAME, 3.0)
     detector.counts(FRAME, 0, 0)

@@ -136,7 +136,7 @@ def test_a_restarted_board_latches():
     assert stop.code == "board_restart" and stop.latched
 
 
-def test_a_lost_link_latches_and_says_why():
+def test_a_lost_link_latches_and_states_the_cause():
     wheels, stop = started().at(20 * MS, link=Link(20 * MS, "lost", cause="cable out"))
     assert wheels == Wheels(20 * MS, 0.0, 0.0)
     assert stop.code == "link_lost" and stop.latched and "cable out" in stop.cause

@@ -35,7 +35,7 @@ class Guard(Block):
         return given
 
 
-# Messages, and the codes of the stops that are reported: which end is told by `-`.
+# Messages, and the codes of the stops that are reported: `-` marks the end of one.
 CASES = [
     ([at(1.0), WALL, FREE, WALL, FREE, WALL, FREE], ["obstacle"]),
     ([at(1.0), WALL, FREE, at(1.03), WALL, FREE, at(1.04, 0.02), WALL], ["obstacle"]),
@@ -60,8 +60,8 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize(("messages", "told"), CASES)
-def test_the_log_tells_each_stop_once(messages, told):
+@pytest.mark.parametrize(("messages", "codes"), CASES)
+def test_the_log_shows_each_stop_once(messages, codes):
     book, instants = Logbook(), []
     sources = {"drive.stop": Stop, "robot.pose": Odometry}
     graph = Graph([Node("guard", Guard(), {"given": "drive.stop"})], sources, book)
@@ -71,11 +71,11 @@ def test_the_log_tells_each_stop_once(messages, told):
         compiled.instant(now, *given)
     lines = [instant[-1].text for instant in instants if type(instant[-1]) is LogLine]
     words = [f"-{line.split()[1]}" if line.startswith("stop") else line for line in lines]
-    assert [word.removeprefix("STOP ").partition(":")[0] for word in words] == told
+    assert [word.removeprefix("STOP ").partition(":")[0] for word in words] == codes
 
 
-@pytest.mark.parametrize(("messages", "told"), CASES)
-def test_the_summary_and_the_black_box_keep_each_stop_once(messages, told):
+@pytest.mark.parametrize(("messages", "codes"), CASES)
+def test_the_summary_and_the_black_box_keep_each_stop_once(messages, codes):
     operator, box = Operator([], lambda code, cause: None), []
     operator.on_new_stop = lambda now, stop: box.append(stop.code)
     on_stop = operator.stop_sink("guard.stop")
@@ -84,17 +84,17 @@ def test_the_summary_and_the_black_box_keep_each_stop_once(messages, told):
         in_force = [stop for stop in operator.stops_in_force.values() if stop.code]
         if isinstance(message, Stop):  # what holds the robot is another question
             assert bool(in_force) == bool(message.code)
-    begun = [code for code in told if not code.startswith("-")]
+    begun = [code for code in codes if not code.startswith("-")]
     assert [stop.code for stop in operator.stops] == box == begun
 
 
-@pytest.mark.parametrize(("messages", "told"), CASES)
-def test_the_metrics_of_a_recording_count_each_stop_once(messages, told):
+@pytest.mark.parametrize(("messages", "codes"), CASES)
+def test_the_metrics_of_a_recording_count_each_stop_once(messages, codes):
     metrics = MetricsAccumulator()
     for now, message in enumerate(messages):
         wire = "guard.stop" if isinstance(message, Stop) else "odometry.odometry"
         metrics.take(now, wire, message)
-    assert metrics.metrics().stops == sum(not code.startswith("-") for code in told)
+    assert metrics.metrics().stops == sum(not code.startswith("-") for code in codes)
 
 
 def test_the_state_between_two_instants_is_kept():

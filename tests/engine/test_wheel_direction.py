@@ -71,7 +71,7 @@ def test_wheels_that_drove_straight_and_turn_the_other_way_are_exchanged():
 @pytest.mark.parametrize(
     ("command", "counted"), [((4, 4), (-4, 4)), ((-4, 4), (-4, -4)), ((-4, 4), (4, -4))]
 )
-def test_a_gyro_tells_motors_from_encoders(command, counted, part):
+def test_a_gyro_distinguishes_motors_from_encoders(command, counted, part):
     """With wrong encoders the wheels turn as they are driven."""
     left, right = counted if part is Part.MOTOR else command
     bias = 0.05  # rad/s

@@ -47,7 +47,7 @@ def test_the_share_is_found(seed, missed, doubled, share):
     assert counted(seed, missed, doubled).share == pytest.approx(share, abs=0.03)
 
 
-def test_the_share_is_told():
+def test_the_share_is_reported():
     assert counted(1).text == ""
     assert "edges are missing or counted twice: about" in counted(1, missed=0.1).text
 

@@ -132,11 +132,11 @@ def test_what_was_counted_before_stays_open():
             break
         if len(passed) == 2 and not is_doubted:
             is_doubted = True
-            twins = [hypothesis.copy() for hypothesis in wheel.hypotheses]
-            for twin in twins:
-                twin.edge_slot += 1
-                twin.motion.z += 1.0
-            wheel.hypotheses += twins
+            branches = [hypothesis.copy() for hypothesis in wheel.hypotheses]
+            for branch in branches:
+                branch.edge_slot += 1
+                branch.motion.z += 1.0
+            wheel.hypotheses += branches
     assert is_doubted and wheel.alignment is None, "the rotation has not been found"
     best = wheel.motion
     others = [

@@ -1,4 +1,4 @@
-"""A driven wheel without edges for a moment: what is told to be lost, by hand."""
+"""A driven wheel without edges for a moment: what is reported as lost, computed by hand."""
 
 import pytest
 

@@ -62,7 +62,7 @@ def test_a_push_before_it_is_used_makes_it_wait_until_the_robot_stands_again():
     assert bench.heading.is_used and not bench.heading.warning
 
 
-def test_a_robot_that_never_stands_begins_without_it_and_says_so():
+def test_a_robot_that_never_stands_begins_without_it_and_warns():
     bench = Bench()
     for _ in range(WAITING_MAX_NS // SECOND - 1):
         bench.run(1.0, 1, 1)
@@ -72,7 +72,7 @@ def test_a_robot_that_never_stands_begins_without_it_and_says_so():
     assert bench.heading.warning == UNUSED
 
 
-def test_a_robot_that_trembles_begins_without_it_and_says_so():
+def test_a_robot_that_trembles_begins_without_it_and_warns():
     bench = Bench()
     while bench.time < WAITING_MAX_NS - SECOND:
         bench.run(0.1, rate=0.02)
@@ -85,7 +85,7 @@ def test_a_robot_that_trembles_begins_without_it_and_says_so():
     assert bench.heading.warning == UNUSED
 
 
-def test_a_robot_that_is_driven_at_once_begins_without_it_and_says_so():
+def test_a_robot_that_is_driven_at_once_begins_without_it_and_warns():
     bench = Bench()
     bench.run(0.5)
     bench.run(0.5, 1, 1, command=5.0)
@@ -95,7 +95,7 @@ def test_a_robot_that_is_driven_at_once_begins_without_it_and_says_so():
     assert bench.heading.is_used and not bench.heading.warning
 
 
-def test_wheels_that_slide_are_told_once_a_drive():
+def test_wheels_that_slide_are_reported_once_a_drive():
     bench = Bench()
     bench.run(2.5)
     bench.heading.news.clear()

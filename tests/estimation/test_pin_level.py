@@ -1,4 +1,4 @@
-"""What the level of an encoder's pin tells of the place of its disc."""
+"""Bounds on the angle of a disc by the level of its encoder's pin."""
 
 from math import sqrt
 
@@ -76,7 +76,7 @@ def test_before_the_first_edge_the_level_halves_the_slot(level, place):
         (False, -1, 1),  # between 0.5 and 1; the next one is at 0.5: that of slot 0
     ],
 )
-def test_a_level_at_rest_tells_the_first_edge_in_either_direction(level, direction, edge_slot):
+def test_a_level_at_rest_shows_the_first_edge_in_either_direction(level, direction, edge_slot):
     wheel = hypothesis()
     for number in range(1, 4):
         wheel.update(frame(number, level=level))
@@ -120,7 +120,7 @@ def test_the_level_at_rest_decides_which_edge_is_first_after_a_reversal(level, p
 
 
 def test_a_level_that_cannot_be_does_not_move_a_wheel_at_an_edge():
-    """A light barrier that stands on an edge tells either level."""
+    """A light barrier that stands on an edge gives either level."""
     wheel = at_rest(True)
     motion = wheel.motion
     motion.z = 3.02
@@ -132,7 +132,7 @@ def test_a_level_that_cannot_be_does_not_move_a_wheel_at_an_edge():
     assert wheel.motion.z == pytest.approx(3.02, abs=0.01)
 
 
-def test_where_a_pulse_is_missing_the_level_says_nothing():
+def test_where_a_pulse_is_missing_the_level_is_not_used():
     wheel = at_rest(True)
     wheel.unseen_edges = 1
     before = wheel.motion.z

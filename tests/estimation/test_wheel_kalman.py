@@ -81,7 +81,7 @@ BRAKING = [(False, 0.0), (True, 0.0), (True, SHORTED_SPEED)]
     ("kind", "acceleration"),
     [(MotorKind.LINEAR, linear), (MotorKind.FREE_WHEELING, free_wheeling)],
 )
-def test_each_kind_of_motor_moves_as_its_equation_says(kind, acceleration, brakes, shorted_speed):
+def test_each_kind_of_motor_moves_by_its_equation(kind, acceleration, brakes, shorted_speed):
     motion = WheelKalman(priors(brakes, shorted_speed), SLOTS, kind)
     motion.is_dry = True
     begin = motion.z
@@ -131,12 +131,12 @@ def test_the_coasting_travel_is_what_the_wheel_rolls_after_a_release(
     motion.is_dry = is_dry
     for speed in (-25.0, 3.0, 25.0):
         motion.speed, begin = speed, motion.z
-        told = motion.coasting_travel
+        reported = motion.coasting_travel
         while motion.speed:
             motion.predict(0.002, 0.0, 0.0)
         # A wheel that nothing but its current brakes counts as stopped at the creep speed.
         stopped_early = 0.0 if is_dry else LAG * motion.priors.creep
-        assert abs(motion.z - begin) == pytest.approx(told, abs=stopped_early + 1e-3)
+        assert abs(motion.z - begin) == pytest.approx(reported, abs=stopped_early + 1e-3)
 
 
 def test_a_shorted_motor_without_friction_rolls_on_at_the_speed_of_its_driver():

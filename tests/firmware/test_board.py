@@ -103,11 +103,11 @@ def test_telemetry_has_no_gap_after_a_reset(settings, run_ms):
         bench.ready()
         bench.wait(run_ms)
         bench.emulator.reset(LINE)
-        bench.heard.clear()
+        bench.received.clear()
         for number in range(50):  # telemetry starts with the first frame after the bootloader
             bench.send(RADIO, frames.StopFrame(number))
             bench.wait(40)
-        times = [heard.time for heard in bench.heard if isinstance(heard.frame, frames.StateFrame)]
+        times = [each.time for each in bench.received if isinstance(each.frame, frames.StateFrame)]
         assert len(times) > 20
         assert max(later - earlier for earlier, later in pairwise(times)) < 60 * MS
 
@@ -123,7 +123,7 @@ def test_settings_are_refused_in_motion():
             bench.send(RADIO, speed(number, 5, 5))
             bench.wait(60)
         answer = next(
-            h.frame for h in reversed(bench.heard) if isinstance(h.frame, frames.AnswerFrame)
+            h.frame for h in reversed(bench.received) if isinstance(h.frame, frames.AnswerFrame)
         )
         assert answer.refusal == frames.RefusalCode.MOVING
         assert answer.settings == BOOK.mark()
@@ -275,8 +275,8 @@ def test_counts_frames_at_50_hz():
     with BoardBench(settings=replace(BOOK, edge_times=False, telemetry=50)) as bench:
         bench.ready()
         bench.turn(5)
-        heard = [h for _ in range(40) for h in bench.wait(50)]
-        counts = [h.frame for h in heard if isinstance(h.frame, frames.CountsFrame)]
+        arrived = [h for _ in range(40) for h in bench.wait(50)]
+        counts = [h.frame for h in arrived if isinstance(h.frame, frames.CountsFrame)]
         assert len(counts) >= 99
         steps = {(b.sequence - a.sequence) % 64 for a, b in pairwise(counts)}
         assert steps == {1}
@@ -292,10 +292,10 @@ def test_frames_tell_the_levels_of_the_pins_in_turn(edge_times):
             at = bench.now + MS
             bench.pins += [board.PinTransition(at, 2, left), board.PinTransition(at, 3, right)]
             bench.wait(60)  # frames from before are on the line for 40 ms at most
-            heard = [h.frame for _ in range(4) for h in bench.wait(50)]
-            told = [f for f in heard if isinstance(f, frames.StateFrame | frames.CountsFrame)]
-            assert len(told) > 4
-            assert all(f.level == (right if f.sequence % 2 else left) for f in told)
+            arrived = [h.frame for _ in range(4) for h in bench.wait(50)]
+            reported = [f for f in arrived if isinstance(f, frames.StateFrame | frames.CountsFrame)]
+            assert len(reported) > 4
+            assert all(f.level == (right if f.sequence % 2 else left) for f in reported)
 
 
 def test_capture_has_every_edge():
@@ -304,8 +304,8 @@ def test_capture_has_every_edge():
         bench.send(RADIO, frames.ActionFrame(2, 1))
         bench.wait(50)
         bench.turn(2, rate=20)
-        heard = [h.frame for _ in range(45) for h in bench.wait(50)]
-        captured = [frame for frame in heard if isinstance(frame, frames.CaptureFrame)]
+        arrived = [h.frame for _ in range(45) for h in bench.wait(50)]
+        captured = [frame for frame in arrived if isinstance(frame, frames.CaptureFrame)]
         assert not any(frame.lost for frame in captured)
         edges = [edge for frame in captured for edge in frame.edges[: frame.used]]
         # 2 wheels, 40 slots, 2 edges

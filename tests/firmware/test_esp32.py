@@ -155,8 +155,8 @@ def test_hello_and_settings(sketch):
     ],
 )
 def test_pins_that_cannot_drive_a_motor_are_refused(sketch, pin, refusal):
-    wanted = replace(SETTINGS, left=replace(SETTINGS.left, enable=pin))
-    (answer,) = sketch(ready(wanted), 200 * MS).of(frames.AnswerFrame)
+    expected = replace(SETTINGS, left=replace(SETTINGS.left, enable=pin))
+    (answer,) = sketch(ready(expected), 200 * MS).of(frames.AnswerFrame)
     assert answer.refusal == refusal
 
 

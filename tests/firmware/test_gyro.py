@@ -50,7 +50,7 @@ class GyroBench(BoardBench):
 
     def turn_at(self, rate, ms, fault=Fault.NONE):
         """Turn at `rate` deg/s; the frames with turns meanwhile."""
-        self.heard.clear()
+        self.received.clear()
         for _ in range(ms * MS // PERIOD):
             noisy = rate + self.noise.gauss(0.0, NOISE_SD)
             inputs = {
@@ -59,7 +59,7 @@ class GyroBench(BoardBench):
                 GYRO_FAULT: fault,
             }
             self.run(self.now + PERIOD, inputs)
-        return [each for each in self.heard if isinstance(each.frame, frames.InertialFrame)]
+        return [each for each in self.received if isinstance(each.frame, frames.InertialFrame)]
 
     def start(self):
         self.turn_at(0.0, 30)
@@ -114,7 +114,7 @@ def degrees(before, after, gyro=MPU6050):
 def last_flags(bench):
     return next(
         each.frame.value
-        for each in reversed(bench.heard)
+        for each in reversed(bench.received)
         if isinstance(each.frame, frames.StatusFrame) and each.frame.item == frames.ItemCode.FLAGS
     )
 
@@ -166,8 +166,8 @@ def test_a_failure_under_way_is_reported_within_half_a_second(board, gyro, fault
     with GyroBench(replace(SETTINGS[board], gyro=gyro)) as bench:
         bench.start()
         began = bench.now
-        heard = bench.turn_at(20.0, 700, fault)
-        noticed = next(each.time for each in heard if each.frame.turn_fault)
+        received = bench.turn_at(20.0, 700, fault)
+        noticed = next(each.time for each in received if each.frame.turn_fault)
         assert noticed - began < 500 * MS
         assert last_flags(bench) & flag
         assert not bench.turn_at(20.0, 600)[-1].frame.turn_fault
@@ -178,9 +178,9 @@ def test_a_gyro_that_is_dead_at_the_start_is_never_trusted(board, fault):
     with GyroBench(SETTINGS[board]) as bench:
         bench.turn_at(0.0, 30, fault)
         bench.ready()
-        heard = bench.turn_at(0.0, 1000, fault)
-    assert len(heard) >= 29  # telemetry goes on
-    assert all(each.frame.turn_fault for each in heard)
+        received = bench.turn_at(0.0, 1000, fault)
+    assert len(received) >= 29  # telemetry goes on
+    assert all(each.frame.turn_fault for each in received)
 
 
 @each_once(board=BOARDS, gyro=((MPU6050, 520.0), (LSM6, 580.0)))
@@ -231,7 +231,7 @@ def test_a_bus_that_is_held_stops_nothing_else(board):
         bench.turn_at(0.0, 1500, Fault.BUS_HELD)
         loops = [
             each.frame.value
-            for each in bench.heard
+            for each in bench.received
             if isinstance(each.frame, frames.StatusFrame)
             and each.frame.item == frames.ItemCode.LOOP
         ]
@@ -248,10 +248,10 @@ def test_30_frames_a_second_at_9600_baud_beside_two_distance_sensors(board):
         bench.run(30 * MS, {FIRST_SONAR: 5_000, 0: 1000})
         bench.ready()
         bench.turn_at(0.0, 500)
-        heard = bench.turn_at(0.0, 2000)
-        ranges = [each for each in bench.heard if isinstance(each.frame, frames.RangeFrame)]
-    assert len(heard) >= 60
-    assert not any(each.frame.dropped for each in heard)
+        received = bench.turn_at(0.0, 2000)
+        ranges = [each for each in bench.received if isinstance(each.frame, frames.RangeFrame)]
+    assert len(received) >= 60
+    assert not any(each.frame.dropped for each in received)
     assert len(ranges) >= 38
 
 

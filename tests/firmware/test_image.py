@@ -34,7 +34,7 @@ def rebuilt(tmp_path_factory):
     shutil.copytree(FIRMWARE, copy, ignore=left_out)
     command = ["make", "-C", copy, f"ROOT={FIRMWARE.parent}"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, f"the firmware does not build; make says:\n{done.stderr}"
+    assert done.returncode == 0, f"the firmware does not build; output of make:\n{done.stderr}"
     return copy
 
 

@@ -159,7 +159,7 @@ def test_settings_survive_without_power():
         assert bench.emulator.dirty_writes() == 0
 
 
-def test_a_dip_of_the_supply_is_told_from_power_on():
+def test_a_dip_of_the_supply_is_distinguished_from_power_on():
     with BoardBench(settings=PICO) as bench:
         bench.wait(30)
         bench.emulator.reset(BROWNOUT)
@@ -199,11 +199,11 @@ def test_driving_goes_on_while_the_flash_erases():
         assert bench.configure(new).refusal == frames.RefusalCode.NONE
         bench.claim()
         bench.turn(1)
-        bench.heard.clear()
+        bench.received.clear()
         start = bench.now
         bench.send(RADIO, speed(1, 5, 5))
         bench.wait(400)
-        states = [h.time for h in bench.heard if isinstance(h.frame, frames.StateFrame)]
+        states = [h.time for h in bench.received if isinstance(h.frame, frames.StateFrame)]
         assert len(states) >= 15
         assert bench.duty == [0.0, 0.0]
         assert bench.changes[-1].time - start < 320 * MS
@@ -240,7 +240,7 @@ def test_a_program_whose_boot_code_is_damaged_is_not_started(tmp_path):
         assert emulator.step(50 * MS).sent == []
 
 
-def test_what_its_emulator_misses_is_said(monkeypatch, tmp_path):
+def test_missing_parts_of_the_emulator_are_listed(monkeypatch, tmp_path):
     monkeypatch.setattr(program, "RP2040", tmp_path)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     with pytest.raises(EmulatorError) as raised:

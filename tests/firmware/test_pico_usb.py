@@ -43,14 +43,14 @@ def emulator():
         yield emulator
 
 
-def of(kind, heard):
-    return [frame for frame in heard if isinstance(frame, kind)]
+def of(kind, arrived):
+    return [frame for frame in arrived if isinstance(frame, kind)]
 
 
 def test_it_answers_with_its_link_and_takes_settings(emulator):
     port = Port(emulator)
-    heard = port.wait(20, frames.AskFrame(frames.VERSION))
-    assert of(frames.HelloFrame, heard)[0].uart == USB
+    arrived = port.wait(20, frames.AskFrame(frames.VERSION))
+    assert of(frames.HelloFrame, arrived)[0].uart == USB
     (answer,) = of(frames.AnswerFrame, port.wait(60, PICO.frame()))
     assert answer.settings == PICO.mark()
     assert len(of(frames.StateFrame, port.wait(1000))) in (39, 40, 41)
@@ -59,15 +59,15 @@ def test_it_answers_with_its_link_and_takes_settings(emulator):
     assert any(change.duty for change in port.result.changes)
 
 
-def test_what_nobody_reads_does_not_count_as_lost(emulator):
-    """The port is closed, and a host on the other link is told of no loss."""
+def test_what_no_program_reads_does_not_count_as_lost(emulator):
+    """The port is closed, and a host on the other link gets no report of a loss."""
     Port(emulator).ready()
     emulator.set_usb_port(115200, False)
     radio = Port(emulator, UART)
     radio.wait(60, frames.AskFrame(frames.VERSION))
-    heard = radio.wait(2000)
-    assert len(of(frames.StateFrame, heard)) > 70
-    assert not any(frame.dropped for frame in of(frames.StateFrame, heard))
+    arrived = radio.wait(2000)
+    assert len(of(frames.StateFrame, arrived)) > 70
+    assert not any(frame.dropped for frame in of(frames.StateFrame, arrived))
     emulator.set_usb_port(115200, True)
     assert of(frames.StateFrame, Port(emulator).wait(200))
 

@@ -29,9 +29,9 @@ INTERRUPTS = {2, 3, 20, 21}
 LINKS = {0, 1, 18, 19}
 
 
-def verdicts(wanted):
+def verdicts(required):
     """(refusal, field) of each settings frame."""
-    lines = firmware_parts.run("settings", lines=[pack(each).hex() for each in wanted])
+    lines = firmware_parts.run("settings", lines=[pack(each).hex() for each in required])
     return [
         (RefusalCode(int(refusal)).name.lower(), FIELDS[int(field)])
         for refusal, field in (line.split() for line in lines)
@@ -130,7 +130,7 @@ def test_the_plant_models_the_speed_loop(seed, slots):
     ones = (GAIN_ONE, GAIN_ONE, GAIN_ONE, INTEGRAL_ONE)
     units = [round(gain * one) for gain, one in zip(gains, ones, strict=True)]
     lines = ["gains {} {} {} {} {} {}".format(*units, slots, lag)]
-    wanted: list[tuple[float, bool]] = []
+    required: list[tuple[float, bool]] = []
     now, angle, speed, last = 0, 0.0, 0.0, 0
     for _ in range(600):
         if chance.random() < 0.03:
@@ -138,7 +138,7 @@ def test_the_plant_models_the_speed_loop(seed, slots):
             target *= chance.random() < 0.9
             lines.append(f"command {round(target * 256)} {now // TICK}")
             model.command(now, target)
-            wanted.append((model.duty, False))
+            required.append((model.duty, False))
         if chance.random() < 0.02:
             speed = abs(model.target) * chance.choice((0.0, 0.5, 0.9, 1.0, 1.1, 3.0))
         edges = int((angle + speed * 0.01) / model.pitch)
@@ -150,16 +150,16 @@ def test_the_plant_models_the_speed_loop(seed, slots):
             model.edge(last)
         lines.append(f"step {now // TICK} {edges} {last // TICK}")
         model.tick(now)
-        wanted.append((model.duty, model.fault))
+        required.append((model.duty, model.fault))
         if model.fault:
             break
     answers = [line.split() for line in firmware_parts.run("speed", lines=lines)]
-    duties = [int(duty) / 32768 for duty, _ in answers[: len(wanted)]]
-    stalls = [bool(int(stalled)) for _, stalled in answers[: len(wanted)]]
-    assert stalls == [stalled for _, stalled in wanted]
-    if wanted[-1][1]:
-        duties.pop(), wanted.pop()  # the board switches the motor off after the step
+    duties = [int(duty) / 32768 for duty, _ in answers[: len(required)]]
+    stalls = [bool(int(stalled)) for _, stalled in answers[: len(required)]]
+    assert stalls == [stalled for _, stalled in required]
+    if required[-1][1]:
+        duties.pop(), required.pop()  # the board switches the motor off after the step
     # An error is rounded to 1/256 rad/s; an edge may seem overdue a period earlier in one of them.
-    differences = sorted(abs(a - b) for a, (b, _) in zip(duties, wanted, strict=True))
+    differences = sorted(abs(a - b) for a, (b, _) in zip(duties, required, strict=True))
     assert differences[int(0.95 * len(differences))] < 0.01
     assert differences[-1] < 0.1

@@ -36,12 +36,12 @@ def measured(settings, inputs, ms=1000):
         bench.run(30 * MS, inputs)
         bench.ready()
         bench.wait(300)
-        bench.heard.clear()
+        bench.received.clear()
         bench.wait(ms)
-        heard = [each.frame for each in bench.heard]
+        received = [each.frame for each in bench.received]
     return (
-        [frame for frame in heard if isinstance(frame, frames.RangeFrame)],
-        [frame for frame in heard if isinstance(frame, frames.StateFrame)],
+        [frame for frame in received if isinstance(frame, frames.RangeFrame)],
+        [frame for frame in received if isinstance(frame, frames.StateFrame)],
     )
 
 
@@ -57,7 +57,7 @@ def test_echoes_are_measured_to_20_us(board):
 
 
 @ALL
-def test_four_sensors_in_turn_do_not_hear_each_other(board):
+def test_four_sensors_in_turn_do_not_receive_each_other(board):
     """In the rig a burst ends the echo of every sensor that listens."""
     widths = [23_000, 1_000, 12_000, 400]
     inputs = {FIRST_SONAR + index: width for index, width in enumerate(widths)}
@@ -97,7 +97,7 @@ def test_an_endless_echo_gives_no_distance_from_the_start():
         bench.ready()
         bench.wait(1500)
         values = {
-            each.frame.value for each in bench.heard if isinstance(each.frame, frames.RangeFrame)
+            each.frame.value for each in bench.received if isinstance(each.frame, frames.RangeFrame)
         }
     assert values == {frames.RANGE_ENDLESS}
 

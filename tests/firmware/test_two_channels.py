@@ -136,10 +136,10 @@ def test_a_storm_at_either_channel_of_a_pico_stops_the_motors(channel):
         assert bench.duty == [0.0, 0.0]
         assert bench.state().mode == frames.ModeCode.FAULT
         flags = [
-            heard.frame.value
-            for heard in bench.heard
-            if isinstance(heard.frame, frames.StatusFrame)
-            and heard.frame.item == frames.ItemCode.FLAGS
+            each.frame.value
+            for each in bench.received
+            if isinstance(each.frame, frames.StatusFrame)
+            and each.frame.item == frames.ItemCode.FLAGS
         ]
         both = frames.FLAG_LEFT_STORM | frames.FLAG_RIGHT_STORM
         assert flags[-1] & both == frames.FLAG_LEFT_STORM

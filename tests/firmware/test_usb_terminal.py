@@ -27,7 +27,7 @@ def test_a_client_that_opens_sets_its_rate_and_closes():
     terminal.close()
 
 
-def test_a_client_that_has_come_and_gone_between_two_calls_is_told_as_open_and_then_as_closed():
+def test_a_client_that_has_come_and_gone_between_two_calls_is_reported_as_open_and_then_as_closed():
     terminal = UsbTerminal()
     terminal.changed()
     os.close(open_at(terminal.name, termios.B1200))

@@ -18,7 +18,7 @@ WATCHED = replace(BOOK, battery_channel=BATTERY, battery_divider=3.0, battery_lo
 @pytest.mark.parametrize(
     ("settings", "missing"), [(BOOK, {CapabilityCode.EVERY_EDGE}), (PICO, set())]
 )
-def test_the_hello_tells_lengths_and_capabilities(settings, missing):
+def test_the_hello_states_lengths_and_capabilities(settings, missing):
     with BoardBench(settings=settings) as bench:
         bench.wait(30)
         hello = bench.ask()
@@ -50,8 +50,8 @@ def test_settings_of_a_later_host(more, refusal):
         bench.wait(30)
         bench.ask()
         bench.send(RADIO, encode_payload(pack(BOOK.frame()) + more))
-        heard = bench.wait(150)
-        answer = next(h.frame for h in heard if isinstance(h.frame, frames.AnswerFrame))
+        arrived = bench.wait(150)
+        answer = next(h.frame for h in arrived if isinstance(h.frame, frames.AnswerFrame))
         assert answer.refusal == refusal
         assert answer.settings == (0 if refusal else BOOK.mark())
 
@@ -66,11 +66,11 @@ def drive(bench, seconds, millivolts):
 
 
 def flags(bench):
-    items = [heard.frame for heard in bench.heard if isinstance(heard.frame, frames.StatusFrame)]
+    items = [each.frame for each in bench.received if isinstance(each.frame, frames.StatusFrame)]
     return [item.value for item in items if item.item == frames.ItemCode.FLAGS][-1]
 
 
-def test_a_low_battery_is_told_and_then_stops_the_robot():
+def test_a_low_battery_is_reported_and_then_stops_the_robot():
     with BoardBench(settings=WATCHED) as bench:
         bench.ready()
         bench.run(bench.now + 100_000_000, {BATTERY: 2400})
@@ -93,7 +93,7 @@ def test_a_battery_that_recovers_lets_the_robot_drive_again():
         bench.ready()
         for _ in range(120):
             bench.run(bench.now + 100_000_000, {BATTERY: 2150})
-        assert ModeCode(bench.state().mode) is not ModeCode.BATTERY  # it stands: only told
+        assert ModeCode(bench.state().mode) is not ModeCode.BATTERY  # it stands: only reported
         assert flags(bench) & frames.FLAG_BATTERY
         for _ in range(20):
             bench.run(bench.now + 100_000_000, {BATTERY: 2400})

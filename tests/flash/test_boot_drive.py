@@ -63,12 +63,12 @@ def boot_rom(drive, size):
 def test_the_program_is_copied_whole(drive):
     done, thread = boot_rom(drive, IMAGE.stat().st_size)
     try:
-        said = [event.text for event in flash_drive(drive, IMAGE)]
+        printed = [event.text for event in flash_drive(drive, IMAGE)]
     finally:
         done.set()
         thread.join(WAIT_S)
     assert (drive / boot_drive.COPY).read_bytes() == IMAGE.read_bytes()
-    assert "has started the program" in said[1]
+    assert "has started the program" in printed[1]
 
 
 def test_the_command_finds_the_drive_and_needs_no_port(drive, monkeypatch):

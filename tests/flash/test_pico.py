@@ -1,4 +1,4 @@
-"""Which Pico is flashed: found by its USB identity or its drive, and told from other boards."""
+"""Which Pico is flashed: found by its USB identity or its drive, among other boards."""
 
 import os
 import threading

@@ -97,8 +97,8 @@ def test_parameters_are_read_set_and_followed(server, engine):
         values = {row["name"]: row["value"] for row in reply["parameters"]}
         assert values["guard.margin"] > 0
         await viewer.operate("subscribeParameterUpdates", parameterNames=["guard.margin"])
-        wanted = {"name": "guard.margin", "value": 0.07}
-        await viewer.operate("setParameters", parameters=[wanted], id="set")
+        expected = {"name": "guard.margin", "value": 0.07}
+        await viewer.operate("setParameters", parameters=[expected], id="set")
         reply = await viewer.until(lambda frame: frame.get("op") == "parameterValues")
         assert [(row["name"], row["type"]) for row in reply["parameters"]] == [
             ("guard.margin", "float64")
@@ -116,7 +116,7 @@ def test_parameters_are_read_set_and_followed(server, engine):
     assert {row["parameter"]: row["value"] for row in rows}["guard.margin"] == 0.07
 
 
-def test_what_another_client_sets_is_told_to_viewers(server, engine):
+def test_what_another_client_sets_is_sent_to_viewers(server, engine):
     async def work(viewer):
         await viewer.operate("subscribeParameterUpdates", parameterNames=["guard.margin"])
         reply = engine.request("set_parameter", parameter="guard.margin", value=0.065)
@@ -347,7 +347,7 @@ def test_a_server_that_is_killed_while_a_viewer_drives_stops_the_robot(folder, e
     assert engine.request("resume")["ok"]
 
 
-def test_a_port_that_is_taken_and_a_wrong_word_are_said(folder):
+def test_a_port_that_is_taken_and_a_wrong_word_are_reported(folder):
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()

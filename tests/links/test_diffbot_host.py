@@ -107,10 +107,10 @@ def test_another_version_is_refused_while_searching(host):
     assert host.refusal.code == "E-BOARD-VERSION"
 
 
-@pytest.mark.parametrize("tells_levels", [True, False])
-def test_a_frame_tells_the_level_of_one_pin_if_the_board_can(host, tells_levels):
+@pytest.mark.parametrize("has_levels", [True, False])
+def test_a_frame_has_the_level_of_one_pin_if_the_board_can(host, has_levels):
     """Earlier firmware of this version has a zero there."""
-    capabilities = tells_levels << frames.CapabilityCode.LEVELS
+    capabilities = has_levels << frames.CapabilityCode.LEVELS
     host.receive(MILLISECOND, hello(BOOK.mark(), capabilities=capabilities))
     levels = []
     for sequence, level in ((1, 1), (2, 0), (3, 0), (4, 1)):
@@ -118,7 +118,7 @@ def test_a_frame_tells_the_level_of_one_pin_if_the_board_can(host, tells_levels)
         (encoders,) = (message for port, message in output if port == "encoders")
         levels.append((encoders.left_level, encoders.right_level))
     none = (None, None)
-    assert levels == ([(None, 1), (0, None), (None, 0), (1, None)] if tells_levels else [none] * 4)
+    assert levels == ([(None, 1), (0, None), (None, 0), (1, None)] if has_levels else [none] * 4)
 
 
 def test_silence_is_stale_then_lost(up):
@@ -216,7 +216,7 @@ def test_a_motion_that_the_board_never_shows_stops_the_robot_and_names_the_wire(
     assert stops[0].latched and "RX" in stops[0].cause
 
 
-def test_after_resume_the_same_is_said_again(up):
+def test_after_resume_the_same_is_reported_again(up):
     assert len(unheard(up, 2 * MILLISECOND, 2.3)) == 2
 
 

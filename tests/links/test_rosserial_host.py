@@ -166,8 +166,8 @@ def test_counts_wrap_at_sixteen_bits():
     ],
 )
 def test_distance_is_converted_to_volts(driving, centimetres, volts):
-    heard = driving.host.receive(driving.now, encode(127, struct.pack("<f", centimetres)))
-    (rows_of_proof,) = [message for port, message in heard if port == "front"]
+    received = driving.host.receive(driving.now, encode(127, struct.pack("<f", centimetres)))
+    (rows_of_proof,) = [message for port, message in received if port == "front"]
     assert isinstance(rows_of_proof, Volts)
     assert isnan(rows_of_proof.volts) if volts is None else abs(rows_of_proof.volts - volts) < 1e-6
 
@@ -175,8 +175,8 @@ def test_distance_is_converted_to_volts(driving, centimetres, volts):
 def test_log_is_shown_without_control_characters(driving):
     text = b"low \x1b[31mbattery\n"
     payload = b"\x02" + struct.pack("<I", len(text)) + text
-    heard = driving.host.receive(driving.now, encode(7, payload))
-    assert ("text", Text(driving.now, "board, warning: low  [31mbattery")) in heard
+    received = driving.host.receive(driving.now, encode(7, payload))
+    assert ("text", Text(driving.now, "board, warning: low  [31mbattery")) in received
 
 
 def test_parameter_request_gets_an_empty_reply(driving):
@@ -188,8 +188,8 @@ def test_parameter_request_gets_an_empty_reply(driving):
 def test_time_is_answered_within_a_tenth_of_a_second(driving):
     driving.run(12 * SECOND, forward)
     # The first request is part of the answer about topics, during which the board reads nothing.
-    for arrived, told in driving.device.time_answers[2:]:
-        assert 0 <= arrived - told <= 100 * MS
+    for arrived, reported in driving.device.time_answers[2:]:
+        assert 0 <= arrived - reported <= 100 * MS
     assert len(driving.device.time_answers) >= 8
 
 

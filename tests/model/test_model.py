@@ -33,9 +33,9 @@ MOMENTS = [
 ]
 
 
-@pytest.mark.parametrize(("shape", "mass", "wanted"), MOMENTS)
-def test_moments_of_inertia(shape, mass, wanted):
-    assert shape.moments(mass) == pytest.approx(wanted)
+@pytest.mark.parametrize(("shape", "mass", "expected"), MOMENTS)
+def test_moments_of_inertia(shape, mass, expected):
+    assert shape.moments(mass) == pytest.approx(expected)
 
 
 # Unequal wheels, a sensor that looks aside, a caster that is placed: 60 and 70 mm stand on the
@@ -143,8 +143,8 @@ def test_the_root_weighs_nothing_and_the_rest_has_a_collision_shape(robot):
 def test_a_caster_without_a_place_stands_at_the_longer_end(robot):
     robot.body.caster.x = None
     body = robot.body
-    wanted = -0.8 * body.back if body.back >= body.front else 0.8 * body.front
-    assert caster_x(robot) == pytest.approx(wanted)
+    expected = -0.8 * body.back if body.back >= body.front else 0.8 * body.front
+    assert caster_x(robot) == pytest.approx(expected)
 
 
 def test_every_frame_has_its_parent_before_it(robot):
@@ -214,7 +214,7 @@ def test_the_picture_has_a_scale_bar_and_the_names_of_the_parts(lopsided):
     assert spans[1] / spans[0] == pytest.approx(length / 230, abs=0.001)
 
 
-def test_a_wheel_is_as_far_away_as_its_place_says(robot):
+def test_a_wheel_is_as_far_away_as_its_place_states(robot):
     for frame in robot_frames(robot):
         if frame.moves == "wheel":
             assert hypot(frame.x, frame.y) == pytest.approx(robot.drive.track / 2)

@@ -99,8 +99,8 @@ def test_what_is_declared_is_imported():
 
 
 def test_no_two_extras_are_equal():
-    wanted = [tuple(sorted(lines.items())) for lines in declared().values()]
-    assert len(set(wanted)) == len(wanted)
+    expected = [tuple(sorted(lines.items())) for lines in declared().values()]
+    assert len(set(expected)) == len(expected)
 
 
 def locked(name):

@@ -92,7 +92,7 @@ def test_the_wheel_has_every_module_and_what_the_emulators_need(distributions):
 def test_the_source_distribution_has_everything_that_is_tracked(distributions):
     with tarfile.open(distributions.source) as archive:
         names = {name.partition("/")[2] for name in archive.getnames()}
-    wanted = {
+    expected = {
         str(path.relative_to(ROOT))
         for folder in ("diffbotctl", "docs", "firmware", "pipelines", "prove", "robots", "schemas")
         for path in (ROOT / folder).rglob("*")
@@ -100,7 +100,7 @@ def test_the_source_distribution_has_everything_that_is_tracked(distributions):
     }
     tests = {str(path.relative_to(ROOT)) for path in (ROOT / "tests").rglob("*.py")}
     tops = {"Makefile", "README.md", "CHANGELOG.md", "LICENSE", "setup.cfg", "pyproject.toml"}
-    assert not (wanted | tests | tops) - names
+    assert not (expected | tests | tops) - names
     assert not [name for name in names if "node_modules" in name or name.endswith(".pyc")]
 
 
@@ -207,19 +207,19 @@ def test_a_goal_is_reached_on_an_emulated_board(installed):
 
 @pytest.mark.nightly
 def test_a_goal_is_reached_on_an_emulated_pico(installed):
-    """With the package from npm in the cache, where the error tells a user to install it."""
+    """With the package from npm in the cache, where the error asks a user to install it."""
     installed.run("new", "robot", "--kit", "pico_tc1508s")
     words = ("run", "goal", "--robot", "pico_tc1508s", "--port", "emulated", "--fast")
     command = [installed.folder / "bin" / "diffbotctl", *words, "--goal", "0.2 0"]
-    told = subprocess.run(
+    reported = subprocess.run(
         command,
         cwd=installed.folder / "empty",
         env=installed.environment,
         capture_output=True,
         text=True,
     )
-    folder = Path(re.search(r"npm ci --prefix\s+(\S+)", told.stderr)[1])
-    assert told.returncode == 1 and folder.is_relative_to(installed.folder / "cache")
+    folder = Path(re.search(r"npm ci --prefix\s+(\S+)", reported.stderr)[1])
+    assert reported.returncode == 1 and folder.is_relative_to(installed.folder / "cache")
     assert (folder / "package-lock.json").is_file()
     (folder / "node_modules").symlink_to(RP2040 / "node_modules")
     assert "goals 1 of 1 reached" in installed.run(*words, "--goal", "0.2 0")
@@ -235,12 +235,12 @@ def test_a_virtual_board_answers(installed):
         text=True,
     )
     try:
-        said = ""
-        while "Ctrl-C ends" not in said:
+        output = ""
+        while "Ctrl-C ends" not in output:
             line = process.stdout.readline()
-            assert line, said
-            said += line
-        port = re.search(r"^USB port +(\S+)$", said, re.M)[1]
+            assert line, output
+            output += line
+        port = re.search(r"^USB port +(\S+)$", output, re.M)[1]
         installed.run("blink", "--robot", "book_2wd", "--port", port, "--times", "1")
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=LONGEST)
@@ -277,8 +277,8 @@ def test_the_extras_bring_what_their_commands_need(installed, distributions):
 
     assert NEEDS.keys() == EXTRAS
     assert [extra for extra in NEEDS if lacks(extra)] == list(NEEDS)
-    wanted = f"{distributions.wheel}[{','.join(EXTRAS)}]"
-    words = [installed.folder / "bin" / "python", "-m", "pip", "install", "-q", wanted]
+    expected = f"{distributions.wheel}[{','.join(EXTRAS)}]"
+    words = [installed.folder / "bin" / "python", "-m", "pip", "install", "-q", expected]
     done = subprocess.run(
         [*words, "--disable-pip-version-check"],
         capture_output=True,

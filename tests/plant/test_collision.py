@@ -33,11 +33,11 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize(("thing", "pose", "wanted"), CASES)
-def test_by_hand(thing, pose, wanted):
+@pytest.mark.parametrize(("thing", "pose", "expected"), CASES)
+def test_by_hand(thing, pose, expected):
     world = World([thing]) if isinstance(thing, Wall) else World([], [thing])
-    assert clearance(OUTLINE, pose, world) == pytest.approx(wanted, abs=1e-12)
-    assert clearance(OUTLINE, pose, world, within=0.2) == pytest.approx(min(wanted, 0.2))
+    assert clearance(OUTLINE, pose, world) == pytest.approx(expected, abs=1e-12)
+    assert clearance(OUTLINE, pose, world, within=0.2) == pytest.approx(min(expected, 0.2))
 
 
 def test_an_empty_world_is_infinitely_far_away():

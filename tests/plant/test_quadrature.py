@@ -41,7 +41,7 @@ def test_b_is_in_the_middle_between_the_edges_of_a():
 @pytest.mark.parametrize(("board", "counts_of_slot"), [([], 1), (PICO, 4)], ids=["mega", "pico"])
 @pytest.mark.parametrize("equations", ["exponential", "torque"])
 def test_a_wheel_turned_by_hand(equations, board, counts_of_slot):
-    """A turn forward and two backward; nobody commands anything."""
+    """A turn forward and two backward; without any command."""
     robot = plant(f"robot.simulation.equations={equations}", *board)
     start = counts(robot, 0.1)
     robot.turn_by_hand(0, 2 * pi, 4.0)
@@ -57,7 +57,7 @@ def test_a_wheel_turned_by_hand(equations, board, counts_of_slot):
     ("wiring", "setting", "sign"),
     [("exchanged", "false", -1), ("exchanged", "true", 1), ("plain", "true", -1)],
 )
-def test_exchanged_channels_count_down_until_the_setting_says_so(wiring, setting, sign):
+def test_exchanged_channels_count_down_until_the_setting_states_it(wiring, setting, sign):
     robot = plant(
         f"robot.simulation.wiring.left_encoder={wiring}",
         f"robot.drive.left.encoder.reversed={setting}",

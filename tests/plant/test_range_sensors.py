@@ -26,7 +26,7 @@ def robot_of(name, world=None, seed=1):
     )
 
 
-def heard(plant, until, command=None, every=40 * MS):
+def received(plant, until, command=None, every=40 * MS):
     """All (port, message) pairs that arrive until then, with one command per frame."""
     found = []
     for now in range(plant.now + every, until + 1, every):
@@ -48,21 +48,21 @@ def test_a_scanner_reports_clear_near_and_measured_rays():
 def test_noise_has_the_stated_spread():
     world = World([], [Pillar(2.0, 0.0, 0.5)])  # 1.5 m ahead
     scanner = Scanner(ScannerModel(1, 0.12, 3.5, SECOND), 0.01, Random(1))
-    told = [scanner.measure(world, 0.0, 0.0, 0.0)[0] for _ in range(2000)]
-    mean = sum(told) / len(told)
-    spread = (sum((each - mean) ** 2 for each in told) / len(told)) ** 0.5
+    reported = [scanner.measure(world, 0.0, 0.0, 0.0)[0] for _ in range(2000)]
+    mean = sum(reported) / len(reported)
+    spread = (sum((each - mean) ** 2 for each in reported) / len(reported)) ** 0.5
     assert mean == pytest.approx(1.5, abs=4 * 0.01 / 2000**0.5)
     assert spread == pytest.approx(0.01, rel=0.1)
 
 
 def test_scans_come_five_times_a_second_and_in_order():
     plant = robot_of("turtlebot3_burger", World([], [Pillar(1.0, 0.0, 0.1)]))
-    said = heard(plant, 2 * SECOND)
-    scans = [message for _, message in said if isinstance(message, Scan)]
+    output = received(plant, 2 * SECOND)
+    scans = [message for _, message in output if isinstance(message, Scan)]
     assert len(scans) == 9  # the tenth is still on its way
     assert scans[0].time == 200 * MS
     assert {after.time - before.time for before, after in pairwise(scans)} == {200 * MS}
-    times = [message.time for _, message in said]
+    times = [message.time for _, message in output]
     assert times == sorted(times)
 
 
@@ -70,7 +70,7 @@ def test_a_scan_is_measured_from_the_scanner_s_mount():
     # the eye is 32 mm behind the axle, the pillar's skin 0.9 m ahead of the axle
     plant = robot_of("turtlebot3_burger", World([], [Pillar(1.0, 0.0, 0.1)]))
     plant._sensors.scanners[0][1]._spread = 0.0
-    (scan, *_) = [m for _, m in heard(plant, SECOND // 2) if isinstance(m, Scan)]
+    (scan, *_) = [m for _, m in received(plant, SECOND // 2) if isinstance(m, Scan)]
     assert scan.distances[0] == pytest.approx(0.932)
     assert scan.distances[180] == inf
     assert scan.step == pytest.approx(2 * pi / 360)
@@ -78,7 +78,7 @@ def test_a_scan_is_measured_from_the_scanner_s_mount():
 
 def test_the_camera_measures_the_true_pose_in_the_world():
     plant = robot_of("turtle")
-    poses = [m for _, m in heard(plant, SECOND, (2.0, 2.0)) if isinstance(m, Odometry)]
+    poses = [m for _, m in received(plant, SECOND, (2.0, 2.0)) if isinstance(m, Odometry)]
     first, last = poses[0], poses[-1]
     assert (first.x, first.y, first.heading) == pytest.approx((5.544, 5.544, 0.0))
     # 2 rad/s on wheels of 0.2 m: 0.4 m/s straight ahead
@@ -94,7 +94,7 @@ def test_odom_begins_at_the_start_in_the_world():
     plant = SimulatedRobot(
         "simulated", plant_parameters(robot), robot.simulation, Random(1), World(), start
     )
-    heard(plant, SECOND, (2.0, 2.0))
+    received(plant, SECOND, (2.0, 2.0))
     truth, place = plant.truth().pose, plant.truth_in_world()
     # ahead in odom is up in this world
     assert place == pytest.approx((1.0 - truth.y, 2.0 + truth.x, pi / 2 + truth.heading))
@@ -109,7 +109,7 @@ def test_no_robot_leaves_the_field():
     setup = load("turtle")
     driver = simulated_robot_driver(setup, 1)
     plant = driver.robot
-    heard(plant, 20 * SECOND, (10.0, 10.0))  # 2 m/s would be 40 m
+    received(plant, 20 * SECOND, (10.0, 10.0))  # 2 m/s would be 40 m
     assert plant.truth_in_world().x == pytest.approx(11.09)
     plant.teleport(-5.0, 99.0, 0.0)
     assert plant.truth_in_world() == pytest.approx((0.0, 11.09, 0.0))

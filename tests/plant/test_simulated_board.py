@@ -61,7 +61,7 @@ def test_the_dead_man_stops_it_300_ms_after_the_last_command():
     assert min(side.duty for side in made.sides) >= 0.5
     serve_until(made, stops)
     assert [side.duty for side in made.sides] == [0.0, 0.0]
-    assert made.sample(stops)[5:7] == (0.0, 0.0)  # the frame says so
+    assert made.sample(stops)[5:7] == (0.0, 0.0)  # the frame states it
 
 
 def test_after_a_dead_mans_stop_a_command_counts_again():
@@ -168,14 +168,14 @@ def test_counts_take_the_sign_of_the_command():
 
 
 def test_only_boards_with_edge_times_report_them():
-    for kind, told in (("counts", False), ("edges", True)):
+    for kind, reported in (("counts", False), ("edges", True)):
         made = board(kind)
         made.command(0, Wheels(0, 5.0, 5.0))
         serve_until(made, 20 * MS)
         made.edge(made.sides[0], 25 * MS)
         frame = made.sample(30 * MS)
-        assert (frame.left_edge == 25 * MS) is told
-        assert (frame.command_time == HELD) is told
+        assert (frame.left_edge == 25 * MS) is reported
+        assert (frame.command_time == HELD) is reported
         assert frame.left_command == 5.0
 
 

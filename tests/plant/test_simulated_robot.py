@@ -38,13 +38,13 @@ def robot(kind="edges", seed=1, world=None, wiring=None, machine=None, **errors)
 
 def driven(made, seconds, left, right, kind=Wheels):
     """Send the same command every 25 ms; returns all messages."""
-    heard = []
+    received = []
     for now in range(0, int(seconds * SECOND), FRAME):
         made.advance(now)
-        heard += made.deliver()
+        received += made.deliver()
         made.command(now, kind(now, left, right))
     made.advance(int(seconds * SECOND))
-    return heard + made.deliver()
+    return received + made.deliver()
 
 
 @pytest.mark.parametrize("kind, command", [("edges", Wheels), ("counts", Wheels), ("stock", Duty)])
@@ -119,24 +119,24 @@ def test_wiring_of_the_encoders(wiring, command, counting):
 @pytest.mark.parametrize("wiring", [{}, {"encoders": "swapped"}])
 def test_frames_tell_the_levels_of_the_pins_in_turn(wiring):
     made = robot(wiring=wiring)
-    told = []
+    reported = []
     for step in range(1, 81):
         now = step * SECOND // 40  # the period of its frames
         made.command(now - SECOND // 40, Wheels(now, 3.0, 5.0))
         made.advance(now)
         sockets = {edge.side: edge.level for edge in made.encoder_levels()}
-        told.append((sockets[0], sockets[1]))
+        reported.append((sockets[0], sockets[1]))
     made.advance(3 * SECOND)
-    sent = [m for port, m in made.deliver() if port == "encoders"][: len(told)]
-    assert len(sent) == len(told)
-    for number, (frame, (left, right)) in enumerate(zip(sent, told, strict=True)):
+    sent = [m for port, m in made.deliver() if port == "encoders"][: len(reported)]
+    assert len(sent) == len(reported)
+    for number, (frame, (left, right)) in enumerate(zip(sent, reported, strict=True)):
         expected = (None, right) if number % 2 else (left, None)
         assert (frame.left_level, frame.right_level) == expected
-    assert {left for left, _ in told} == {right for _, right in told} == {0, 1}
+    assert {left for left, _ in reported} == {right for _, right in reported} == {0, 1}
 
 
 @pytest.mark.parametrize("kind", ["stock", "edges"])
-def test_the_published_firmware_tells_no_levels(kind):
+def test_the_published_firmware_sends_no_levels(kind):
     made = robot(kind)
     made.advance(SECOND)
     frames = [m for port, m in made.deliver() if port == "encoders"]
@@ -146,8 +146,8 @@ def test_the_published_firmware_tells_no_levels(kind):
 
 def test_exchanged_pins_in_the_settings_undo_exchanged_wires():
     wiring = {"left": "swapped", "right": "swapped", "encoders": "swapped"}
-    told = {"channels": (1, 0), "sockets": (1, 0)}
-    made = robot(wiring=wiring, machine=told)
+    reported = {"channels": (1, 0), "sockets": (1, 0)}
+    made = robot(wiring=wiring, machine=reported)
     counts = counted(made, 0.4, 5.0, 0.0)
     truth = made.truth()
     assert counts[0] > 2 and counts[1] == 0
@@ -183,20 +183,20 @@ def test_captured_edges_are_those_at_the_board_s_pins(wiring, sides):
     if "left_encoder" not in wiring:
         assert len(turned) == pytest.approx(40, abs=1)  # both flanks of 20 slots
     made.capture(False)
-    told = len(made.captured_edges)
+    reported = len(made.captured_edges)
     made.turn_by_hand(0, 2 * pi, 2 * pi)
     made.advance(3 * SECOND)
-    assert len(made.captured_edges) == told
+    assert len(made.captured_edges) == reported
 
 
 def test_our_firmware_also_takes_raw_duty():
     made = robot()
-    heard = driven(made, 3.0, 0.5, -0.5, Duty)
+    received = driven(made, 3.0, 0.5, -0.5, Duty)
     motor, truth = made.motors[0], made.truth()
     # At half duty the battery sags by 2 %; the ripple moves the speed by its 2 %.
     settled = motor.speed * (0.49 - motor.keep) / (1 - motor.keep)
     assert truth.left_speed == pytest.approx(settled, rel=0.05) and truth.right_speed < -4.0
-    last = [m for port, m in heard if port == "encoders"][-1]
+    last = [m for port, m in received if port == "encoders"][-1]
     assert last.command_kind == "duty" and last.left > 0 > last.right
 
 
@@ -221,10 +221,10 @@ def test_counts_agree_with_the_angle_turned():
 
 
 def test_frames_come_on_time():
-    heard = [m for port, m in driven(robot(), 1.0, 5.0, 5.0) if port == "encoders"]
+    received = [m for port, m in driven(robot(), 1.0, 5.0, 5.0) if port == "encoders"]
     # Sampled each 25 ms, at the host 26.4 ms later: those up to 973.6 ms have come.
-    assert [m.time for m in heard] == [FRAME * k for k in range(1, 39)]
-    assert all(isinstance(m, Encoders) for m in heard)
+    assert [m.time for m in received] == [FRAME * k for k in range(1, 39)]
+    assert all(isinstance(m, Encoders) for m in received)
 
 
 def test_due_is_when_a_message_comes():
@@ -254,8 +254,8 @@ def test_the_sensor_measures_an_approaching_wall():
         "sensors": {"front": SensorTruth(noise=0.0)},
     }
     made = robot(**sight)
-    heard = driven(made, 1.0, 5.0, 5.0)
-    seen = [m for port, m in heard if port == "front"]
+    received = driven(made, 1.0, 5.0, 5.0)
+    seen = [m for port, m in received if port == "front"]
     assert all(isinstance(m, Volts) for m in seen)
     assert seen[2].volts == pytest.approx(volts(0.30), abs=0.02)
     # The last frame was sampled at 950 ms, of a measurement at most 21.5 ms older.
@@ -268,8 +268,8 @@ def test_a_sensor_in_an_empty_world_measures_nothing():
         machine={"sensors": (MountedSensor("front", 0.08),)},
         sensors={"front": SensorTruth(noise=0.0)},
     )
-    heard = driven(made, 0.5, 5.0, 5.0)
-    assert {m.volts for port, m in heard if port == "front"} == {RESIDUAL_VOLTS}
+    received = driven(made, 0.5, 5.0, 5.0)
+    assert {m.volts for port, m in received if port == "front"} == {RESIDUAL_VOLTS}
 
 
 @pytest.mark.parametrize(

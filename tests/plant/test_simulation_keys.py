@@ -147,14 +147,14 @@ def changes_per_turn(plant):
 
 
 def turn_error(plant):
-    """Relative error of a turn in place that the file's geometry tells."""
+    """Relative error of a turn in place by the file's geometry."""
     Drive(plant).run(2.0, -0.6, 0.6)
     left, right = (wheel.angle for wheel in plant.wheels)
     return abs(plant.chassis.heading / ((right - left) * 0.0325 / 0.125) - 1.0)
 
 
 def way_error(plant):
-    """Relative error of a way that the file's geometry tells."""
+    """Relative error of a distance by the file's geometry."""
     Drive(plant).run(3.0, 0.6, 0.6)
     angle = sum(wheel.angle for wheel in plant.wheels) / 2
     return abs(plant.chassis.travel / (angle * 0.0325) - 1.0)
@@ -232,7 +232,7 @@ def drift_in_acceleration(plant):
 
 
 def fault_time(plant):
-    """Seconds until a frame tells a fault of the gyro; 9 when none does."""
+    """Seconds until a frame reports a fault of the gyro; 9 when none does."""
     frames = messages(plant, Encoders, 3.0, -2.0, 2.0)
     return next((frame.time / SECOND for frame in frames if frame.turn_fault), 9.0)
 

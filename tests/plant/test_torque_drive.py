@@ -36,7 +36,7 @@ def drive(truth=FIRM, motor=MOTOR, setup=SETUP):
 
 
 @pytest.mark.parametrize("duty, speed", [(1.0, 18.0), (0.5, 16.0), (0.2, 10.0), (-0.5, -16.0)])
-def test_a_wheel_settles_where_friction_over_duty_says(duty, speed):
+def test_a_wheel_settles_at_the_speed_of_friction_over_duty(duty, speed):
     # w0 (1 - friction / |duty|) = 20 (1 - 0.1 / |duty|)
     made = drive()
     made.advance(10 * SECOND, (duty, duty))

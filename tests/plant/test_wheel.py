@@ -61,10 +61,10 @@ def test_edge_times_by_hand(sign, first):
     # Two seconds are twenty lags: from then on the angle is 5 (t - lag), to a nanoradian, and the
     # edge at k pitches comes at lag + k PITCH / 5. Backwards it is the slot's far end that opens.
     rises = wheel().advance(3 * SECOND, sign * HALF)
-    wanted = [LAG + (first + k) * PITCH / 5 for k in range(60)]
-    late = [round(t * SECOND) for t in wanted if 2.0 < t <= 3.0]
+    expected = [LAG + (first + k) * PITCH / 5 for k in range(60)]
+    late = [round(t * SECOND) for t in expected if 2.0 < t <= 3.0]
     assert [t for t in rises if t > 2 * SECOND] == pytest.approx(late, abs=2)
-    assert len(rises) == sum(t <= 3.0 for t in wanted)  # none is lost, none comes twice
+    assert len(rises) == sum(t <= 3.0 for t in expected)  # none is lost, none comes twice
 
 
 @pytest.mark.parametrize("sign, first", [(1, 0.5), (-1, 1.0)])
@@ -73,8 +73,8 @@ def test_falling_edges_are_half_a_pitch_later(sign, first):
     falls = made.advance(3 * SECOND, sign * HALF)
     # The slot that lies open at the start closes half a pitch ahead, or at its near end behind,
     # which is where the disc stands: that one is a whole pitch away.
-    wanted = [LAG + (first + k) * PITCH / 5 for k in range(60)]
-    late = [round(t * SECOND) for t in wanted if 2.0 < t <= 3.0]
+    expected = [LAG + (first + k) * PITCH / 5 for k in range(60)]
+    late = [round(t * SECOND) for t in expected if 2.0 < t <= 3.0]
     assert [t for t in falls if t > 2 * SECOND] == pytest.approx(late, abs=2)
 
 

@@ -90,8 +90,8 @@ def test_a_scan_equals_single_rays(x, y, heading, walls, rounds):
     rays = 24
     for ray, found in enumerate(world.scan(x, y, heading, rays)):
         bearing = heading + ray * 2 * pi / rays
-        wanted = world.distance(x, y, bearing)
-        if found == pytest.approx(wanted, abs=1e-6, rel=1e-6):
+        expected = world.distance(x, y, bearing)
+        if found == pytest.approx(expected, abs=1e-6, rel=1e-6):
             continue
         # A ray that only grazes an edge may meet it or miss it, and several may be on its way:
         # then it agrees with one a hair beside that meets one of the things alone.

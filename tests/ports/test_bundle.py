@@ -107,14 +107,14 @@ def test_a_bundle_has_what_helps_and_nothing_private(machine, tmp_path):
     assert b"anna" in recorded(flight.read_bytes())
     (tmp_path / "anna.log").write_text(LOG)
     output = tmp_path / "bundle.zip"
-    code, said = run(
+    code, printed = run(
         "doctor", "--root", machine.root, "--bundle", output, "--with", tmp_path / "anna.log"
     )
-    assert code == 0, said
+    assert code == 0, printed
     files = contents(output)
     assert_nothing_private(files)
     for name in files:
-        assert name in said
+        assert name in printed
     assert {"doctor.txt", "system.json", "packages.json", "ports.json", "flight.mcap"} <= set(files)
     assert b"CH340" in files["ports.json"] and b"/dev/ttyUSB0" in files["ports.json"]
     assert json.loads(files["system.json"])["system"] == "Debian GNU/Linux 12"
@@ -123,20 +123,20 @@ def test_a_bundle_has_what_helps_and_nothing_private(machine, tmp_path):
     assert all(each.encode() in files["added/(name).log"] for each in KEPT)
     with zipfile.ZipFile(output) as file:
         (tmp_path / "flight.mcap").write_bytes(file.read(f"{FOLDER}flight.mcap"))
-    code, said = run("replay", tmp_path / "flight.mcap", "--check")
-    assert code == 0, said
+    code, printed = run("replay", tmp_path / "flight.mcap", "--check")
+    assert code == 0, printed
 
 
-def test_a_bundle_without_a_flight_says_so_and_is_not_overwritten_by_accident(machine, tmp_path):
+def test_a_bundle_without_a_flight_states_it_and_is_not_overwritten_by_accident(machine, tmp_path):
     output = tmp_path / "bundle.zip"
     words = ("doctor", "--root", machine.root, "--bundle", output)
-    code, said = run(*words)
-    assert code == 0 and "There is no flight recording" in said
+    code, printed = run(*words)
+    assert code == 0 and "There is no flight recording" in printed
     assert run(*words)[0] == 0  # diffbotctl wrote it
     with zipfile.ZipFile(output, "w") as file:
         file.writestr("thesis.txt", "years of work")
-    code, said = run(*words)
-    assert code == 2 and "E-OUTPUT" in said
+    code, printed = run(*words)
+    assert code == 2 and "E-OUTPUT" in printed
     assert run(*words, "--force")[0] == 0
 
 
@@ -153,10 +153,10 @@ def test_a_file_that_cannot_be_packed_is_named(machine, tmp_path, name, content,
     if content is not None:
         (tmp_path / name).write_bytes(content)
     output = tmp_path / "bundle.zip"
-    code, said = run(
+    code, printed = run(
         "doctor", "--root", machine.root, "--bundle", output, "--with", tmp_path / name
     )
-    assert code != 0 and expected in said and not output.exists()
+    assert code != 0 and expected in printed and not output.exists()
 
 
 ANNA = PrivateText(["anna", "lindlaptop", "pi"], ["/srv/people/anna"], ["Q7RK21PX"])

@@ -38,15 +38,15 @@ def run(*words):
 def run_without_rights(*words):
     """The same by a process that may do nothing special. Root gives its rights up for it.
 
-    It forks rather than starts an interpreter, which may lie where nobody but root can read; what
+    It forks rather than starts an interpreter, which may lie where only root can read; what
     the command imports is imported by a first run, with rights.
     """
     if os.geteuid() != 0:
         return run(*words)
     _main(words)
-    code, said = without_rights(lambda: _main(words))
-    assert "Traceback" not in said
-    return code, " ".join(said.split())
+    code, printed = without_rights(lambda: _main(words))
+    assert "Traceback" not in printed
+    return code, " ".join(printed.split())
 
 
 def without_rights(act):
@@ -54,24 +54,24 @@ def without_rights(act):
     ours, theirs = os.pipe()
     child = os.fork()
     if child == 0:
-        code, said = 99, "the act itself failed"
+        code, printed = 99, "the act itself failed"
         try:
             if os.geteuid() == 0:
                 os.setgroups([])
                 os.setgid(NOBODY)
                 os.setuid(NOBODY)
-            code, said = act()
+            code, printed = act()
         finally:
-            os.write(theirs, said.encode())
+            os.write(theirs, printed.encode())
             os._exit(code)
     os.close(theirs)
     with open(ours) as pipe:
-        said = pipe.read()
-    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), said
+        printed = pipe.read()
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), printed
 
 
 def _main(words):
-    """The command in this process: its exit code, and what it said."""
+    """The command in this process: its exit code and output."""
     caught = CliRunner().invoke(program, list(map(str, words)), standalone_mode=False)
     if caught.exception:
         return 1, caught.output + str(caught.exception)
@@ -88,28 +88,28 @@ def machine(tmp_path):
 
 def test_a_free_board_is_listed(machine):
     machine.port("ttyACM0", MEGA, product="Mega 2560", by_id="usb-Arduino-if00")
-    code, said = run("ports", "--root", machine.root)
+    code, printed = run("ports", "--root", machine.root)
     assert code == 0
-    assert "/dev/ttyACM0 Arduino Mega 2560" in said
-    assert "stable name /dev/serial/by-id/usb-Arduino-if00" in said
-    assert "free, and you may use it" in said
+    assert "/dev/ttyACM0 Arduino Mega 2560" in printed
+    assert "stable name /dev/serial/by-id/usb-Arduino-if00" in printed
+    assert "free, and you may use it" in printed
 
 
 def test_without_permission_the_group_is_named(machine):
     # Mode 000 keeps out an owner who is not root; root becomes nobody, whose group owns nothing.
     device = machine.port("ttyUSB0", CH340, mode=0o060 if os.geteuid() == 0 else 0)
-    code, said = run_without_rights("ports", device, "--root", machine.root)
+    code, printed = run_without_rights("ports", device, "--root", machine.root)
     assert code == 1
-    assert "E-PORT-R" in said and "has no permission" in said
-    assert "Never chmod 777" in said
-    assert "free" not in said
+    assert "E-PORT-R" in printed and "has no permission" in printed
+    assert "Never chmod 777" in printed
+    assert "free" not in printed
 
 
 def test_with_permission_the_port_is_free(machine):
     device = machine.port("ttyUSB0", CH340, mode=0o666)
-    code, said = run_without_rights("ports", device, "--root", machine.root)
+    code, printed = run_without_rights("ports", device, "--root", machine.root)
     assert code == 0
-    assert "free, and you may use it" in said
+    assert "free, and you may use it" in printed
 
 
 def test_a_real_port_refuses_a_user_without_permission():
@@ -157,14 +157,14 @@ def test_a_port_that_is_not_there_is_two_lines(words, port, fix):
 
 
 def test_a_near_word_is_suggested_in_place_of_a_missing_port():
-    code, said = run("run", "goal", "--port", "emulate")
-    assert code == 1 and said.endswith("there is no such port; did you mean emulated?")
+    code, printed = run("run", "goal", "--port", "emulate")
+    assert code == 1 and printed.endswith("there is no such port; did you mean emulated?")
 
 
 @pytest.mark.parametrize("port", VIRTUAL_PORTS)
 def test_a_command_for_boards_refuses_a_simulated_robot(port):
-    code, said = run("blink", "--port", port)
-    assert code == 2 and "this command needs a board" in said
+    code, printed = run("blink", "--port", port)
+    assert code == 2 and "this command needs a board" in printed
 
 
 def test_the_virtual_ports_of_the_command_line_are_those_of_the_drivers():
@@ -172,17 +172,17 @@ def test_the_virtual_ports_of_the_command_line_are_those_of_the_drivers():
 
 
 def test_a_service_may_name_a_port_that_appears_later():
-    code, said = run("service", "--port", "/dev/ttyUSB987", "--user", "root")
-    assert code == 0 and "--port /dev/ttyUSB987" in said
+    code, printed = run("service", "--port", "/dev/ttyUSB987", "--user", "root")
+    assert code == 0 and "--port /dev/ttyUSB987" in printed
 
 
 def test_what_fix_prints_are_whole_commands(machine):
     machine.port("ttyUSB0", CH340, mode=0o600 if os.geteuid() == 0 else 0)
-    code, said = run_without_rights("doctor", "--fix", "--root", machine.root)
+    code, printed = run_without_rights("doctor", "--fix", "--root", machine.root)
     assert code == 0
-    assert 'ATTRS{idVendor}=="1a86", ATTRS{idProduct}=="7523"' in said
-    assert said.endswith("sudo udevadm control --reload && sudo udevadm trigger")
-    words = shlex.split(said)
+    assert 'ATTRS{idVendor}=="1a86", ATTRS{idProduct}=="7523"' in printed
+    assert printed.endswith("sudo udevadm control --reload && sudo udevadm trigger")
+    words = shlex.split(printed)
     assert words[0] == "echo" and words[1].startswith('SUBSYSTEM=="tty"')
 
 
@@ -220,7 +220,7 @@ def test_doctor_asks_for_the_packages_that_pip_installs():
     assert sorted(REQUIRED_PACKAGES) == [re.split("[<>=]", line)[0] for line in lines]
 
 
-def test_doctor_says_which_optional_packages_are_there(machine):
+def test_doctor_lists_the_optional_packages_that_are_installed(machine):
     machine.write("usr/bin/avrdude", "")
     found = doctor(machine)
     assert about(found, "avrdude") == [(Verdict.OK, "installed", "")]
@@ -276,7 +276,7 @@ def test_ask_reports_the_board(tmp_path):
     stock = BookBoardPort()
     port = tmp_path / "rfcomm0"
     port.symlink_to(stock.name)
-    code, said = run("ports", str(port), "--ask", "--robot", "book_2wd")
+    code, printed = run("ports", str(port), "--ask", "--robot", "book_2wd")
     stock.close()
     assert code == 1
-    assert "a pseudo-terminal" in said and "E-BOARD-ROSSERIAL" in said
+    assert "a pseudo-terminal" in printed and "E-BOARD-ROSSERIAL" in printed

@@ -79,8 +79,8 @@ def test_lines_of_the_log_have_fields_too(goal):
 
 
 def test_rows_join_what_belongs_to_one_instant(goal):
-    wanted = choose_columns(["robot.encoders.left", "gate.wheels.left"], column_wires(goal))
-    both = [row for _, row in table_rows(goal, wanted)]
+    expected = choose_columns(["robot.encoders.left", "gate.wheels.left"], column_wires(goal))
+    both = [row for _, row in table_rows(goal, expected)]
     assert both and all(None not in row for row in both)  # a frame in, a command out
 
 

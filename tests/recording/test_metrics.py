@@ -23,15 +23,15 @@ def stop(time, code, wire="guard.stop"):
     return time, wire, Stop(time, code, "because", False)
 
 
-def measured(said, truth=None):
+def measured(stops, truth=None):
     measure = MetricsAccumulator()
-    for item in said:
+    for item in stops:
         measure.take(*item)
     return measure.metrics(truth)
 
 
 @pytest.mark.parametrize(
-    "said, expected",
+    "stops, expected",
     [
         # From (0, 0) to (2, 0) by way of (1, 0.3): the bend is 0.3 m beside the line; both legs
         # are sqrt(1.09) m long, the first ends 0.3 m beside it and the second on it, so the mean
@@ -71,8 +71,8 @@ def measured(said, truth=None):
             ],
             {"goals_reached": 2, "time_to_goal": 7.0, "path": None, "cross_track_max": None},
         ),
-        # One stop that is repeated, its release, the same again; what a driver says of a stop is
-        # said again by a block, and the operator's is an echo.
+        # One stop that is repeated, its release, the same again; a driver's report of a stop is
+        # repeated by a block, and the operator's is an echo.
         (
             [
                 stop(1, "obstacle"),
@@ -93,8 +93,8 @@ def measured(said, truth=None):
         ([], {"goals_reached": 0, "stops": 0, "path": None, "final_error": None}),
     ],
 )
-def test_metrics(said, expected):
-    result = measured(said)
+def test_metrics(stops, expected):
+    result = measured(stops)
     for name, value in expected.items():
         assert getattr(result, name) == (value if value is None else pytest.approx(value)), name
 

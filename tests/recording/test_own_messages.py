@@ -70,7 +70,7 @@ def test_the_graph_names_the_package(installed):
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "output"),
     [
         ((), "replayed 1."),
         (("--check",), "DIFFERENT at 1."),
@@ -81,7 +81,7 @@ def test_the_graph_names_the_package(installed):
         (("--set", "nose.gain=2", "--json"), '"failure": {"severity": "error"'),
     ],
 )
-def test_a_replay_whose_block_raises_ends_as_a_run_does(options, said, installed, tmp_path):
+def test_a_replay_whose_block_raises_ends_as_a_run_does(options, output, installed, tmp_path):
     folder, _, recording = installed
     copytree(folder / "site", tmp_path / "site")
     blocks = tmp_path / "site" / own_package.NAME / "blocks.py"
@@ -91,7 +91,7 @@ def test_a_replay_whose_block_raises_ends_as_a_run_does(options, said, installed
     line, environment = command(folder, "replay", recording, *options)
     environment["PYTHONPATH"] = f"{ROOT}{os.pathsep}{tmp_path / 'site'}"
     done = subprocess.run(line, env=environment, capture_output=True, text=True, timeout=60)
-    assert done.returncode == 1 and said in done.stdout, done.stdout
+    assert done.returncode == 1 and output in done.stdout, done.stdout
     assert "block nose  E-BLOCK-RAISED\n  it raised ValueError: no nose" in done.stderr
     drives_again = "--set" in options and "--same-motion" not in options
     assert ("the robot was stopped" in done.stderr) == drives_again
@@ -174,7 +174,7 @@ def test_actions_take_texts_and_return_values(installed):
         for words, complaint in {
             ("nose.describe",): "the field 'name' must be a printable text",
             ("nose.describe", "name=\n"): "printable text",
-            ("nose.describe", "name=nobody"): "there is nobody",
+            ("nose.describe", "name=none"): "there is no face",
             ("nose.itself",): "it is a Smell",
         }.items():
             code, _, error = cli(folder, "call", *words)
@@ -221,7 +221,7 @@ def test_a_black_box_that_begins_in_the_middle_holds_them(installed, monkeypatch
     assert any(type_name(type(value)) == "odd_noses/Range" for value in held)
 
 
-def test_a_wire_between_two_classes_of_one_name_says_which(installed, monkeypatch):
+def test_a_wire_between_two_classes_of_one_name_names_both(installed, monkeypatch):
     from diffbotctl.config.load import check
 
     folder, _, _ = installed

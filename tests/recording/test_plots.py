@@ -161,7 +161,7 @@ def test_a_picture_that_cannot_be_written(goal, tmp_path, name, cause):
     assert not list(tmp_path.iterdir())
 
 
-def test_without_pillow_a_png_says_what_to_install(monkeypatch):
+def test_without_pillow_a_png_states_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "PIL", None)  # as Python has it for what is not installed
     with pytest.raises(UsageError, match="pip install pillow"):
         image_module.encode_png(make_figure([RAMP], "t"))
@@ -173,7 +173,7 @@ def test_text_fields_cannot_be_plotted(goal):
     assert [each.name for each in read_series(goal, ["range.range"])] == ["range.range.distance"]
 
 
-def test_a_stretch_of_time(goal):
+def test_a_period_of_time(goal):
     (part,) = read_series(goal, ["odometry.odometry.x"], 1_000_000_000, 2_000_000_000)
     (whole,) = read_series(goal, ["odometry.odometry.x"])
     inside = [(t, v) for t, v in zip(whole.times, whole.values, strict=True) if 1.0 <= t < 2.0]

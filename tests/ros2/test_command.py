@@ -22,7 +22,7 @@ def test_a_program_that_is_no_python(tmp_path):
     assert code == 1 and "could not be asked" in complaint
 
 
-def test_a_ros_without_some_packages_is_told_their_names(tmp_path):
+def test_a_ros_without_some_packages_gets_an_error_with_their_names(tmp_path):
     record = (
         '{"missing": {"nav_msgs": "no", "std_srvs": "no"}, "version": [3, 12, 3], '
         '"distribution": "jazzy", "middleware": ""}'

@@ -70,7 +70,7 @@ def inertial(**changes):
     return {"time": 5, **fields, "cause": "", **changes}
 
 
-def test_an_imu_has_its_turn_rate_and_says_what_it_does_not_measure():
+def test_an_imu_has_its_turn_rate_and_marks_what_it_does_not_measure():
     fields = conversion.imu(inertial())
     covariance = fields["angular_velocity_covariance"]
     assert fields["angular_velocity"] == {"z": 0.5}
@@ -155,7 +155,7 @@ def test_the_model_of_a_robot_survives_the_way_to_the_bridge():
     ]
 
 
-def test_a_robot_whose_files_are_elsewhere_has_no_description_and_says_so():
+def test_a_robot_whose_files_are_elsewhere_has_no_description_and_this_is_reported():
     status = {"pid": 1, "pipeline": "/nowhere/a.yaml", "robot": "/nowhere/b.yaml"}
     model, complaint = model_of_run(status, None)
     assert model.urdf == "" and "no robot description" in complaint

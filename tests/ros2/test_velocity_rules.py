@@ -19,7 +19,7 @@ from diffbotctl.ros2.velocity_rules import (
 
 LIMITS = Limits(0.3, 4.0)
 TELEOP = frozenset({"01"})
-NOBODY = frozenset()
+NO_PUBLISHERS = frozenset()
 
 
 def source(number, publishers=TELEOP):
@@ -87,7 +87,7 @@ def test_a_zero_passes_at_once_and_silence_after_it_latches_nothing():
     rules = moving()
     assert methods(rules.velocity_received(10.001, 0.0, 0.0, source(6))) == ["release"]
     assert rules.deadline() == inf and rules.time_passed(99.0) == []
-    assert rules.publishers_changed(NOBODY) == []
+    assert rules.publishers_changed(NO_PUBLISHERS) == []
     orders = rules.velocity_received(100.0, 0.1, 0.0, source(1, frozenset({"02"})))
     assert methods(orders) == ["drive"]
 
@@ -114,7 +114,7 @@ def test_a_zero_is_not_trusted_while_another_publisher_has_joined():
 
 def test_a_publisher_that_is_gone_while_moving_needs_resume():
     rules = moving()
-    orders = rules.publishers_changed(NOBODY)
+    orders = rules.publishers_changed(NO_PUBLISHERS)
     assert methods(orders) == ["operator_lost"] and "/teleop has ended" in orders[0].reason
     assert rules.velocity_received(11.0, 0.0, 0.0, source(6)) == []
     assert rules.velocity_received(11.1, 0.2, 0.0, source(7)) == []
@@ -124,7 +124,7 @@ def test_a_publisher_that_is_gone_while_moving_needs_resume():
 
 def test_a_publisher_that_is_gone_after_its_silence_cannot_rearm():
     rules = silent()
-    assert rules.publishers_changed(NOBODY) == []
+    assert rules.publishers_changed(NO_PUBLISHERS) == []
     assert rules.velocity_received(11.0, 0.0, 0.0, source(6)) == []
     assert rules.state is DriveState.HELD
 

@@ -41,13 +41,13 @@ def robot(folder, board="uno", left=5, right=6, radio="cable", sensor="A1"):
 )
 def test_a_goal_on_the_emulated_board(tmp_path, board, left, right, radio):
     file = robot(tmp_path, board, left, right, radio, "A1" if board == "uno" else "A7")
-    code, said = diffbotctl(
+    code, output = diffbotctl(
         "run", "goal", "--robot", file, "--port", "emulated", "--fast", "--quiet"
     )
-    assert code == 0, said
-    assert "goals 1 of 1 reached" in flat(said), said
-    assert "0 damaged, 0 lost" in flat(said), said
-    assert "final stop confirmed" in flat(said), said
+    assert code == 0, output
+    assert "goals 1 of 1 reached" in flat(output), output
+    assert "0 damaged, 0 lost" in flat(output), output
+    assert "final stop confirmed" in flat(output), output
 
 
 @pytest.mark.parametrize(
@@ -61,9 +61,9 @@ def test_a_goal_on_the_emulated_board(tmp_path, board, left, right, radio):
 )
 def test_pins_that_the_board_does_not_have(tmp_path, board, left, right, sensor, codes):
     file = robot(tmp_path, board, left, right, sensor=sensor)
-    code, said = diffbotctl("check", "goal", "--robot", file)
-    assert code == 2, said
-    assert sorted(set(re.findall("E-PIN-[A-Z]+", said))) == codes, said
+    code, output = diffbotctl("check", "goal", "--robot", file)
+    assert code == 2, output
+    assert sorted(set(re.findall("E-PIN-[A-Z]+", output))) == codes, output
 
 
 def test_the_check_and_the_board_agree_on_the_line_s_rate(tmp_path):

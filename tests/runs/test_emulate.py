@@ -22,14 +22,14 @@ def emulated(*words):
     shell = [*command_line("emulate", *words)]
     shell.insert(1, "-u")
     process = start_in_pipe(shell)
-    said = ""
+    output = ""
     try:
-        while "Ctrl-C ends" not in said:
+        while "Ctrl-C ends" not in output:
             line = process.stdout.readline()
-            assert line, said
-            said += line
-        ports = re.findall(r"^(?:USB|radio) port +(\S+)$", said, re.M)
-        yield process, said, *ports
+            assert line, output
+            output += line
+        ports = re.findall(r"^(?:USB|radio) port +(\S+)$", output, re.M)
+        yield process, output, *ports
     finally:
         process.kill()
         process.communicate()
@@ -37,10 +37,10 @@ def emulated(*words):
 
 @pytest.mark.parametrize("how", by_day(1, [signal.SIGTERM, signal.SIGINT]))
 def test_a_run_on_it_and_a_clean_end(how):
-    with emulated("book_2wd") as (process, said, usb, radio):
-        assert "EMULATED board with diffbot_mega2560.hex, SIMULATED robot" in said
-        code, told = diffbotctl(*run(radio, "--goal", "0.1 0"))
-        assert code == 0, told
+    with emulated("book_2wd") as (process, output, usb, radio):
+        assert "EMULATED board with diffbot_mega2560.hex, SIMULATED robot" in output
+        code, reported = diffbotctl(*run(radio, "--goal", "0.1 0"))
+        assert code == 0, reported
         process.send_signal(how)
         rest, _ = process.communicate(timeout=LONGEST)
     assert process.returncode == 0
@@ -49,8 +49,8 @@ def test_a_run_on_it_and_a_clean_end(how):
     assert not Path(usb).parent.exists()
 
 
-def test_stop_says_so_when_the_board_does_not_answer(tmp_path):
-    """As a radio out of range: the engine holds the robot, but nobody knows what the board does."""
+def test_stop_reports_a_board_that_does_not_answer(tmp_path):
+    """As a radio out of range: the engine holds the robot, but what the board does is unknown."""
     drive = ("goal", "--stay", "--goal", "30 0", "--port")
     with (
         emulated("book_2wd") as (process, _, _usb, radio),
@@ -74,7 +74,7 @@ def test_stop_says_so_when_the_board_does_not_answer(tmp_path):
                 os.kill(pid, signal.SIGCONT)
 
 
-def test_stop_says_so_when_the_board_never_answered(tmp_path):
+def test_stop_reports_a_board_that_never_answered(tmp_path):
     master, slave = os.openpty()
     try:
         port = os.ttyname(slave)
@@ -87,22 +87,22 @@ def test_stop_says_so_when_the_board_never_answered(tmp_path):
 
 
 def test_a_blank_board_is_flashed():
-    with emulated("book_2wd", "--blank") as (_, said, usb, _radio):
-        assert "nothing but its bootloader" in said
+    with emulated("book_2wd", "--blank") as (_, output, usb, _radio):
+        assert "nothing but its bootloader" in output
         words = ("flash", "firmware", "--robot", "book_2wd", "--port", usb, "--yes")
-        code, told = diffbotctl(*words)
-    assert code == 0, told
+        code, reported = diffbotctl(*words)
+    assert code == 0, reported
 
 
 def test_wrong_arguments_are_reported(tmp_path):
     hangs = tmp_path / "hangs.hex"
     hangs.write_text(write_hex(b"\xff\xcf").replace("FFCF", "FFCE"))
-    code, said = diffbotctl("emulate", "book_2wd_stock")
+    code, output = diffbotctl("emulate", "book_2wd_stock")
     assert code == 2
-    assert "this robot's board speaks rosserial" in flat(said)
-    code, said = diffbotctl("emulate", "book_2wd", "--hex", hangs)
+    assert "this robot's board speaks rosserial" in flat(output)
+    code, output = diffbotctl("emulate", "book_2wd", "--hex", hangs)
     assert code == 1
-    assert "E-FLASH-IMAGE" in said
+    assert "E-FLASH-IMAGE" in output
 
 
 def test_missing_packages_are_named(tmp_path):
@@ -124,6 +124,6 @@ def test_the_walls_of_a_pipeline(tmp_path):
         "world: {walls: [{from: [0.35 m, -1 m], to: [0.35 m, 1 m]}]}\n"
     )
     with emulated("book_2wd", "--world", walled) as (_, _, _usb, radio):
-        code, said = diffbotctl(*run(radio, "--goal", "0.6 0", "--set", "follower.patience=1 s"))
-    assert code == 1, said  # the goal was not reached
-    assert "obstacle" in said and "goals 0 of 1" in said, said
+        code, output = diffbotctl(*run(radio, "--goal", "0.6 0", "--set", "follower.patience=1 s"))
+    assert code == 1, output  # the goal was not reached
+    assert "obstacle" in output and "goals 0 of 1" in output, output

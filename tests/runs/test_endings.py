@@ -125,13 +125,13 @@ blocks:
 
 
 def test_a_full_disk_is_reported_at_once_and_the_run_continues():
-    told = []
+    reported = []
     setup = load("goal", None, ["world.walls=[]"])
-    run = Run(setup, RunOptions(fast=True, record="/dev/full"), tell=told.append)
+    run = Run(setup, RunOptions(fast=True, record="/dev/full"), tell=reported.append)
     result = run.go()
     assert result.reached == 1 and result.ending.stopped is True
     assert "No space left" in result.recording
-    assert len(told) == 1 and "RECORDING STOPPED" in told[0]
+    assert len(reported) == 1 and "RECORDING STOPPED" in reported[0]
 
 
 def test_a_killed_run_leaves_a_readable_recording_that_check_refuses(tmp_path):

@@ -46,17 +46,17 @@ def test_an_interrupted_flash_can_be_done_again_and_then_the_light_blinks(how):
         first = start_in_pipe(command_line(*words))
         wait_until(lambda: written(virtual, 1024))
         first.send_signal(how)
-        said, _ = first.communicate()
+        output, _ = first.communicate()
         assert not written(virtual, 7936), "it was not to be whole yet"
         if how == signal.SIGINT:
             assert first.returncode == 130
-            assert "run `flash firmware` again" in said
-        code, said = flash(virtual)
-        assert code == 0, said
-        code, said = diffbotctl("blink", "--port", virtual.usb, "--times", 2)
-        assert code == 0, said
-        assert "now blinks 2 times" in said
-        assert "40 frames a second, 0 damaged, 0 lost" in said
+            assert "run `flash firmware` again" in output
+        code, output = flash(virtual)
+        assert code == 0, output
+        code, output = diffbotctl("blink", "--port", virtual.usb, "--times", 2)
+        assert code == 0, output
+        assert "now blinks 2 times" in output
+        assert "40 frames a second, 0 damaged, 0 lost" in output
 
 
 def test_a_person_is_asked_and_sees_how_far_it_is():
@@ -90,42 +90,42 @@ def on_a_terminal(words, answer):
     return process.wait(LONGEST), shown.decode(errors="replace")
 
 
-def test_nobody_to_ask_is_no_consent():
+def test_no_terminal_to_ask_on_is_no_consent():
     with closing(PseudoTerminal()) as port:
-        code, said = diffbotctl("flash", "firmware", "--port", port.name, "--robot", "book_2wd")
+        code, output = diffbotctl("flash", "firmware", "--port", port.name, "--robot", "book_2wd")
     assert code == 2
-    assert "--yes" in said
+    assert "--yes" in output
 
 
 def test_avrdude_does_it_as_well_and_a_robot_file_of_the_other_protocol_is_named():
     with board(image=None) as virtual:
         words = ("flash", "firmware", "--port", virtual.usb, "--robot", "book_2wd_stock", "--yes")
-        code, said = diffbotctl(*words, "--programmer", "avrdude")
-    assert code == 0, said
-    assert "written and verified by avrdude" in said
-    assert "link: {protocol: diffbot}" in flat(said)
-    assert "ready" in said
+        code, output = diffbotctl(*words, "--programmer", "avrdude")
+    assert code == 0, output
+    assert "written and verified by avrdude" in output
+    assert "link: {protocol: diffbot}" in flat(output)
+    assert "ready" in output
 
 
 def test_a_port_in_use_names_who_uses_it():
     with closing(PseudoTerminal()) as port, closing(SerialPortDevice(port.name, 115200)):
         for programmer in ("built-in", "avrdude"):
             words = ("flash", "firmware", "--port", port.name, "--robot", "book_2wd", "--yes")
-            code, said = diffbotctl(*words, "--programmer", programmer)
+            code, output = diffbotctl(*words, "--programmer", programmer)
             assert code == 1
-            assert "E-PORT-BUSY" in said
-            assert f"(process {os.getpid()})" in flat(said)
+            assert "E-PORT-BUSY" in output
+            assert f"(process {os.getpid()})" in flat(output)
 
 
 def test_a_port_that_is_not_there():
     for words in (("flash", "firmware", "--yes"), ("blink",)):
-        code, said = diffbotctl(*words, "--robot", "book_2wd", "--port", "/dev/ttyACM99")
+        code, output = diffbotctl(*words, "--robot", "book_2wd", "--port", "/dev/ttyACM99")
         assert code == 1
-        assert "E-PORT-OPEN" in said and "there is no such port" in said
+        assert "E-PORT-OPEN" in output and "there is no such port" in output
 
 
 def refused(forbid):
-    """What is said of a port that `forbid` has been done to; root has every right, so it looks as
+    """The error of a port that `forbid` has been applied to; root has every right, so it looks as
     the user `nobody`."""
     master, slave = os.openpty()
     forbid(slave)
@@ -149,7 +149,7 @@ def test_a_port_without_the_right_to_it():
 
 
 def test_a_port_that_another_program_keeps_for_itself():
-    """ModemManager and serial monitors do so; the kernel then lets nobody but root open it."""
+    """ModemManager and serial monitors do so; the kernel then lets only root open it."""
 
     def keep(slave):
         os.fchmod(slave, 0o666)
@@ -158,7 +158,7 @@ def test_a_port_that_another_program_keeps_for_itself():
     assert refused(keep).code == "E-PORT-BUSY"
 
 
-def test_a_program_that_says_nothing(tmp_path):
+def test_a_program_that_publishes_nothing(tmp_path):
     silent = tmp_path / "silent.hex"
     silent.write_text(write_hex(HANGS))
     with board(image=None) as virtual, pytest.raises(RunError) as raised:
@@ -172,10 +172,10 @@ def test_another_program_is_written_and_left_alone(tmp_path):
     other = tmp_path / "other.hex"
     other.write_text(write_hex(HANGS))
     with board() as virtual:
-        code, said = flash(virtual, "--hex", other)
-        assert code == 0, said
+        code, output = flash(virtual, "--hex", other)
+        assert code == 0, output
         assert virtual.board.emulator.flash(0, 2) == HANGS
-    assert "256 bytes written and verified" in said
+    assert "256 bytes written and verified" in output
 
 
 def test_a_backup_overwrites_nothing(tmp_path):
@@ -184,8 +184,8 @@ def test_a_backup_overwrites_nothing(tmp_path):
     for file, cause in ((earlier, "exists"), (tmp_path / "nowhere" / "b.hex", "folder")):
         with closing(PseudoTerminal()) as port:
             words = ("flash", "firmware", "--port", port.name, "--robot", "book_2wd", "--yes")
-            code, said = diffbotctl(*words, "--backup", file)
-        assert (code, "E-FLASH-BACKUP" in said, cause in said) == (1, True, True), said
+            code, output = diffbotctl(*words, "--backup", file)
+        assert (code, "E-FLASH-BACKUP" in output, cause in output) == (1, True, True), output
     assert earlier.read_text() == "the only copy"
 
 
@@ -197,8 +197,8 @@ def test_what_was_on_the_board_comes_back(tmp_path):
     older, saved = tmp_path / "older.hex", tmp_path / "saved.hex"
     older.write_text(write_hex(before))
     with board(image=older) as virtual:
-        code, said = flash(virtual, "--backup", saved)
-        assert code == 0, said
+        code, output = flash(virtual, "--backup", saved)
+        assert code == 0, output
         assert virtual.board.emulator.flash(0, len(before)) != before
         assert flash(virtual, "--hex", saved)[0] == 0
         assert virtual.board.emulator.flash(0, len(before)) == before

@@ -37,18 +37,18 @@ LAST = Goal(0, 0, 50.0, 0.0)  # beyond the wall
 
 
 def fly(where, sets=WALL, goals=ONE, **options):
-    """Run with a flight recorder; the lines that were said, and the flights."""
-    told = []
+    """Run with a flight recorder; the lines that were printed, and the flights."""
+    notices = []
     run = Run(
         load("goal", None, sets),
         RunOptions(fast=True, flights=where, goals=goals, **options),
-        tell=told.append,
+        tell=notices.append,
     )
     result = run.go()
-    return result, told, sorted(where.glob("*.mcap"), key=lambda path: path.stat().st_mtime_ns)
+    return result, notices, sorted(where.glob("*.mcap"), key=lambda path: path.stat().st_mtime_ns)
 
 
-def said_by_blocks(path, after=-1):
+def texts_of_blocks(path, after=-1):
     return [
         (item.time, item.wire, item.data)
         for item in RecordingReader(path).messages()
@@ -57,9 +57,9 @@ def said_by_blocks(path, after=-1):
 
 
 def test_a_stop_is_announced_with_a_command_for_the_file(tmp_path):
-    result, told, flights = fly(tmp_path)
+    result, notices, flights = fly(tmp_path)
     assert result.stops and result.ending.code == 1
-    assert told == [
+    assert notices == [
         line
         for path in flights
         for line in (
@@ -96,19 +96,21 @@ def test_why_explains_the_newest_run_when_none_is_active(tmp_path):
 
 
 def test_a_run_without_a_stop_leaves_nothing(tmp_path):
-    result, told, flights = fly(tmp_path, sets=("world.walls=[]",), goals=(Goal(0, 0, 0.2, 0.0),))
+    result, notices, flights = fly(
+        tmp_path, sets=("world.walls=[]",), goals=(Goal(0, 0, 0.2, 0.0),)
+    )
     assert result.ending.code == 0
-    assert (told, flights) == ([], [])
+    assert (notices, flights) == ([], [])
 
 
-def test_a_replay_makes_all_that_was_said_anew(tmp_path):
+def test_a_replay_reproduces_all_messages(tmp_path):
     _, _, flights = fly(tmp_path / "flights")
     full, again = tmp_path / "full.mcap", tmp_path / "again.mcap"
     sets = load("goal", None, WALL)
     Run(sets, RunOptions(fast=True, record=full, goals=ONE)).go()
     done = replay_run(recorded_run.read_run(flights[-1]), ReplayOptions(record=again))
     assert done.begins == "run"
-    assert said_by_blocks(again) == said_by_blocks(full)
+    assert texts_of_blocks(again) == texts_of_blocks(full)
 
 
 @pytest.fixture(scope="module")
@@ -116,26 +118,26 @@ def long(tmp_path_factory):
     """A flight of a run of five minutes and more, and a recording of the same run."""
     where = tmp_path_factory.mktemp("long")
     sets = ("world.walls=[{from: [3 m, -9 m], to: [3 m, 9 m]}]", "follower.patience=2 s")
-    _, told, flights = fly(where / "flights", sets, (*ROUND, LAST), seed=5)
+    _, notices, flights = fly(where / "flights", sets, (*ROUND, LAST), seed=5)
     full = where / "full.mcap"
     Run(
         load("goal", None, sets), RunOptions(fast=True, record=full, goals=(*ROUND, LAST), seed=5)
     ).go()
-    return told, flights, full
+    return notices, flights, full
 
 
 @pytest.mark.nightly
 def test_of_a_long_run_the_last_minutes_are_kept_and_replayed_bit_for_bit(long, tmp_path):
-    told, flights, full = long
-    assert "The last 3 minutes are kept" in told[-2]
+    notices, flights, full = long
+    assert "The last 3 minutes are kept" in notices[-2]
     run = recorded_run.read_run(flights[-1])
     assert run.begins == "state"
     begin = run.state[0]
     assert 180e9 <= run.last - begin <= 245e9  # the span, and up to a state or two before it
     again = tmp_path / "again.mcap"
     replay_run(run, ReplayOptions(record=again))
-    assert said_by_blocks(again) == said_by_blocks(full, after=begin)
-    assert len(said_by_blocks(again)) > 10_000
+    assert texts_of_blocks(again) == texts_of_blocks(full, after=begin)
+    assert len(texts_of_blocks(again)) > 10_000
 
 
 @pytest.mark.nightly
@@ -151,7 +153,7 @@ def test_only_live_parameters_can_be_changed_in_a_replay_from_a_state(long):
 
 
 @pytest.mark.nightly
-def test_the_command_says_where_a_replay_begins(long, tmp_path):
+def test_the_command_prints_where_a_replay_begins(long, tmp_path):
     path = long[1][-1]
     result = CliRunner().invoke(program, ["replay", str(path), "--set", "guard.margin=0.2 m"])
     assert re.search(r"^starts \d+\.\d\d s after the run.s start, in a saved state", result.output)
@@ -191,11 +193,11 @@ def test_a_black_box_file_that_was_cut_is_replayed_up_to_there(tmp_path):
     assert not recorded_run.read_run(flights[-1]).is_cut
 
 
-def test_a_folder_that_cannot_be_made_is_said_and_the_run_goes_on(tmp_path):
+def test_a_folder_that_cannot_be_made_is_reported_and_the_run_goes_on(tmp_path):
     (tmp_path / "file").write_text("")
-    result, told, _ = fly(tmp_path / "file" / "flights")
+    result, notices, _ = fly(tmp_path / "file" / "flights")
     assert result.ending.stopped is True
-    assert told and all("could not be kept" in line for line in told)
+    assert notices and all("could not be kept" in line for line in notices)
 
 
 def test_only_the_newest_flights_are_kept(tmp_path):
@@ -243,10 +245,10 @@ def test_every_shipped_pipeline_goes_on_from_its_state(tmp_path, pipeline, robot
     Run(setup, RunOptions(fast=True, duration=4.0, record=full, seed=2)).go()
     half = 2_000_000_000
 
-    def engine(after, said):
+    def engine(after, printed):
         inputs = (each for each in RecordingReader(full).messages() if each.time > after)
         graph = assemble(setup, real=False).graph
-        return Engine(graph, [ReplayDriver(inputs)], VirtualClock(), record=said.append)
+        return Engine(graph, [ReplayDriver(inputs)], VirtualClock(), record=printed.append)
 
     first, rest = [], []
     before, behind = engine(-1, first), engine(half, rest)

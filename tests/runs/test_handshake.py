@@ -1,6 +1,6 @@
-"""Who answers on a port, told by the real program on real pseudo-terminals; and the way out.
+"""Who answers on a port, found by the real program on real pseudo-terminals; and the way out.
 
-Each stranger is the real thing: a port where nobody speaks, the book's board, the stock bootloader,
+Each stranger is the real thing: a silent port, the book's board, the stock bootloader,
 our firmware of another version, a wire at another rate, a board with other settings.
 """
 
@@ -32,10 +32,10 @@ RADIO_RATES = "9600, 115200, 19200, 38400 or 57600"
 
 
 def meet(port, *words):
-    """Try to blink a light behind a port; (exit code, what was said)."""
-    code, said = diffbotctl("blink", "--robot", "book_2wd", "--times", 1, "--port", port, *words)
-    assert "Traceback" not in said
-    return code, flat(said)
+    """Try to blink a light behind a port; (exit code, output)."""
+    code, output = diffbotctl("blink", "--robot", "book_2wd", "--times", 1, "--port", port, *words)
+    assert "Traceback" not in output
+    return code, flat(output)
 
 
 @pytest.mark.parametrize(
@@ -43,12 +43,12 @@ def meet(port, *words):
 )
 def test_a_silent_port(tmp_path, name, tried):
     with named_port(tmp_path, name) as (port, _):
-        code, said = diffbotctl(*run(port))
+        code, output = diffbotctl(*run(port))
     assert code == 1
-    said = flat(said)
-    assert "E-PORT-SILENT" in said
-    assert f"nothing answers at {tried} baud" in said
-    assert "switched on" in said
+    output = flat(output)
+    assert "E-PORT-SILENT" in output
+    assert f"nothing answers at {tried} baud" in output
+    assert "switched on" in output
 
 
 def test_the_book_s_firmware(tmp_path):
@@ -56,20 +56,20 @@ def test_the_book_s_firmware(tmp_path):
     try:
         port = tmp_path / "rfcomm0"
         port.symlink_to(stock.name)
-        code, said = meet(port)
+        code, output = meet(port)
     finally:
         stock.close()
     assert code == 1
-    assert "E-BOARD-ROSSERIAL" in said
-    assert "flash firmware" in said and "protocol: rosserial" in said
+    assert "E-BOARD-ROSSERIAL" in output
+    assert "flash firmware" in output and "protocol: rosserial" in output
 
 
 def test_the_bootloader_alone():
     with board(image=None) as virtual:
-        code, said = meet(virtual.usb)
+        code, output = meet(virtual.usb)
     assert code == 1
-    assert "E-BOARD-BLANK" in said
-    assert "flash firmware" in said
+    assert "E-BOARD-BLANK" in output
+    assert "flash firmware" in output
 
 
 def test_a_firmware_that_prints_lines(tmp_path):
@@ -77,20 +77,20 @@ def test_a_firmware_that_prints_lines(tmp_path):
         named_port(tmp_path, "rfcomm0") as (port, end),
         talking(end, lambda _: b"distance 12 cm\r\n", 0.05),
     ):
-        code, said = meet(port)
+        code, output = meet(port)
     assert code == 1
-    assert "E-BOARD-UNKNOWN" in said
-    assert f"unknown bytes arrive at {RADIO_RATES} baud" in said
-    assert "flash firmware" in said
+    assert "E-BOARD-UNKNOWN" in output
+    assert f"unknown bytes arrive at {RADIO_RATES} baud" in output
+    assert "flash firmware" in output
 
 
 @pytest.mark.parametrize("name", ["rfcomm0", "ttyUSB0"])
 def test_an_echoing_line_is_no_board(tmp_path, name):
     # TX and RX touch: each byte comes back.
-    with named_port(tmp_path, name) as (port, end), talking(end, lambda heard: heard):
-        code, said = meet(port)
+    with named_port(tmp_path, name) as (port, end), talking(end, lambda received: received):
+        code, output = meet(port)
     assert code == 1
-    assert "E-PORT-ECHO" in said and "returns what is sent" in said
+    assert "E-PORT-ECHO" in output and "returns what is sent" in output
 
 
 def test_a_sketch_that_sends_nothing(tmp_path):
@@ -98,10 +98,10 @@ def test_a_sketch_that_sends_nothing(tmp_path):
     silent = tmp_path / "silent.hex"
     silent.write_text(write_hex(bytes.fromhex("ffcf")))  # rjmp to itself
     with board(image=silent) as virtual:
-        code, said = meet(virtual.usb)
+        code, output = meet(virtual.usb)
     assert code == 1
-    assert "E-BOARD-UNKNOWN" in said or "E-PORT-SILENT" in said
-    assert "unknown bytes" not in said
+    assert "E-BOARD-UNKNOWN" in output or "E-PORT-SILENT" in output
+    assert "unknown bytes" not in output
 
 
 @pytest.mark.parametrize("rate", by_day(1, [4800, 230400]))
@@ -109,10 +109,10 @@ def test_a_radio_at_another_rate(tmp_path, rate):
     """Behind a radio module at a rate that the board's port cannot have, no rate can be read."""
     with board() as virtual, SerialWire(virtual.radio, tmp_path / "rfcomm0", rate=rate) as wire:
         virtual.board.emulator.reset()  # it speaks at its start
-        code, said = meet(wire.name)
+        code, output = meet(wire.name)
     assert code == 1
-    assert re.search("E-BOARD-UNKNOWN|E-PORT-SILENT", said)
-    assert f"{RADIO_RATES} baud" in said
+    assert re.search("E-BOARD-UNKNOWN|E-PORT-SILENT", output)
+    assert f"{RADIO_RATES} baud" in output
 
 
 @pytest.mark.parametrize("rate", by_day(1, [57600, 19200, 38400]))
@@ -120,9 +120,9 @@ def test_a_board_at_the_rate_of_earlier_settings(tmp_path, rate):
     """It is found at its rate, takes the robot file's settings, and changes to their rate."""
     with board() as virtual, SerialWire(virtual.radio, tmp_path / "rfcomm0", rate=rate) as wire:
         wire.follow(9600)
-        code, said = meet(wire.name)
+        code, output = meet(wire.name)
         assert wire.rate == 9600
-    assert code == 0, said
+    assert code == 0, output
 
 
 @pytest.fixture(scope="module")
@@ -143,28 +143,28 @@ def newer(tmp_path_factory):
 @pytest.mark.nightly
 def test_another_protocol_version_and_its_fix_by_flashing(newer):
     with board(image=newer) as virtual:
-        code, said = meet(virtual.radio)
+        code, output = meet(virtual.radio)
         assert code == 1
-        assert "E-BOARD-VERSION" in said
+        assert "E-BOARD-VERSION" in output
         ours, theirs = frames.VERSION, frames.VERSION + 1
-        assert f"uses version {theirs} of the protocol, this diffbotctl version {ours}" in said
-        assert "install the newer diffbotctl" in said
+        assert f"uses version {theirs} of the protocol, this diffbotctl version {ours}" in output
+        assert "install the newer diffbotctl" in output
         assert flash(virtual)[0] == 0
-        code, said = meet(virtual.radio)
-        assert code == 0, said
+        code, output = meet(virtual.radio)
+        assert code == 0, output
 
 
 def test_other_settings_are_sent_and_kept():
     with board() as virtual:
         names = []
         for _ in range(2):
-            code, said = meet(virtual.radio)
-            assert code == 0, said
-            names.append(re.search("settings ([0-9A-F]{4}), ready", said)[1])
-        code, said = diffbotctl(
+            code, output = meet(virtual.radio)
+            assert code == 0, output
+            names.append(re.search("settings ([0-9A-F]{4}), ready", output)[1])
+        code, output = diffbotctl(
             *run(virtual.radio, "--goal", "0.1 0", "--set", "robot.board.deadman=400ms")
         )
-        assert code == 0, said
+        assert code == 0, output
         stored = virtual.board.emulator.eeprom()
         new = replace(virtual.board.settings, deadman=400_000_000)
     assert names[0] == names[1]
@@ -185,9 +185,9 @@ def test_the_first_contact_is_made_at_9600_and_then_the_file_s_rate_is_used(tmp_
     """A new board speaks at 9600; its settings say 19200, and it changes with its answer."""
     with board() as virtual, SerialWire(virtual.radio, tmp_path / "rfcomm0", rate=9600) as wire:
         wire.follow(19200)
-        code, said = diffbotctl(
+        code, output = diffbotctl(
             *run(wire.name, "--goal", "0.1 0", "--set", "robot.link.baud=19200")
         )
         assert wire.rate == 19200
-    assert code == 0, said
-    assert "goals 1 of 1 reached" in said
+    assert code == 0, output
+    assert "goals 1 of 1 reached" in output

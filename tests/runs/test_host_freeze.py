@@ -39,7 +39,7 @@ def test_a_block_that_hangs_is_stopped_and_named():
     assert "block hangs took 2" in outcome.output  # 2.5 s, or 2500 ms
 
 
-def test_the_watchdog_of_a_killed_host_says_that_it_has_stopped_the_robot():
+def test_the_watchdog_of_a_killed_host_reports_that_it_has_stopped_the_robot():
     with stand(4) as place:
         process = place.start(PROGRAM)
         since = place.now

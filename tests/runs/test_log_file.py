@@ -38,9 +38,9 @@ def test_one_line_per_event_not_per_message(tmp_path):
     path = tmp_path / "run.jsonl"
     run = Run(load("goal", None, WALL), RunOptions(fast=True, log=path, duration=20.0))
     run.go()
-    said = [line["text"] for line in written(path)]
-    assert any("STOP obstacle" in text for text in said)
-    assert len(said) < 60  # 20 s are 800 telemetry frames
+    output = [line["text"] for line in written(path)]
+    assert any("STOP obstacle" in text for text in output)
+    assert len(output) < 60  # 20 s are 800 telemetry frames
 
 
 def test_a_second_run_adds_to_the_file(tmp_path):
@@ -52,12 +52,14 @@ def test_a_second_run_adds_to_the_file(tmp_path):
 
 
 def test_a_full_disk_is_reported_once_and_the_run_continues():
-    told = []
-    run = Run(load("goal"), RunOptions(fast=False, log="/dev/full", duration=1.5), tell=told.append)
+    reported = []
+    run = Run(
+        load("goal"), RunOptions(fast=False, log="/dev/full", duration=1.5), tell=reported.append
+    )
     result = run.go()
     assert result.ending.stopped is True
-    assert len(told) == 1
-    assert "LOG STOPPED: /dev/full" in told[0] and "No space left" in told[0]
+    assert len(reported) == 1
+    assert "LOG STOPPED: /dev/full" in reported[0] and "No space left" in reported[0]
 
 
 def test_a_file_that_cannot_be_opened_is_refused_before_anything_starts(tmp_path):

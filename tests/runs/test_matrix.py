@@ -89,7 +89,7 @@ def test_a_goal_is_not_claimed_when_an_encoder_loses_every_second_slot(number):
 
 
 @each_once(number=[0, 1, 2], plant=[1, 2])
-def test_what_moments_without_edges_cost_is_told(number, plant):
+def test_the_cost_of_moments_without_edges_is_reported(number, plant):
     result = run_case(Case(11, fine_robot(number), "silent_for_moments", plant, 0))
     assert result.end != "reached" or result.true_error < 0.05
 

@@ -57,11 +57,11 @@ def standby_of(driver):
 )
 def test_a_goal_on_the_emulated_board(tmp_path, driver, board):
     file = robot(tmp_path, driver, board, standby_of(driver))
-    code, said = diffbotctl(
+    code, output = diffbotctl(
         "run", "goal", "--robot", file, "--port", "emulated", "--fast", "--quiet"
     )
-    assert code == 0, said
-    assert "goals 1 of 1 reached" in flat(said), said
+    assert code == 0, output
+    assert "goals 1 of 1 reached" in flat(output), output
 
 
 @each_once(board=[name for name in BOARDS if name != "nano"], driver=KINDS)
@@ -193,7 +193,7 @@ def test_an_emulated_board_brakes_and_coasts_in_the_plant(tmp_path):
         loaded = load_robot(str(base)).robot
         board = emulated_board(loaded, 1)
         try:
-            board.plant._shorted = (idle != "brake", idle != "brake")  # the board says otherwise
+            board.plant._shorted = (idle != "brake", idle != "brake")  # the board reports otherwise
             rolled[idle] = _roll_on(board)
         finally:
             board.emulator.close()

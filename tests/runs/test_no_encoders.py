@@ -60,19 +60,19 @@ class TimedDrive(Run):
 
 
 @each_once(seed=range(10), velocity=[(0.2, 0.0), (-0.15, 0.0), (0.15, 1.0), (0.0, 2.0)])
-def test_a_drive_by_hand_is_told_with_a_wide_covariance(kit, velocity, seed):
+def test_a_drive_by_hand_is_reported_with_a_wide_covariance(kit, velocity, seed):
     options = RunOptions(seed=seed, fast=True, duration=5.0, stay=True)
     run = TimedDrive(load("teleop", str(kit), ["world.walls=[]", "world.obstacles=[]"]), options)
     run.hold(*velocity)
     result = run.go()
-    told, true = run.poses[-1], result.truth.pose
-    assert isinstance(told, Odometry) and "no encoder" in told.warning
-    xx, _, _, yy, _, hh = told.covariance
+    reported, true = run.poses[-1], result.truth.pose
+    assert isinstance(reported, Odometry) and "no encoder" in reported.warning
+    xx, _, _, yy, _, hh = reported.covariance
     if velocity[0] and not velocity[1]:
-        assert abs(true.x) > 0.25 and sqrt(xx) > 0.1 * abs(told.x)
-        assert abs(true.x - told.x) < 3.5 * sqrt(xx)
-    assert abs(true.heading - told.heading) < 3.5 * sqrt(hh)
-    assert hypot(true.x - told.x, true.y - told.y) < 4.0 * sqrt(xx + yy) + 0.02
+        assert abs(true.x) > 0.25 and sqrt(xx) > 0.1 * abs(reported.x)
+        assert abs(true.x - reported.x) < 3.5 * sqrt(xx)
+    assert abs(true.heading - reported.heading) < 3.5 * sqrt(hh)
+    assert hypot(true.x - reported.x, true.y - reported.y) < 4.0 * sqrt(xx + yy) + 0.02
 
 
 def test_the_real_firmware_drives_by_duty_and_notices_no_stall(kit):
@@ -119,19 +119,19 @@ def driven(driver, command, duration):
 
 @pytest.mark.parametrize("port", ["sim", "emulated"])
 def test_a_goal_is_refused_with_the_reason(kit, port):
-    code, said = diffbotctl("run", "goal", "--robot", kit, "--port", port, "--quiet")
-    assert code == 2, said
-    assert "E-ENCODER-NONE" in said and "'follower' cannot reach a goal" in flat(said), said
+    code, output = diffbotctl("run", "goal", "--robot", kit, "--port", port, "--quiet")
+    assert code == 2, output
+    assert "E-ENCODER-NONE" in output and "'follower' cannot reach a goal" in flat(output), output
 
 
-def test_the_check_says_what_works(kit):
+def test_the_check_prints_what_works(kit):
     (problem,) = check("teleop", str(kit), ())
     assert problem.code == "W-ENCODER-NONE" and "driving by hand and for a time" in problem.fix
 
 
 def test_calibration_is_refused(kit):
-    code, said = diffbotctl("calibrate", "motors", "--robot", kit, "--port", "sim", "--dry-run")
-    assert code == 2 and "E-ENCODER-NONE" in said, said
+    code, output = diffbotctl("calibrate", "motors", "--robot", kit, "--port", "sim", "--dry-run")
+    assert code == 2 and "E-ENCODER-NONE" in output, output
 
 
 def test_no_encoder_is_drawn_or_sent(kit):

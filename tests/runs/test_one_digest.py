@@ -83,7 +83,7 @@ def test_a_live_run_over_a_line_that_splits_and_pauses_is_replayed_as_it_was(tmp
     board = BookBoardPort(SensingBoard())  # a constant voltage would be a fault after 3 s
     line = Shaken(board, seed)
     try:
-        live, said = digest(
+        live, output = digest(
             "run",
             "goal",
             "--robot",
@@ -104,7 +104,7 @@ def test_a_live_run_over_a_line_that_splits_and_pauses_is_replayed_as_it_was(tmp
     finally:
         line.close()
         board.close()
-    assert float(re.search(r"path ([\d.]+) m", said)[1]) > 0.02, said
-    replayed, said = digest("replay", log, "--check")
-    assert "bit for bit" in said
+    assert float(re.search(r"path ([\d.]+) m", output)[1]) > 0.02, output
+    replayed, output = digest("replay", log, "--check")
+    assert "bit for bit" in output
     assert replayed == live

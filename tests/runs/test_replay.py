@@ -34,7 +34,7 @@ def goal(tmp_path_factory):
     return recorded_run.read_run(path)
 
 
-def said(*words):
+def output_of(*words):
     return invoke(program, "replay", *words)
 
 
@@ -91,21 +91,21 @@ def rewritten(goal, path, wires, kept=lambda item: True):
         recording = RecordingWriter(file, RecordingHeader(kinds, sources, reader.about))
         for _, group in groupby(items, key=lambda item: item.instant):
             instant = list(group)
-            said = {item.wire: item.message for item in instant}
-            recording.write((instant[0].time, *(said.get(wire) for wire in kinds)))
+            output_of = {item.wire: item.message for item in instant}
+            recording.write((instant[0].time, *(output_of.get(wire) for wire in kinds)))
         recording.finish(reader.end)
     return recorded_run.read_run(path)
 
 
 @pytest.mark.parametrize("missing", by_day(1, ["log", "follower.state"]))
-def test_a_wire_that_the_recording_lacks_is_said_and_not_compared(goal, tmp_path, missing):
+def test_a_wire_that_the_recording_lacks_is_reported_and_not_compared(goal, tmp_path, missing):
     whole = replay_run(goal, ReplayOptions(check=True))
     assert missing in goal.wires and not whole.left_out
     old = rewritten(goal, tmp_path / "old.mcap", set(goal.wires) - {missing})
     done = replay_run(old, ReplayOptions(check=True))
     assert done.difference is None and set(done.left_out) == {missing}
     assert done.compared + done.left_out[missing] == whole.compared
-    code, text = said(old.path, "--check")
+    code, text = output_of(old.path, "--check")
     assert code == 0 and f"messages on {missing}, a wire the recording does not have" in text
 
 
@@ -113,7 +113,7 @@ def test_a_wire_that_the_recording_has_is_compared_to_its_last_message(goal, tmp
     silent = rewritten(goal, tmp_path / "silent.mcap", goal.wires, lambda item: item.wire != "log")
     done = replay_run(silent, ReplayOptions(check=True))
     assert done.difference.wire in ("log", "(time)") and not done.left_out
-    assert said(silent.path, "--check")[0] == 1
+    assert output_of(silent.path, "--check")[0] == 1
 
 
 def test_beside_a_wire_that_is_left_out_a_single_lost_message_shows(goal, tmp_path):
@@ -131,11 +131,11 @@ def test_a_recording_that_was_cut_is_replayed_up_to_there(goal, tmp_path):
     path = tmp_path / "cut.mcap"
     path.write_bytes(goal.path.read_bytes()[:90_000])
     last = max(item.time for item in RecordingReader(path).messages())
-    code, text = said(path)
+    code, text = output_of(path)
     assert code == 0 and 0 < last < goal.last
     assert f"the recording is incomplete: it was cut at {last / SECOND:.2f} s" in text
     assert f"replayed {last / SECOND:.2f} s" in text
-    assert json.loads(said(path, "--json")[1])["cut"] is True
+    assert json.loads(output_of(path, "--json")[1])["cut"] is True
 
 
 @pytest.mark.parametrize("begin, until", by_day(2, [(0, 3), (2, 4), (2, 100), (6, 6.5)]))
@@ -169,19 +169,19 @@ def test_what_cannot_drive_once_more(goal, change, reason):
 
 
 def test_the_command_prints_the_metrics_of_both(goal):
-    code, text = said(goal.path, "--set", SLOWER[0])
+    code, text = output_of(goal.path, "--set", SLOWER[0])
     assert code == 0 and "drives again" in text
     row = re.search(r"time to goal +([\d.]+) s +([\d.]+) s +\+([\d.]+) s", text)
     assert row and float(row[2]) - float(row[1]) == pytest.approx(float(row[3]), abs=0.002)
     for name in ("cross track max", "cross track rms", "stops", "true error", "path"):
         assert name in text
-    code, text = said(goal.path, "--set", SLOWER[0], "--same-motion")
+    code, text = output_of(goal.path, "--set", SLOWER[0], "--same-motion")
     assert "with the recorded motion (as requested)" in text
     assert re.search(r"path .* same", text)
 
 
 def test_the_command_plays_a_part_at_a_speed(goal):
-    code, text = said(goal.path, "--rate", 1000, "--from", "2s", "--until", "4s")
+    code, text = output_of(goal.path, "--rate", 1000, "--from", "2s", "--until", "4s")
     assert code == 0 and "replayed 4.00 s" in text and "cross track rms" in text
 
 

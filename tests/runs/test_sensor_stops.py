@@ -22,9 +22,9 @@ def test_the_robot_stops_before_the_wall(tmp_path, kind, port):
     words = ["run", "goal", "--fast", "--port", port, "--goal", goal, "--for", f"{DRIVE_TIME_S}s"]
     for each in (*sensor.sets, *STOP_SETS):
         words += ["--set", each]
-    code, said, complaints = cli(tmp_path, *words)
-    assert code == 1, said + complaints
-    assert re.search(r"stop at .*(too_close|obstacle)", said), said
-    pose = re.search(r"pose x (\S+) m", said)
-    assert pose is not None, said
-    assert GAP_MIN < gap(float(pose.group(1))) < sensor.gap_max, said
+    code, output, complaints = cli(tmp_path, *words)
+    assert code == 1, output + complaints
+    assert re.search(r"stop at .*(too_close|obstacle)", output), output
+    pose = re.search(r"pose x (\S+) m", output)
+    assert pose is not None, output
+    assert GAP_MIN < gap(float(pose.group(1))) < sensor.gap_max, output

@@ -25,8 +25,8 @@ def test_the_pipelines_for_every_robot_drive_them_too(robot, pipeline, seed):
     assert (result.reached, result.ending.code) == (GOALS[pipeline], 0)
     assert result.ending.stopped is True
     assert not result.stops
-    believed, true = result.odometry, result.truth.pose
-    assert hypot(believed.x - true.x, believed.y - true.y) < 0.03
+    estimated, true = result.odometry, result.truth.pose
+    assert hypot(estimated.x - true.x, estimated.y - true.y) < 0.03
 
 
 def test_the_turtle_reaches_goals_in_its_field():

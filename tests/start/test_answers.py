@@ -37,7 +37,7 @@ def test_words_stay_words_and_lists_answer_in_turn(answers):
         ("{", "lifted", "invalid YAML"),
     ],
 )
-def test_what_is_wrong_is_said(answers, text, name, words):
+def test_errors_are_reported(answers, text, name, words):
     with pytest.raises(UsageError) as raised:
         file = answers(text)
         for _ in range(2):

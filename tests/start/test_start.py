@@ -29,7 +29,7 @@ class Person:
         }
 
     def types(self, *words, answers=None):
-        """A command and what it says; exit code and text."""
+        """Run a command; exit code and output."""
         if answers is not None:
             (self.folder / "answers.yaml").write_text(answers)
             words = (*words, "--answers", "answers.yaml")
@@ -49,40 +49,40 @@ def person(tmp_path):
     return Person(tmp_path)
 
 
-def test_without_a_board_it_comes_to_a_simulated_goal_asks_nothing_and_says_what_is_next(person):
-    code, said = person.types("start")
-    assert code == 0, said
-    assert "SIMULATED" in said and "1 of 1 reached" in said
-    assert "next: the board is searched" in said
-    assert "No board is connected" in said
-    assert max(map(len, said.splitlines())) <= 80
+def test_without_a_board_it_comes_to_a_simulated_goal_asks_nothing_and_prints_the_next_step(person):
+    code, output = person.types("start")
+    assert code == 0, output
+    assert "SIMULATED" in output and "1 of 1 reached" in output
+    assert "next: the board is searched" in output
+    assert "No board is connected" in output
+    assert max(map(len, output.splitlines())) <= 80
     assert person.done() == ["simulated", "robot"]
-    code, said = person.types("start", "--status")
-    assert "done   2 of 8" in said and "next   3 of 8" in said
+    code, output = person.types("start", "--status")
+    assert "done   2 of 8" in output and "next   3 of 8" in output
     (person.folder / "robots/my_robot.yaml").unlink()
-    code, said = person.types("start", "--status")
-    assert "done   1 of 8" in said and "next   2 of 8" in said
+    code, output = person.types("start", "--status")
+    assert "done   1 of 8" in output and "next   2 of 8" in output
 
 
 def test_a_blank_board_comes_to_a_goal_and_each_drive_is_asked_for(person):
     with board(image=None) as virtual:
         ports = ("--port", virtual.usb, "--radio", virtual.radio)
-        code, said = person.types("start", *ports, answers=START_ANSWERS)
-        assert code == 0, said
-        assert said.count("1 of 1 reached") == 3, said  # simulated, metre, goal
+        code, output = person.types("start", *ports, answers=START_ANSWERS)
+        assert code == 0, output
+        assert output.count("1 of 1 reached") == 3, output  # simulated, metre, goal
         # Before the firmware and before the pulses; then before each of both drives.
-        assert said.count("Are the wheels off the ground? yes") == 2
-        flat = " ".join(said.split())
+        assert output.count("Are the wheels off the ground? yes") == 2
+        flat = " ".join(output.split())
         assert flat.count("1.5 m free ahead of it and 0.5 m on either side? yes") == 1
         assert flat.count("1 m to the left and 0.5 m to the right? yes") == 1
-        assert "written and verified" in said
+        assert "written and verified" in output
         truth = virtual.board.plant.truth()
         assert truth.left_speed == truth.right_speed == 0.0
         # A metre, and the straight way to the goal: 1.12 m. It is not lifted, so the turning of its
-        # wheels before has moved it too, and where it stands says little.
+        # wheels before has moved it too, and where it stands shows little.
         assert truth.travel > 2.0
-        code, said = person.types("start", *ports)  # nobody answers, and nobody is asked
-        assert (code, said.count("done ")) == (0, 8)
+        code, output = person.types("start", *ports)  # no one answers, and no one is asked
+        assert (code, output.count("done ")) == (0, 8)
     assert person.robot().drive.polarity == "calibrated"
     assert "# checked_by_hand when" in (person.folder / "robots/my_robot.yaml").read_text()
 
@@ -90,17 +90,17 @@ def test_a_blank_board_comes_to_a_goal_and_each_drive_is_asked_for(person):
 def test_a_board_that_is_ready_is_not_flashed_and_a_visit_can_be_left(person):
     with board(image=IMAGE) as virtual:
         words = ("start", "--port", virtual.usb, "--radio", virtual.radio)
-        code, said = person.types(*words, answers="lifted: no\n")
-        assert code == 0, said
-        assert "already has the diffbotctl firmware" in said
-        assert "`diffbotctl start` continues here" in said
+        code, output = person.types(*words, answers="lifted: no\n")
+        assert code == 0, output
+        assert "already has the diffbotctl firmware" in output
+        assert "`diffbotctl start` continues here" in output
         assert person.done() == ["simulated", "robot", "board", "firmware"]
-        code, said = person.types(*words)
-        assert code == 2 and "there is no terminal to ask at" in said
-        code, said = person.types(*words, answers=START_ANSWERS)
-        assert code == 0, said
+        code, output = person.types(*words)
+        assert code == 2 and "there is no terminal to ask at" in output
+        code, output = person.types(*words, answers=START_ANSWERS)
+        assert code == 0, output
         assert person.done()[-1] == "goal"
-        assert "5 of 8  Wheels and" in said and "2 of 8  Your robot file\n" not in said
+        assert "5 of 8  Wheels and" in output and "2 of 8  Your robot file\n" not in output
 
 
 def test_a_wheel_that_turns_backward_is_turned_round_in_the_file(person):
@@ -108,8 +108,8 @@ def test_a_wheel_that_turns_backward_is_turned_round_in_the_file(person):
         answers = START_ANSWERS.replace("[left forward,", "[left backward,").replace(
             "metre: yes", "metre: no"
         )
-        code, said = person.types("start", "--port", virtual.usb, answers=answers)
-    assert code == 0, said
+        code, output = person.types("start", "--port", virtual.usb, answers=answers)
+    assert code == 0, output
     drive = person.robot().drive
     assert (drive.left.motor.reversed, drive.polarity) == (False, "calibrated")  # it was true
 
@@ -117,9 +117,9 @@ def test_a_wheel_that_turns_backward_is_turned_round_in_the_file(person):
 def test_a_wheel_that_stands_still_stops_the_path(person):
     with board(image=IMAGE) as virtual:
         answers = START_ANSWERS.replace("[left forward,", "[none, none,")
-        code, said = person.types("start", "--port", virtual.usb, answers=answers)
+        code, output = person.types("start", "--port", virtual.usb, answers=answers)
     assert code == 1
-    assert "E-CALIBRATE-ROBOT" in said
+    assert "E-CALIBRATE-ROBOT" in output
     assert person.done()[-1] == "firmware"
     assert person.robot().drive.polarity == "unproven"
 
@@ -139,7 +139,7 @@ def test_at_a_prompt_it_can_be_left_with_a_key_and_goes_on(person):
             terminal.until(lambda text: "Are the wheels off the ground?" in text)
             terminal.type("perhaps\n")  # is asked again
             terminal.until(lambda text: "Invalid: 'perhaps' is not valid; answer yes or no" in text)
-            terminal.type("y\n")  # as much of a word as tells it from the others
+            terminal.type("y\n")  # as much of a word as makes it unique
             terminal.until(lambda text: "Press Enter to start" in text)
             terminal.type("no\n")  # to what would move
             assert terminal.ended() == 1
@@ -151,36 +151,36 @@ def test_a_robot_with_the_book_s_firmware_is_left_as_it_is(person):
     text = "format: 1\nkind: robot\ninclude: book_2wd_stock\n"
     (person.folder / "robots" / "old.yaml").write_text(text)
     with board(image=IMAGE) as virtual:
-        code, said = person.types("start", "--port", virtual.usb, answers=START_ANSWERS)
-    assert code == 0, said
-    assert "the board keeps the firmware of the book" in said
+        code, output = person.types("start", "--port", virtual.usb, answers=START_ANSWERS)
+    assert code == 0, output
+    assert "the board keeps the firmware of the book" in output
     assert person.done() == ["simulated", "robot", "board"]
 
 
 def test_nothing_is_written_into_the_folder_of_diffbotctl(person):
     before = {path: path.read_bytes() for path in (ROOT / "robots").iterdir()}
     person.folder = ROOT
-    code, said = person.types("start")
-    assert code == 2 and "change to a folder of your own" in " ".join(said.split())
+    code, output = person.types("start")
+    assert code == 2 and "change to a folder of your own" in " ".join(output.split())
     assert {path: path.read_bytes() for path in (ROOT / "robots").iterdir()} == before
 
 
 def test_a_robot_of_one_s_own_is_taken_without_a_question(person):
     person.types("new", "robot", "crawler")
-    code, said = person.types("start")
-    assert code == 0, said
-    assert "robots/crawler.yaml describes your robot" in said
+    code, output = person.types("start")
+    assert code == 0, output
+    assert "robots/crawler.yaml describes your robot" in output
     assert not (person.folder / "robots/my_robot.yaml").exists()
 
 
 def test_a_shipped_robot_is_copied_and_known_again_by_its_name(person):
-    code, said = person.types("start", "--robot", "book_2wd_counts")
-    assert code == 0, said
+    code, output = person.types("start", "--robot", "book_2wd_counts")
+    assert code == 0, output
     assert (person.folder / "robots/book_2wd_counts.yaml").is_file()
     for name in ("book_2wd_counts", "./robots/book_2wd_counts.yaml"):
-        code, said = person.types("start", "--robot", name, "--status")
-        assert "done   2 of 8" in said
-    code, said = person.types("start", "--robot", "book_2wd", "--status")
-    assert "next   2 of 8" in said  # another robot: only the simulated goal counts
-    code, said = person.types("start", "--robot", "bok_2wd")
-    assert code == 2 and "did you mean book_2wd" in said
+        code, output = person.types("start", "--robot", name, "--status")
+        assert "done   2 of 8" in output
+    code, output = person.types("start", "--robot", "book_2wd", "--status")
+    assert "next   2 of 8" in output  # another robot: only the simulated goal counts
+    code, output = person.types("start", "--robot", "bok_2wd")
+    assert code == 2 and "did you mean book_2wd" in output

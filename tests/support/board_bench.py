@@ -102,7 +102,7 @@ class BoardBench:
         self.settings = settings
         decoder = FrameDecoder()
         self.decoders = [decoder, decoder if settings.shares_usb else FrameDecoder()]
-        self.heard: list[BenchFrame] = []
+        self.received: list[BenchFrame] = []
         self.changes: list[MotorChange] = []
         self.duty = [0.0, 0.0]
         self.pending = [b"", b""]
@@ -151,7 +151,7 @@ class BoardBench:
         for sent in result.sent:
             for frame in self.decoders[sent.uart].feed(bytes((sent.byte,))):
                 new.append(BenchFrame(sent.time, sent.uart, frame))
-        self.heard += new
+        self.received += new
         return new
 
     def ask(self, uart: int = RADIO) -> frames.HelloFrame:
@@ -169,9 +169,9 @@ class BoardBench:
             settings if isinstance(settings, frames.SettingsFrame) else settings.frame(),
         )
         for _ in range(4):
-            for heard in self.wait(60):
-                if isinstance(heard.frame, frames.AnswerFrame):
-                    return heard.frame
+            for received in self.wait(60):
+                if isinstance(received.frame, frames.AnswerFrame):
+                    return received.frame
         raise LookupError("no answer to settings")
 
     def claim(self, uart: int = RADIO, sequence: int = 15) -> None:
@@ -191,12 +191,14 @@ class BoardBench:
     def inertial(self) -> frames.InertialFrame:
         """The last frame with a turn. Raises LookupError when there was none."""
         return next(
-            h.frame for h in reversed(self.heard) if isinstance(h.frame, frames.InertialFrame)
+            h.frame for h in reversed(self.received) if isinstance(h.frame, frames.InertialFrame)
         )
 
     def state(self) -> frames.StateFrame:
         """The last state frame. Raises LookupError when there was none."""
-        return next(h.frame for h in reversed(self.heard) if isinstance(h.frame, frames.StateFrame))
+        return next(
+            h.frame for h in reversed(self.received) if isinstance(h.frame, frames.StateFrame)
+        )
 
     def turn(self, seconds: float, rate: float = 30.0) -> None:
         """Let both encoders give `rate` edges a second for a while from now on."""

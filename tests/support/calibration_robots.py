@@ -23,7 +23,7 @@ distance.reading: {measure: tape, noise: 1 mm}
 geometry: {measure: tape, noise: 2 mm}
 """
 TRUTH = "geometry: {track_spread: 0.03, diameter_spread: 0.005}"
-TOLD_REVERSED = {"left": True, "right": False}  # by robots/book_2wd.yaml
+STATED_REVERSED = {"left": True, "right": False}  # by robots/book_2wd.yaml
 DISCS = (16, 24, 30)
 
 
@@ -70,7 +70,7 @@ class Wiring(NamedTuple):
                 found.add(f"{side} motor dead")
                 continue
             channel = ("right" if side == "left" else "left") if crossed else side
-            if TOLD_REVERSED[channel] != (motors[side] == "reversed"):
+            if STATED_REVERSED[channel] != (motors[side] == "reversed"):
                 found.add(f"{side} motor reversed")
         if self.slots != 20 and any(
             cells[side] == "plain" and motors[side] != "dead" for side in SIDES
@@ -179,7 +179,7 @@ class Chained(NamedTuple):
         return self.prompter.worst
 
     def named(self) -> list[str]:
-        """All that the encoders step said was wrong."""
+        """All errors that the encoders step reported."""
         outcome = self.outcomes["encoders"]
         return [*outcome.report, *outcome.faults]
 

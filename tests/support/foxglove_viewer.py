@@ -123,7 +123,7 @@ class FoxgloveViewer:
                     return dict(frame)
 
     async def greeted(self) -> None:
-        """Read what the server says at first."""
+        """Read the first messages of the server."""
         await self.until(lambda frame: frame.get("op") == "advertiseServices")
 
     def _note(self, frame: Fields) -> None:

@@ -1,7 +1,7 @@
 """A double of an HC-05 on the board's radio port, as it behaves when its button was held.
 
 After its AT command set: answers end with `OK` or `ERROR:(n)`; without the button it is in data
-mode and passes over what it hears.
+mode and ignores what it receives.
 """
 
 import os
@@ -14,11 +14,11 @@ from tests.support.background import BackgroundDevice
 class Hc05(BackgroundDevice):
     """`at_mode` is what the button does; `rate` what the module would use in data mode."""
 
-    def __init__(self, port, rate=9600, at_mode=True, first_errors=0, deaf_to=()):
-        """`first_errors`: commands answered with an error first; `deaf_to`: those that fail."""
+    def __init__(self, port, rate=9600, at_mode=True, first_errors=0, failing=()):
+        """`first_errors`: commands answered with an error first; `failing`: those that fail."""
         self.rate, self.at_mode = rate, at_mode
-        self.first_errors, self.deaf_to = first_errors, deaf_to
-        self.heard, self.restarted = [], False
+        self.first_errors, self.failing = first_errors, failing
+        self.commands, self.restarted = [], False
         self.end = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         tty.setraw(self.end)
         self.begin()
@@ -40,14 +40,14 @@ class Hc05(BackgroundDevice):
             while b"\r\n" in part:
                 line, part = part.split(b"\r\n", 1)
                 command = line.decode("latin-1")
-                self.heard.append(command)
+                self.commands.append(command)
                 os.write(self.end, self._answer(command).encode())
 
     def _answer(self, command):
         if self.first_errors:
             self.first_errors -= 1
             return "ERROR:(0)\r\n"
-        if any(command.startswith(each) for each in self.deaf_to):
+        if any(command.startswith(each) for each in self.failing):
             return "ERROR:(1D)\r\n"
         if command == "AT":
             return "OK\r\n"

@@ -77,11 +77,11 @@ class CaseResult(NamedTuple):
     """of the position"""
     estimate_turn: float
     position_sigmas: float
-    """error of the estimated position over what was told in its direction"""
+    """error of the estimated position over the reported one in its direction"""
     heading_sigmas: float
-    told_position: float
+    reported_position: float
     """root of the trace of the covariance over two: per axis"""
-    told_heading: float
+    reported_heading: float
     travel_after: float
     """seconds of motion after the reason for giving up could be known"""
     standing_after: float
@@ -96,7 +96,7 @@ class CaseResult(NamedTuple):
 
     @property
     def is_claimed(self) -> bool:
-        """Whether it ended at the goal, as it said."""
+        """Whether it ended at the goal, as it reported."""
         return self.end in ("reached", "reached_unsure")
 
 
@@ -338,7 +338,7 @@ def _end_of(run: ObservedRun, result: RunResult, state: GoalState | None) -> str
 
 
 def position_sigmas(x: float, y: float, pose: Odometry) -> float:
-    """The error (x, y) in standard deviations of the told covariance."""
+    """The error (x, y) in standard deviations of the reported covariance."""
     xx, xy, _, yy, _, _ = pose.covariance
     determinant = xx * yy - xy * xy
     if determinant <= 0.0:

@@ -72,8 +72,8 @@ class Smell(Block):
     @action(near="m")
     def describe(self, now, name: str, near=1.0, mood: str = "glad"):
         """Describe a face."""
-        if name == "nobody":
-            raise ValueError("there is nobody")
+        if name == "none":
+            raise ValueError("there is no face")
         return ("{name} is {mood}".format(name=name, mood=mood), near, NAN)
 
     @action

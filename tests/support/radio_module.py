@@ -1,8 +1,8 @@
 """A radio module between a board's serial port and a host's socket: late, lossy, sometimes away.
 
-It stands for an HC-05 seen through an RFCOMM socket. What the board's UART says is handed on 10 to
+It stands for an HC-05 seen through an RFCOMM socket. What the board's UART sends is passed on 10 to
 50 ms later, in order; now and then a frame is lost; in an outage nothing passes, and of what either
-side says meanwhile the module keeps what its buffer holds and delivers it afterwards, for a radio
+side sends meanwhile the module keeps what its buffer holds and delivers it afterwards, for a radio
 delivers late rather than never.
 """
 
@@ -148,13 +148,13 @@ class RadioModule(BackgroundDevice):
 
     def _once(self, now):
         away = now < self.away_until
-        said = self._heard()
+        payload = self._host_bytes()
 
         def full(size):
             return (away and size > BUFFER) or self.host is None
 
         self.up.take(now, read_available(self.board), full)
-        self.down.take(now, said, full)
+        self.down.take(now, payload, full)
         if away:
             return
         for frame in self.up.due(now):
@@ -162,19 +162,19 @@ class RadioModule(BackgroundDevice):
         for frame in self.down.due(now):
             self._deliver(now, False, frame)
 
-    def _heard(self):
+    def _host_bytes(self):
         if self.host is None:
             return b""
         try:
-            said = self.host.recv(4096)
+            payload = self.host.recv(4096)
         except BlockingIOError:
             return b""
         except ConnectionResetError:
-            said = b""
-        if not said:
+            payload = b""
+        if not payload:
             self.host.close()
             self.host = None
-        return said
+        return payload
 
     def _deliver(self, now, to_host, frame):
         with suppress(BlockingIOError, BrokenPipeError):

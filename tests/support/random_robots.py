@@ -317,7 +317,7 @@ PERTURBATIONS: dict[str, Perturbation] = {
     "cogging": Perturbation(_cogging, lasting=True),
 }
 # No odometry can follow a wheel whose encoder does not show what it does: what counts is what is
-# told, not whether the goal is reached.
+# reported, not whether the goal is reached.
 ENCODER_FAULTS: dict[str, Perturbation] = {
     "halved": Perturbation(_halved),
     "halved_for_a_time": Perturbation(_halved_for_a_time),

@@ -40,13 +40,13 @@ class RemoteBoard(EmulatedRobotDriver):
 
     def deliver(self, now: int) -> list[Delivery]:
         """As the near one, and the person looks on."""
-        heard = super().deliver(now)
+        delivered = super().deliver(now)
         if self.begins == float("inf") and max(self.board.duty) > TURNS:
             self.begins = now / SECOND + self.after
             self.ends = self.begins + self.long
         if now / SECOND > self.ends or self.kind == "none":
             self.person(now)
-        return heard
+        return delivered
 
     def _send(self, now: int) -> None:
         if self.host.due() <= now and (data := self.host.send(now)):
@@ -71,7 +71,7 @@ class RemoteBoard(EmulatedRobotDriver):
         return [Delivery(f"robot.{port}", message) for port, message in messages]
 
     def _connect(self, now: int) -> list:  # type: ignore[type-arg]
-        """The connection breaks, or is made again: as SerialRobot tells the protocol."""
+        """The connection breaks, or is made again: as SerialRobot reports to the protocol."""
         should = self.kind == "hung up" and self._away(now)
         if should == self.broken:
             return []

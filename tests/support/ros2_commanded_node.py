@@ -90,7 +90,7 @@ class CommandedNode:
             self.publishers[topic] = self.node.create_publisher(kind, topic, 10)
             deadline = time.monotonic() + 30
             while not self.publishers[topic].get_subscription_count():
-                assert time.monotonic() < deadline, "nobody subscribes"
+                assert time.monotonic() < deadline, "no node subscribes"
                 time.sleep(0.02)
         message = fill(kind(), command["fields"])
         self.repeats.pop(topic, threading.Event()).set()

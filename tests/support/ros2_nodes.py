@@ -21,7 +21,7 @@ TWIST = "geometry_msgs/msg/Twist"
 # Published by rosidl for tf2_msgs/msg/TFMessage; equal hashes let nodes of other builds connect.
 TF_HASH = "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"
 EXIT_TIMEOUT_S = 3  # for each way to end a process
-DOMAINS = 100  # a run in another folder has another one: their nodes do not hear each other
+DOMAINS = 100  # a run in another folder has another one: their nodes do not see each other
 
 
 def ros_python():
@@ -65,15 +65,15 @@ class LineProcess:
             self.printed.append(line)
             self.lines.put(line)
 
-    def until(self, wanted):
-        """The first line for which `wanted` is true; fails with what was printed."""
+    def until(self, expected):
+        """The first line for which `expected` is true; fails with the output."""
         deadline = time.monotonic() + LINE_TIMEOUT_S
         while True:
             try:
                 line = self.lines.get(timeout=max(deadline - time.monotonic(), 0.001))
             except Empty:
                 raise AssertionError(f"it never came: {''.join(self.printed)}") from None
-            if wanted(line):
+            if expected(line):
                 return line
 
     def send(self, text):
@@ -136,7 +136,7 @@ class RosNode(LineProcess):
 
 @contextmanager
 def ros_node(folder, script, *words, **options):
-    """A node, once it has said that it is ready."""
+    """A node, once it has reported that it is ready."""
     node = RosNode(folder, script, *words, **options)
     try:
         node.reply("ready")

@@ -37,7 +37,7 @@ class TimerNode:
         publisher = self.node.create_publisher(kind, topic, QUEUE_DEPTH)
         deadline = time.monotonic() + DISCOVERY_TIMEOUT_S
         while not publisher.get_subscription_count():
-            assert time.monotonic() < deadline, f"nobody subscribes to {topic}"
+            assert time.monotonic() < deadline, f"no node subscribes to {topic}"
             rclpy.spin_once(self.node, timeout_sec=0.02)
         return publisher
 

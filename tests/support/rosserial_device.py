@@ -78,7 +78,7 @@ def framed(topic: int, payload: bytes) -> bytes:
 
 
 class RosserialDevice:
-    """The board. `hear` what the host writes, `advance` to a time and get what has arrived."""
+    """The board. `receive` what the host writes, `advance` to a time and get what has arrived."""
 
     def __init__(
         self,
@@ -127,7 +127,7 @@ class RosserialDevice:
         self.counts = [0.0, 0.0]
         self.incoming.clear()
 
-    def hear(self, now: int, data: bytes) -> None:
+    def receive(self, now: int, data: bytes) -> None:
         """The host writes `data` at `now`; it comes in at the baud rate's pace."""
         self.receive_free = max(self.receive_free, now)
         for byte in data:
@@ -309,7 +309,7 @@ class RosserialDevicePort:
             room = (now - line_free) // self.device.byte_time
             if ready and room > 0:
                 data = os.read(self.fd, min(room, LINE_BYTES_MAX))
-                self.device.hear(now, data)
+                self.device.receive(now, data)
                 line_free = max(line_free, now - LINE_BYTES_MAX * self.device.byte_time)
                 line_free += len(data) * self.device.byte_time
             elif ready:

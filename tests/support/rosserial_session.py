@@ -16,7 +16,7 @@ STEP = 4 * MS  # ns between two looks at the wire, about as often as a port wake
 
 
 class RosserialSession:
-    """One start of the host against `device`; everything said is kept, with its time."""
+    """One start of the host against `device`; everything received is kept, with its time."""
 
     def __init__(self, device: RosserialDevice, host: RosserialHost | None = None) -> None:
         self.device = device
@@ -25,7 +25,7 @@ class RosserialSession:
         # can be compared frame by frame with what was sent.
         self.witness = RosserialDecoder(self.host.topics.plausible)
         self.frames: list[RosserialFrame] = []
-        self.heard: list[tuple[int, str, Message]] = []
+        self.received: list[tuple[int, str, Message]] = []
         self.written: list[tuple[int, bytes]] = []
         self.arrived = b""  # at the last step
         self.now = 0
@@ -38,27 +38,27 @@ class RosserialSession:
             self.now += STEP
             data = self.arrived = self.device.advance(self.now)
             self.frames += self.witness.feed(data)
-            heard = self.host.receive(self.now, data) if data else []
-            heard += self.host.on_time(self.now)
-            self.heard += [(self.now, port, message) for port, message in heard]
-            if drive is not None and any(port == "encoders" for port, _ in heard):
+            received = self.host.receive(self.now, data) if data else []
+            received += self.host.on_time(self.now)
+            self.received += [(self.now, port, message) for port, message in received]
+            if drive is not None and any(port == "encoders" for port, _ in received):
                 self.host.command(self.now, drive(self.now))
             if self.host.due() <= self.now:
                 written = self.host.send(self.now)
                 if written:
                     self.written.append((self.now, written))
-                    self.device.hear(self.now, written)
+                    self.device.receive(self.now, written)
         return self
 
     @property
     def encoders(self) -> list[Encoders]:
         """All of them, in order."""
-        return [message for _, _, message in self.heard if isinstance(message, Encoders)]
+        return [message for _, _, message in self.received if isinstance(message, Encoders)]
 
     @property
     def links(self) -> list[Link]:
         """All of them, in order."""
-        return [message for _, _, message in self.heard if isinstance(message, Link)]
+        return [message for _, _, message in self.received if isinstance(message, Link)]
 
     def lost_frames(self) -> int:
         """Frames that the board sent, that arrived whole, and that were not delivered in order."""

@@ -112,7 +112,7 @@ def _taken(frame):
 
 
 def _write(file, data):
-    with suppress(BlockingIOError):  # nobody reads there: what is sent is lost, as on a real line
+    with suppress(BlockingIOError):  # no reader there: what is sent is lost, as on a real line
         os.write(file, data)
 
 

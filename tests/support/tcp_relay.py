@@ -1,4 +1,4 @@
-"""A TCP relay that can fall silent as a radio link does: nothing arrives, and nobody is told."""
+"""A TCP relay that can fall silent as a radio link does: nothing arrives, without an error."""
 
 from __future__ import annotations
 

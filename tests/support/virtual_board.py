@@ -69,28 +69,28 @@ def start(*words, **options):
 
 
 def diffbotctl(*words, **options):
-    """Run a command to its end; (exit code, what it said)."""
+    """Run a command to its end; (exit code, output)."""
     return outcome(start(*words, **options), **options)
 
 
 def outcome(process, **options):
-    """Exit code of a command that was started, and what it said.
+    """Exit code and output of a command that was started.
 
     A computer that gives a run no processor for 0.3 s, or its board none for a second, has the
     robot wait for a person: the caller.
     """
     until = time.monotonic() + LONGEST
-    said = None
+    output = None
     try:
-        while said is None:
+        while output is None:
             try:
-                said, _ = process.communicate(timeout=RESUME_AFTER_S)
+                output, _ = process.communicate(timeout=RESUME_AFTER_S)
             except subprocess.TimeoutExpired as expired:
                 why = _explanation(options)
                 if time.monotonic() > until:
                     text = (expired.stdout or b"").decode(errors="replace")
                     raise AssertionError(
-                        f"no end within {LONGEST} s; it said:\n{text}\n{why}"
+                        f"no end within {LONGEST} s; output:\n{text}\n{why}"
                     ) from None
                 if any(code in why for code in STALLS):
                     subprocess.run(
@@ -99,20 +99,20 @@ def outcome(process, **options):
     finally:
         process.kill()  # a run that is left behind would slow down all tests after it
         process.wait()
-    return process.returncode, said
+    return process.returncode, output
 
 
 def _explanation(options):
     """Why the only run is stopped."""
-    told = subprocess.run(
+    reported = subprocess.run(
         command_line("why"), capture_output=True, text=True, check=False, **options
     )
-    return told.stdout
+    return reported.stdout
 
 
-def flat(said):
-    """What was said, without the line breaks that fold it."""
-    return " ".join(said.split())
+def flat(output):
+    """The output without the line breaks that fold it."""
+    return " ".join(output.split())
 
 
 def run(port, *words):

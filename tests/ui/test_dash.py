@@ -32,8 +32,8 @@ def state(client):
 
 def reached(client):
     """The number of the goal that was reached last."""
-    said = client.request("snapshot")["messages"].get("follower.state", {})
-    return said["number"] if said.get("state") == "reached" else None
+    state = client.request("snapshot")["messages"].get("follower.state", {})
+    return state["number"] if state.get("state") == "reached" else None
 
 
 def dash(folder, *words, columns=80, lines=24, **more):
@@ -241,14 +241,14 @@ def test_the_log_level_of_a_block_is_set(engine, tmp_path):
     with dash(tmp_path) as terminal:
         terminal.type("5")
         terminal.until(lambda text: "robot: link up" in text, "the log")
-        for said, seen in (
+        for typed, seen in (
             ("guard loud", "no level 'loud'"),
             ("gard debug", "did you mean guard"),
             ("debug", "give a block"),
         ):
             terminal.type("\r")
             terminal.until(lambda text: "log: BLOCK LEVEL" in text, "the question")
-            terminal.type(f"{said}\r")
+            terminal.type(f"{typed}\r")
             terminal.until(lambda text, seen=seen: seen in text, "the refusal")
         terminal.type("\r")
         terminal.until(lambda text: "log: BLOCK LEVEL" in text, "the question again")

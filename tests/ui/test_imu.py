@@ -63,7 +63,7 @@ def test_every_screen_has_the_same_words(imu, text):
         assert text.replace(", bias", " bias") in " ".join(panel.replace("imu", " ").split())
 
 
-def test_an_imu_that_fails_is_told_by_every_command(tmp_path):
+def test_an_imu_that_fails_is_reported_by_every_command(tmp_path):
     robot = tmp_path / "robot.yaml"
     robot.write_text(ROBOT)
     with running(tmp_path, "goal", "--robot", str(robot), "--stay", "--goal", "0 0"):

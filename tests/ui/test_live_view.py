@@ -73,7 +73,7 @@ def test_durations(seconds, text):
 def test_brackets_in_what_programs_send_are_text_and_those_of_the_title_style():
     view = LiveView(Scene("goal [x]", "SIMULATED"))
     console = Console(file=io.StringIO(), width=80, color_system=None)
-    snapshot = RunSnapshot(9, {"nose.said": Text(9, "a [/] [red]b")}, 0, 1, (), "", False)
+    snapshot = RunSnapshot(9, {"nose.report": Text(9, "a [/] [red]b")}, 0, 1, (), "", False)
     for markup in (True, False):  # a line of the log above is printed without
         console.print(view.render(snapshot, 80, 24), markup=markup)
     shown = console.file.getvalue()

@@ -182,7 +182,7 @@ def test_a_chart_has_a_scale_for_each_unit_and_a_time_axis(width, height, plain_
     assert any(scale >= 200 for scale in scales) and any(abs(scale) < 10 for scale in scales)
 
 
-def test_a_chart_without_data_says_so():
+def test_a_chart_without_data_states_it():
     assert "no data" in render_chart([ChartCurve("a.b.c", "", [])], 30.0, 40, 8).plain
 
 

@@ -151,14 +151,14 @@ class Line:
     """Records the requests, and counts the queries to the terminal."""
 
     def __init__(self, mode="hold", answers=True):
-        self.now, self.said, self.questions = 0.0, [], 0
+        self.now, self.sent, self.questions = 0.0, [], 0
         self.keyboard = KeyboardVelocity(LIMITS, mode=mode)
         self.deadman = TeleopDeadman(self.keyboard, self.say, self.question, 0.0)
         self.answers = answers
         self.run(0.2)
 
     def say(self, do, **fields):
-        self.said.append((do, fields))
+        self.sent.append((do, fields))
 
     def question(self):
         self.questions += 1
@@ -174,14 +174,14 @@ class Line:
                 self.deadman.on_reply(self.now)
 
     def verbs(self):
-        return [do for do, _ in self.said]
+        return [do for do, _ in self.sent]
 
 
 def test_a_released_key_stops_at_once_and_releases_when_the_terminal_answers():
     line = Line()
     line.keyboard.press("i", line.now)
     line.run(0.8)
-    drives = [fields["linear"] for do, fields in line.said if do == "drive"]
+    drives = [fields["linear"] for do, fields in line.sent if do == "drive"]
     assert drives[0] == F and line.verbs()[-1] == "release"
     assert not line.deadman.is_driving and not line.deadman.lost_cause
 
@@ -195,7 +195,7 @@ def test_a_terminal_that_does_not_answer_while_driving_is_lost(mode):
     line.run(QUERY_PERIOD_S + REPLY_TIMEOUT_S + 0.1)
     assert line.verbs()[-1] == "operator_lost" and line.deadman.lost_cause
     line.run(1.0)
-    assert line.verbs().count("operator_lost") == 1  # and nothing is said afterwards
+    assert line.verbs().count("operator_lost") == 1  # and nothing is sent afterwards
     assert line.verbs()[-1] == "operator_lost"
 
 
@@ -218,7 +218,7 @@ def test_without_answers_keys_drive_only_while_held():
     kept.run(FIRST_REPLY_TIMEOUT_S)
     kept.keyboard.press("i", kept.now)
     kept.run(0.2)
-    assert kept.deadman.is_unproven and not kept.said
+    assert kept.deadman.is_unproven and not kept.sent
 
 
 def test_a_stalled_process_does_not_lose_the_terminal():

@@ -48,7 +48,7 @@ def test_the_pose_of_a_block_has_priority_over_the_camera():
     assert newest_odometry(picture()) is None
 
 
-def test_a_further_turtle_is_where_its_own_pose_says():
+def test_a_further_turtle_is_at_its_own_pose():
     sheet = TurtleTrail()
     moved = TurtlePose(0, 3, 7.0, 8.0, 1.0, 0.5, 0.0)
     looked = looks(turtles=(2, 1.0, 2.0, 0.5, 3, 4.0, 5.0, 0.0))
@@ -65,8 +65,8 @@ def test_the_pen_draws_in_its_colour_only_while_down():
         (0.6, looks(pen="#00ff00")),
         (5.0, looks()),  # it was put there
     ]
-    for x, said in way:
-        sheet.update(picture(robot__pose=pose(x, 0.0), canvas__canvas=said))
+    for x, drawing in way:
+        sheet.update(picture(robot__pose=pose(x, 0.0), canvas__canvas=drawing))
     assert list(sheet.lines) == [
         ((0.0, 0.0), (0.2, 0.0), "#ff0000", 0.07),
         ((0.4, 0.0), (0.6, 0.0), "#00ff00", 0.07),
@@ -78,9 +78,9 @@ def test_the_pen_draws_in_its_colour_only_while_down():
 def test_every_turtle_that_is_driven_draws_with_the_pen_of_the_canvas():
     sheet = TurtleTrail()
     two, gone = looks(turtles=(2, 1.0, 1.0, 0.0)), looks()
-    for said, x in ((two, 1.0), (two, 1.2), (gone, 1.4), (two, 1.6), (two, 1.8)):
+    for drawing, x in ((two, 1.0), (two, 1.2), (gone, 1.4), (two, 1.6), (two, 1.8)):
         moved = TurtlePose(0, 2, x, 1.0, 0.0, 0.5, 0.0)
-        sheet.update(picture(canvas__canvas=said, robot__pose=pose(x, 5.0), turtle2__pose=moved))
+        sheet.update(picture(canvas__canvas=drawing, robot__pose=pose(x, 5.0), turtle2__pose=moved))
     lines = [(line.start, line.end) for line in sheet.lines]
     assert [line for line in lines if line[0][1] == 1.0] == [
         ((1.0, 1.0), (1.2, 1.0)),
@@ -95,8 +95,8 @@ def test_a_wide_pen_draws_more_dots_across():
     for width in (0.01, 0.4):
         state = MapState(Scene("", ""))
         for x in (-0.2, 0.2):
-            said = looks(pen_width=width)
-            state.update(picture(robot__pose=pose(x, 0.0), canvas__canvas=said))
+            drawing = looks(pen_width=width)
+            state.update(picture(robot__pose=pose(x, 0.0), canvas__canvas=drawing))
         made = layers.draw_map(state, camera, 60, 40)
         trail = {cell for cell, layer in made.layers.items() if layer is MapLayer.TRAIL}
         rows.append({row for _, row in trail})
@@ -106,8 +106,8 @@ def test_a_wide_pen_draws_more_dots_across():
 def test_a_killed_turtle_1_is_not_drawn():
     state = MapState(Scene("", ""))
     for x, first in ((0.0, True), (0.2, False), (0.4, False)):
-        said = looks(has_first=first)
-        state.update(picture(robot__pose=pose(x, 0.0), canvas__canvas=said))
+        drawing = looks(has_first=first)
+        state.update(picture(robot__pose=pose(x, 0.0), canvas__canvas=drawing))
     made = layers.draw_map(state, Camera(0.0, 0.0, 20.0), 60, 40)
     assert "→" not in made.text().plain and not state.turtle.lines
 
@@ -139,7 +139,7 @@ def test_a_field_is_shown_whole_in_its_colour_with_every_turtle():
 
 
 @pytest.mark.parametrize(
-    ("robot", "wanted"),
+    ("robot", "expected"),
     [
         # the wall of `goal` from (2.5, -1) to (2.5, 2), the robot's start being the world's
         ("book_2wd", (2.5, -1.0, 2.5, 2.0)),
@@ -147,14 +147,14 @@ def test_a_field_is_shown_whole_in_its_colour_with_every_turtle():
         ("turtle", (2.5 - 5.544, -1.0 - 5.544, 2.5 - 5.544, 2.0 - 5.544)),
     ],
 )
-def test_walls_are_in_the_frame_of_the_pose(robot, wanted):
+def test_walls_are_in_the_frame_of_the_pose(robot, expected):
     (wall,) = parse_scene(describe_scene(load("goal", robot), None, "sim")).walls
-    assert wall == pytest.approx(wanted)
+    assert wall == pytest.approx(expected)
 
 
 def test_the_world_of_a_real_robot_is_not_drawn():
-    said = describe_scene(load("goal"), None, "/dev/ttyUSB0")
-    assert (said["walls"], said["rounds"], said["field"]) == ([], [], [])
+    drawing = describe_scene(load("goal"), None, "/dev/ttyUSB0")
+    assert (drawing["walls"], drawing["rounds"], drawing["field"]) == ([], [], [])
 
 
 def test_a_laser_scan_is_drawn_where_its_rays_met_something():
@@ -169,5 +169,5 @@ def test_a_laser_scan_is_drawn_where_its_rays_met_something():
     state.update(picture(o__o=pose(0, 0), robot__scan=scan))
     made = layers.draw_map(state, camera, 60, 40)
     dots = {cell for cell, layer in made.layers.items() if layer is MapLayer.SCAN}
-    wanted = {camera.dot(at, 60, 40) for at in ((1.0, 0.0), (-0.032, -0.5))}
-    assert dots == {(column // 2, row // 4) for column, row in wanted}
+    expected = {camera.dot(at, 60, 40) for at in ((1.0, 0.0), (-0.032, -0.5))}
+    assert dots == {(column // 2, row // 4) for column, row in expected}

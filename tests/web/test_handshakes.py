@@ -1,4 +1,4 @@
-"""Strangers who begin TLS and do not go on cost little memory, and keep nobody else out."""
+"""Strangers who begin TLS and do not go on cost little memory, and keep no one else out."""
 
 import socket
 import ssl

@@ -193,7 +193,7 @@ def test_a_tap_beside_the_robot_is_a_goal_beside_it_also_after_a_low_map(open_pa
     assert abs(goal["x"] - pose["x"]) < 2 and abs(goal["y"] - pose["y"]) < 2
 
 
-def test_what_a_person_sees_is_what_the_engine_says(open_page, parts):
+def test_a_person_sees_what_the_engine_reports(open_page, parts):
     page, client = open_page(False), parts[1]
     press(page, "#stop")
     held = client.until(lambda status: status["held"])["held"]
@@ -274,7 +274,7 @@ def test_numbers_are_plotted_with_a_scale_for_each_unit(open_page, is_phone):
         "(document.querySelector('#plots canvas'))"
     )
     page.until(f"{colours} > 4")  # ground, grid, frame, ink and lines
-    press(page, "#view-drive")  # where nobody can see them, no samples are sent
+    press(page, "#view-drive")  # while they are not visible, no samples are sent
     wait_for_last_plot(page, [])
 
 
@@ -390,7 +390,7 @@ AXES = [  # from, to, about how many ticks, their labels
 
 
 @pytest.mark.nightly
-def test_the_page_says_how_it_is_installed(open_page):
+def test_the_page_shows_how_it_is_installed(open_page):
     page = open_page(True)
     press(page, "#view-inside")
     page.evaluate("document.getElementById('install').scrollIntoView()")

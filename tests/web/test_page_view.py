@@ -61,7 +61,7 @@ def test_a_description_that_is_no_view_is_refused(changed):
     assert refused.value.status == 400
 
 
-def test_a_server_without_a_view_tells_the_page_so():
+def test_a_server_without_a_view_informs_the_page():
     assert view_record(None) == {}
     assert view_record(SAVED)["place"] == (0.5, -0.25, 3.0)
 

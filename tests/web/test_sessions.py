@@ -66,7 +66,7 @@ def test_a_session_without_a_page_makes_room_for_a_new_one():
     assert known.find(devices[0].key) is None and known.find(devices[1].key) is devices[1]
 
 
-def test_with_all_sessions_in_use_nobody_enters():
+def test_with_all_sessions_in_use_no_one_enters():
     known = sessions()
     for _ in range(SESSIONS_MAX):
         known.enter(known.code, "").sockets = 1

@@ -332,7 +332,7 @@ export class RunMap {
     this.paintGoal(...goal);
   }
 
-  /** A ring with a cross, and an arrow towards the heading: its form tells it from the rest. */
+  /** A ring with a cross, and an arrow towards the heading: its form distinguishes it from the rest. */
   paintGoal(x, y, heading) {
     const { colours } = this;
     const unit = 1 / this.camera.scale;

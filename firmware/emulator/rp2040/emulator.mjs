@@ -2,7 +2,7 @@
 // requests and replies as ../emulator.c, which explains them. Its EEPROM are the two slots in the flash.
 //
 // Two requests are of this board alone: L with a rate and a flag opens or closes the USB port, U with a UF2 file
-// copies it onto the drive of BOOTSEL. The flag 4 of a reply tells that the board shows that drive.
+// copies it onto the drive of BOOTSEL. The flag 4 of a reply means that the board shows that drive.
 //
 //   node emulator.mjs --image FILE.uf2 [--motor EN,IN1,IN2,STANDBY,SHORTS]... [--sonar TRIGGER,ECHO]...
 //        [--gyro ADDRESS]

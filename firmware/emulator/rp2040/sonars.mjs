@@ -49,13 +49,13 @@ export class Sonars {
     sonar.ends = this.now + LONGEST;
     sonar.end.schedule(LONGEST);
     for (const other of this.sonars) {
-      if (other.sent !== null) this.hear(sonar, other);
-      if (other !== sonar && other.listens && other.width !== ENDLESS) this.hear(other, sonar);
+      if (other.sent !== null) this.receive(sonar, other);
+      if (other !== sonar && other.listens && other.width !== ENDLESS) this.receive(other, sonar);
     }
   }
 
   // The burst of `sender` arrives at a sensor that listens: the first one ends its echo.
-  hear(sonar, sender) {
+  receive(sonar, sender) {
     const arrival = sender.sent + sender.width * US;
     if (sender.width === SILENT || arrival <= this.now || arrival >= sonar.ends) return;
     sonar.ends = arrival;

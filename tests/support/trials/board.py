@@ -40,7 +40,7 @@ STATIC_RAM_MAX = {"mega2560": 1400, "atmega328p": 1100}
 
 
 def image() -> Iterator[Row]:
-    """Size of each image, as the build tells it."""
+    """Size of each image, as the build prints it."""
     done = subprocess.run(
         ["make", "-C", str(FIRMWARE), "size"], capture_output=True, text=True, check=True
     )
@@ -82,17 +82,17 @@ def telemetry(seconds: int) -> Iterator[Row]:
     with BoardBench() as bench:
         bench.ready()
         bench.turn(seconds + 1)
-        bench.heard.clear()
+        bench.received.clear()
         start = bench.now
         for number in range(seconds * 20):
             bench.send(RADIO, speed(number, 8, 8))
             bench.wait(50)
-        states = [h.frame for h in bench.heard if isinstance(h.frame, frames.StateFrame)]
+        states = [h.frame for h in bench.received if isinstance(h.frame, frames.StateFrame)]
         took = (bench.now - start) / 1e9
         gaps = sum((b.sequence - a.sequence - 1) % 64 for a, b in pairwise(states))
         dropped = sum(state.dropped for state in states)
         damaged = bench.decoders[RADIO].damaged
-        status = [h.frame for h in bench.heard if isinstance(h.frame, frames.StatusFrame)]
+        status = [h.frame for h in bench.received if isinstance(h.frame, frames.StatusFrame)]
     rate = len(states) / took
     yield Row(
         "state frames with edge ages at 9600 baud",
@@ -125,7 +125,7 @@ def edges(rate: int = 20_000, seconds: float = 0.8) -> Iterator[Row]:
                     PinTransition(rise + shift + period // 2, pin, 0),
                 ]
         bench.pins.sort()
-        heard = _in_pieces(bench, seconds + 0.2)
+        received = _in_pieces(bench, seconds + 0.2)
         after = bench.state()
     lost = [
         (count - (b - a)) % 65536
@@ -140,18 +140,18 @@ def edges(rate: int = 20_000, seconds: float = 0.8) -> Iterator[Row]:
     )
     yield Row(
         "state frames meanwhile",
-        f"{heard / (seconds + 0.2):.0f} Hz",
+        f"{received / (seconds + 0.2):.0f} Hz",
         ">= 39 Hz",
-        heard >= 39 * (seconds + 0.2),
+        received >= 39 * (seconds + 0.2),
     )
 
 
 def _in_pieces(bench: BoardBench, seconds: float) -> int:
     """Let time pass in steps whose edges fit one request; how many state frames came."""
-    heard = 0
+    received = 0
     for _ in range(round(seconds * 20)):
-        heard += sum(isinstance(h.frame, frames.StateFrame) for h in bench.wait(50))
-    return heard
+        received += sum(isinstance(h.frame, frames.StateFrame) for h in bench.wait(50))
+    return received
 
 
 def bounce(seed: int, seconds: int) -> Iterator[Row]:
@@ -190,7 +190,7 @@ def _bouncing(rng: Random, at: int, pin: int, level: int) -> list[PinTransition]
 def restarts(seed: int, count: int) -> Iterator[Row]:
     """Reset line, brown-out and a hung program while driving."""
     rng = Random(seed)
-    worst = still = told = 0
+    worst = still = reported = 0
     for number in range(count):
         kind = ("line", "brownout", "watchdog")[number % 3]
         with BoardBench() as bench:
@@ -217,11 +217,11 @@ def restarts(seed: int, count: int) -> Iterator[Row]:
             hello = bench.ask()
             worst = max(worst, max(c.time for c in bench.changes) - start)
             still += bench.duty == [0.0, 0.0]
-            told += frames.ResetCode(hello.reset).name.lower() == kind and hello.boot != boot
+            reported += frames.ResetCode(hello.reset).name.lower() == kind and hello.boot != boot
     yield Row(
         "restart in motion: motors off and stay off", f"{still} of {count}", "all", still == count
     )
-    yield Row("cause and new start told", f"{told} of {count}", "all", told == count)
+    yield Row("cause and new start reported", f"{reported} of {count}", "all", reported == count)
     yield Row(
         "a hung program's motors are off after",
         f"{worst / MS:.0f} ms",
@@ -301,7 +301,7 @@ def _intrude(
     if foreign not in trial_board().ports and kind in ("second host", "replay"):
         return  # the board has no other port
     if kind == "half frame":
-        if not bench.heard or rng.random() < 0.1:
+        if not bench.received or rng.random() < 0.1:
             bench.send(owner, encode(last)[: rng.randrange(1, 9)])
     elif kind == "garbage":
         bench.send(owner, rng.randbytes(rng.randrange(40)))

@@ -32,7 +32,7 @@ from tests.support.trials.row import Row
 STOP_TARGET = 50 * MS
 STOP_BYTES = 6
 STORM_RATES = (1_000, 200_000)  # pulses/s
-SPEED_MARGIN = 8  # of storm.c: below this multiple of its rated speed a wheel is believed
+SPEED_MARGIN = 8  # of storm.c: below this multiple of its rated speed a wheel's speed is plausible
 STORM_FLAGS = (frames.FLAG_LEFT_STORM, frames.FLAG_RIGHT_STORM)
 
 
@@ -151,7 +151,7 @@ def _time_off(bench: BoardBench, since: int) -> int:
 
 def _flags(bench: BoardBench) -> int | None:
     """The newest flags that the board has reported."""
-    items = [heard.frame for heard in bench.heard if isinstance(heard.frame, frames.StatusFrame)]
+    items = [each.frame for each in bench.received if isinstance(each.frame, frames.StatusFrame)]
     values = [item.value for item in items if item.item == frames.ItemCode.FLAGS]
     return values[-1] if values else None
 

@@ -1,4 +1,4 @@
-"""The board restarts under a goal: the robot stops, says why, and goes on only when told to."""
+"""The board restarts under a goal: it stops, reports the cause, and goes on only after `resume`."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tests.support.trials.row import Row
 LONGEST = 60.0  # s of virtual time for the goal, the wait included
 OFF_WITHIN = 320 * MS
 WAIT = 2_000 * MS  # before the operator consents: far more than any stop takes
-# m; a program that hangs drives on for 0.1 s, or 0.13 s if its interrupts are off, and nobody
+# m; a program that hangs drives on for 0.1 s, or 0.13 s if its interrupts are off, and no one
 # counts. With a frame of 25 ms before and 12 mm of rolling out that is 60 mm at 0.3 m/s; the
 # odometry assumes the 37 mm of a reset that takes effect at once.
 STEP_MOST = 0.040
@@ -41,7 +41,7 @@ class Seen(NamedTuple):
 
     stopped: bool
     """both motors off in time, and until `resume`"""
-    told: bool
+    reported: bool
     """the run held a latched stop, and a text named the cause"""
     step: float
     """m; longest step of the odometry's error from the restart to `resume`: a difference of counts
@@ -69,14 +69,14 @@ class Struck:
         if not run.struck and now >= run.at:
             run.struck = True
             MISHAPS[run.kind](board.emulator)
-        heard = self._robot.deliver(now)
+        received = self._robot.deliver(now)
         run.truth.append((board.now, board.plant.chassis.x, board.plant.chassis.y))
         if run.struck and not run.resumed:
             if now >= run.at + OFF_WITHIN and board.duty != [0.0, 0.0]:
                 run.still = False
             if now >= run.at + WAIT:
                 run.consent(now)
-        return heard
+        return received
 
 
 class StruckRun(Run):
@@ -138,7 +138,7 @@ def rows(seed: int, count: int) -> Iterator[Row]:
     seen = [one(kinds[n % len(kinds)], rng, seed * 1000 + n) for n in range(count)]
     for name, each in (
         ("stop until `resume`", lambda s: s.stopped),
-        ("reason shown", lambda s: s.told),
+        ("reason shown", lambda s: s.reported),
         ("the goal waits for `resume`", lambda s: s.waited),
     ):
         good = sum(map(each, seen))
@@ -161,7 +161,7 @@ def one(kind: str, rng: Random, seed: int) -> Seen:
     result = run.go()
     return Seen(
         stopped=run.struck and run.still,
-        told=run.held and any(ResetCode[kind.upper()].meaning in text for text in run.texts),
+        reported=run.held and any(ResetCode[kind.upper()].meaning in text for text in run.texts),
         step=run.step,
         later_step=run.later_step,
         waited=run.waited and result.reached + run.operator.reached_unsure == 1,

@@ -62,7 +62,7 @@ def goals(seed: int, count: int) -> Iterator[Row]:
     yield Row("true position, worst within 2 m", f"{far:.1f} mm", "<= 60 mm", far <= 60)
     yield Row("true heading, worst", f"{turned:.2f} deg", "<= 4 deg", turned <= 4)
     yield Row("checksum errors and state frames lost", f"{spoilt}", "0", spoilt == 0)
-    # Frames leave at whole milliseconds of the board: a span of seconds is told to 0.005 Hz.
+    # Frames leave at whole milliseconds of the board: a span of seconds resolves 0.005 Hz.
     yield Row("state frames, slowest run", f"{rate:.2f} Hz", ">= 40 Hz", round(rate, 2) >= 40)
 
 

@@ -32,7 +32,7 @@ MM = 1000.0
 
 
 def rows(folders: Sequence[Path]) -> Iterator[Row]:
-    """Rows for every session below `folders`; one that says so when there is no data."""
+    """Rows for every session below `folders`; one that states it when there is no data."""
     found = {path.name: path for folder in folders for path in _sessions(folder)}
     if LEARNT_FROM not in found:
         target = f"needs session {LEARNT_FROM}: --optiodom FOLDER"
@@ -132,8 +132,8 @@ def _range_errors(offset: float, noise: float, rng: Random) -> tuple[float, floa
     readings = round(LISTEN_TIME_S * TELEMETRY)
     points = []
     for place in RULER_DISTANCES_M:
-        heard = [sheet[place] + rng.gauss(0.0, noise) for _ in range(readings)]
-        points.append(RulerPoint(place, fmean(heard), stdev(heard), readings))
+        received = [sheet[place] + rng.gauss(0.0, noise) for _ in range(readings)]
+        points.append(RulerPoint(place, fmean(received), stdev(received), readings))
     found = fit_curve(points)
     wrong = {
         place: abs(distance_at(volts, found.a, found.b, found.c) - place)

@@ -1,7 +1,7 @@
 """Children of a run that are killed or suspended while it drives, and a cable that is pulled.
 
 Real processes, in real time, with the book's board on a pseudo-terminal. A run goes on without its
-hub, recorder, log writer or screen, and ends when it is told to; without its watchdog it ends by
+hub, recorder, log writer or screen, and ends on request; without its watchdog it ends by
 itself. Nothing is left behind: no process, no socket; the motors are off.
 """
 
@@ -43,7 +43,7 @@ FAR = ("--goal", "30 0", "--set", "world.walls=[]")
 
 
 class SensingBoard(BookBoard):
-    """A board whose distance is never the same twice: a sensor that tells no change is faulty."""
+    """A board whose distance is never the same twice: a sensor without any change is faulty."""
 
     def report(self) -> None:
         """Report counts and distance."""
@@ -79,7 +79,7 @@ class DrivingRun:
         return self.output_file.read_text()
 
     def child(self, kind: str) -> int:
-        """The pid of one of CHILDREN, told by what only this child has."""
+        """The pid of one of CHILDREN, found by what only this child has."""
         for pid in children_of(self.process.pid):
             if kind == _kind(pid, self.recording, self.log):
                 return pid
@@ -139,7 +139,7 @@ def child_fault(kind: str, number: int, seed: int) -> FaultOutcome:
     """A signal to one child of a run that drives.
 
     Repeated, twice at most, when the computer did not run the engine: then the robot stands until a
-    person resumes it, which nobody can without a hub, and the run says nothing of the child.
+    person resumes it, which needs the hub, and the run reports nothing about the child.
     """
     outcome = _child_fault(kind, number, seed)
     for _ in range(FROZEN_MAX):
@@ -169,7 +169,7 @@ def _child_fault(kind: str, number: int, seed: int) -> FaultOutcome:
 
 
 def emulator_fault(number: int, seed: int) -> FaultOutcome:
-    """A signal to the emulator of a run in real time: the run ends by itself, and says why."""
+    """A signal to the emulator of a run in real time: the run ends, and reports the cause."""
     with tempfile.TemporaryDirectory() as name:
         run = DrivingRun(Path(name), "emulated", ("--robot", "book_2wd"))
         try:
@@ -216,7 +216,7 @@ def unplugged(seed: int) -> FaultOutcome:
             port.wait_for(lambda board: len(board.commands) > before + 20, START_TIMEOUT_S)
             values = {value for _, _, value in port.board.commands[before:]}
             faults = [] if values == {0} else [f"commands before resume: {values}"]
-            _wait_for_text(run, LINK_UP, 2)  # until then `resume` fails, and says so
+            _wait_for_text(run, LINK_UP, 2)  # until then `resume` fails with an error
             code, text, complaint = cli(Path(name), "resume")
             faults += [] if code == 0 else [f"resume failed: {text} {complaint}"]
             _drive(port, None)
@@ -260,7 +260,7 @@ def _file_faults(run: DrivingRun, killed: str) -> list[str]:
     if info.complete == (killed == "recorder"):
         faults.append(f"the recording is {'' if info.complete else 'in'}complete")
     if (killed == "recorder") != ("RECORDING STOPPED" in run.output):
-        faults.append("the loss of the recording is not told, or told without one")
+        faults.append("the loss of the recording is not reported, or reported without one")
     if (killed == "log") == ('"ended: ' in run.log.read_text()):
         faults.append("the log has not the end that it should have")
     return faults

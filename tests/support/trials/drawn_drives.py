@@ -17,7 +17,7 @@ PERIOD_S = 0.02
 REST_ROWS = 15  # before and after a drive
 
 Steps = list[tuple[float, float]]
-"""m that odometry believes the right and the left wheel rolled"""
+"""m that the right and the left wheel rolled by odometry"""
 
 
 @dataclass(frozen=True, slots=True)

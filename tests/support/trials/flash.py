@@ -137,7 +137,7 @@ def _flashed(
     programmer: str, case: str, before: Path | None, boot: Path, settings: BoardSettings
 ) -> FlashFigures:
     image = image_of(settings.board)
-    wanted = load(image)
+    required = load(image)
     with Emulator(
         [], board=settings.board, image=before, boot=boot, pty=True, paced=True
     ) as emulator:
@@ -157,7 +157,7 @@ def _flashed(
                 texts.append(event.text)
                 if "verified" in event.text:
                     seconds = time.monotonic() - start
-        same = emulator.flash(0, len(wanted)) == wanted
+        same = emulator.flash(0, len(required)) == required
         dirty = emulator.dirty_writes()
     return FlashFigures(seconds, texts[0].rsplit(" ", 1)[-1], same, dirty, "ready" in texts[-1])
 

@@ -231,11 +231,11 @@ def _wheel_speeds(commands: Sequence[Command], track: float, lag: float) -> Floa
         wheels = (speed + rate * track / 2, speed - rate * track / 2)
         # The controller keeps the way exact, whatever the steps are.
         parts.append(np.tile(wheels, (count, 1)) * (duration / (count * STEP_S)))
-    wanted = np.concatenate(parts)
+    expected = np.concatenate(parts)
     share = 1 - np.exp(-STEP_S / lag)
-    actual = np.zeros_like(wanted)
+    actual = np.zeros_like(expected)
     speeds = np.zeros(2)
-    for number, target in enumerate(wanted):
+    for number, target in enumerate(expected):
         speeds = speeds + share * (target - speeds)
         actual[number] = speeds
     actual[np.abs(actual) < 0.002] = 0.0
@@ -253,7 +253,7 @@ class _Motion(NamedTuple):
 def _move(
     robot: ForeignRobot, speeds: Floats, stated: Geometry, draw: np.random.Generator
 ) -> _Motion:
-    steps = speeds * STEP_S  # m that odometry believes
+    steps = speeds * STEP_S  # m, by odometry
     turned = steps / (pi * np.array([stated.right, stated.left]))
     lateral = speeds.mean(axis=1) * (speeds[:, 0] - speeds[:, 1]) / robot.track
     loads = np.stack([-lateral, lateral], axis=1) * robot.load

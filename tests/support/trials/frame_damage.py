@@ -17,8 +17,8 @@ LEAST, MOST = 1e-4, 1e-2
 
 def to_board(seed: int, count: int) -> Iterator[Row]:
     """Command frames through the board's own codec, compiled for this machine."""
-    (said,) = firmware_parts.run("damage", seed, count, sanitized=False)
-    words = said.split()
+    (output,) = firmware_parts.run("damage", seed, count, sanitized=False)
+    words = output.split()
     wrong, lost = int(words[1]), int(words[3])
     yield Row(
         f"{count:.0e} damaged frames to the board: wrong accepted", str(wrong), "0", wrong == 0
@@ -72,19 +72,19 @@ def through_binary(seed: int, count: int) -> Iterator[Row]:
     wrong = lost = 0
     with BoardBench() as bench:
         bench.ready()
-        before = wanted = speed(0, 5, 5)
+        before = expected = speed(0, 5, 5)
         for number in range(count):
             if number % 100 == 0:
                 bench.claim()
                 bench.turn(10)
-            before = wanted
-            wanted = speed(3 * number, rng.uniform(1, 9), rng.uniform(1, 9))
-            second, third = (wanted._replace(sequence=(3 * number + n) & 0xF) for n in (1, 2))
+            before = expected
+            expected = speed(3 * number, rng.uniform(1, 9), rng.uniform(1, 9))
+            second, third = (expected._replace(sequence=(3 * number + n) & 0xF) for n in (1, 2))
             bench.changes.clear()
-            bench.send(RADIO, damage(rng, encode(wanted)), second, third)
+            bench.send(RADIO, damage(rng, encode(expected)), second, third)
             bench.wait(90)
             lost += bench.state().command != third.sequence
-            allowed = (wanted,) if number % 100 == 0 else (before, wanted)
+            allowed = (expected,) if number % 100 == 0 else (before, expected)
             for change in bench.changes:
                 duty = abs(change.duty)
                 wrong += not any(plausible(duty, each[1 + change.motor]) for each in allowed)
@@ -93,7 +93,7 @@ def through_binary(seed: int, count: int) -> Iterator[Row]:
     yield Row("not resynchronised within one frame", str(lost), "0", lost == 0)
 
 
-def plausible(duty: float, wanted: int) -> bool:
+def plausible(duty: float, expected: int) -> bool:
     """Whether a motor runs as commanded: feed-forward and at most what the integrator may add."""
-    forward = 0.10 + 0.086 * wanted / 256
+    forward = 0.10 + 0.086 * expected / 256
     return abs(duty - min(forward, 1.0)) <= 0.25 + 0.01  # and a step of the PWM

@@ -92,15 +92,15 @@ def flood(folder: Path, repeats: int) -> SocketAttack:
         return SocketAttack(0, survived, peak, _failures(folder), stops)
 
 
-def deaf_client(folder: Path, requests: int, repeats: int) -> SocketAttack:
+def silent_reader(folder: Path, requests: int, repeats: int) -> SocketAttack:
     """A client that sends `requests` and never reads, while another one stops a driving robot."""
     with running(folder, *FAR_GOAL, name=NAME) as process:
         pid = os.fork()
         if not pid:
-            with suppress(BaseException), _connected(folder) as deaf:
-                deaf.settimeout(60.0)
-                deaf.sendall(b'{"hello": 2, "name": "deaf"}\n')
-                deaf.sendall(b'{"id": 1, "method": "snapshot"}\n' * requests)
+            with suppress(BaseException), _connected(folder) as reader:
+                reader.settimeout(60.0)
+                reader.sendall(b'{"hello": 2, "name": "reader"}\n')
+                reader.sendall(b'{"id": 1, "method": "snapshot"}\n' * requests)
             os._exit(0)
         client = PlainClient(folder)
         stops = _timed_stops(client, repeats)

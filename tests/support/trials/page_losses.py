@@ -80,7 +80,7 @@ def blur(phone: Phone) -> None:
 
 
 def freeze(phone: Phone) -> None:
-    """The tab is frozen: no timer runs, and no event tells the page of it."""
+    """The tab is frozen: no timer runs, and no event notifies the page."""
     busy = "const end = Date.now() + 3000; while (Date.now() < end);"
     phone.browser.send("Runtime.evaluate", phone.page.session, expression=busy)
 

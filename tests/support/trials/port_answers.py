@@ -1,4 +1,4 @@
-"""Who answers behind a port: somebody on a pseudo-terminal, and what is said of them."""
+"""What answers on a port: devices on a pseudo-terminal, and the error for each."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from diffbotctl.links.diffbot_codec import encode, encode_payload, pack
 from tests.support.background import repeating
 from tests.support.book_board import BookBoard
 
-Say = Callable[[bytes], bytes]  # what was heard in, what is said out
+Say = Callable[[bytes], bytes]  # bytes received, bytes sent
 
 
 class Answer(NamedTuple):
-    """A port's name, who is behind it, and what must be said of them."""
+    """A port's name, what is behind it, and the expected error."""
 
     name: str
     device: str
@@ -36,7 +36,7 @@ class Answer(NamedTuple):
 
 
 def silent() -> Say:
-    """Nobody."""
+    """A device that sends nothing."""
     return lambda _: b""
 
 
@@ -48,7 +48,7 @@ def noise() -> Say:
 
 def blank() -> Say:
     """A bootloader without a program behind it: it answers its own language alone."""
-    return lambda heard: stk500_frames.message(1, HELLO_ANSWER) if b"\x1b" in heard else b""
+    return lambda received: stk500_frames.message(1, HELLO_ANSWER) if b"\x1b" in received else b""
 
 
 NAME = stk500_frames.BOOTLOADER_NAME
@@ -59,8 +59,8 @@ def book() -> Say:
     """The book's firmware."""
     device = BookBoard()
 
-    def say(heard: bytes) -> bytes:
-        device.take(heard)
+    def say(received: bytes) -> bytes:
+        device.take(received)
         device.run(device.now + POLL_PERIOD_S)
         sent = b"".join(data for at, data, _ in device.out if at <= device.now)
         device.out = [each for each in device.out if each[0] > device.now]
@@ -74,14 +74,14 @@ def newer() -> Say:
     hello = frames.HelloFrame(*(0 for _ in frames.HelloFrame._fields))._replace(
         version=frames.VERSION + 1
     )
-    return lambda heard: encode(hello) if heard else b""
+    return lambda received: encode(hello) if received else b""
 
 
 def older() -> Say:
     """Our firmware of version 1 of the protocol, whose hello is shorter."""
     hello = frames.HelloFrame(*(0 for _ in frames.HelloFrame._fields))._replace(version=1)
     wire = encode_payload(pack(hello)[: frames.VERSION_1_BYTES[frames.HelloFrame]])
-    return lambda heard: wire if heard else b""
+    return lambda received: wire if received else b""
 
 
 POLL_PERIOD_S = 0.02  # s between two answers
@@ -110,7 +110,7 @@ def named_port(folder: Path, name: str) -> Iterator[tuple[Path, int]]:
 
 
 def problem_of(answer: Answer) -> tuple[str, str]:
-    """Code and fix of what is said; ("", "") when the board could be driven."""
+    """Code and fix of the error; ("", "") when the board could be driven."""
     robot = load_robot("book_2wd").robot
     with (
         tempfile.TemporaryDirectory() as folder,
@@ -132,7 +132,7 @@ def talking(end: int, say: Say, period_s: float = POLL_PERIOD_S) -> AbstractCont
         ready = select.select([end], [], [], 0)[0]
         answer = say(os.read(end, 4096) if ready else b"")
         if answer:
-            with suppress(BlockingIOError):  # nobody reads: lost, as on a line
+            with suppress(BlockingIOError):  # no reader: lost, as on a line
                 os.write(end, answer)
 
     os.set_blocking(end, False)

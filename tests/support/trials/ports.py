@@ -30,11 +30,11 @@ BRLTTY_RULE = 'ENV{PRODUCT}=="1a86/7523/*", ENV{BRLTTY_BRAILLE_DRIVER}="bm", GOT
 
 
 class Situation(NamedTuple):
-    """What is so, who asks for which port, and what must be said: code, cause, fix."""
+    """The machine, who asks for which port, and the expected error: code, cause, fix."""
 
     name: str
     build: Callable[[FakeMachine], object]
-    asked: str | None  # None: what is said of the machine as a whole
+    asked: str | None  # None: the problems of the machine as a whole
     code: str  # "" when nothing is wrong
     cause: str = ""
     fix: str = ""
@@ -84,7 +84,7 @@ def moved(machine: FakeMachine) -> None:
     clone(machine, "ttyUSB1", by_id=CH340_NAME)
 
 
-def twins(machine: FakeMachine) -> None:
+def indistinct(machine: FakeMachine) -> None:
     """Two clones; the second took the by-id name from the first."""
     clone(machine, "ttyUSB0", place="1-1")
     clone(machine, "ttyUSB1", place="1-2", by_id=CH340_NAME)
@@ -114,8 +114,8 @@ def modem(machine: FakeMachine) -> None:
     machine.program("ModemManager")
 
 
-def modem_told(machine: FakeMachine) -> None:
-    """ModemManager, told to leave the board alone."""
+def modem_configured(machine: FakeMachine) -> None:
+    """ModemManager, configured to leave the board alone."""
     mega(machine, no_modem=True)
     machine.program("ModemManager")
 
@@ -303,7 +303,7 @@ SITUATIONS = [
     Situation("two genuine boards", two_megas, None, "W-PORT-SEVERAL", MEGA_NAME, "--port"),
     Situation(
         "two clones with one by-id name",
-        twins,
+        indistinct,
         U,
         "W-PORT-INDISTINCT",
         "serial number",
@@ -338,7 +338,7 @@ SITUATIONS = [
         "unplug the cable",
     ),
     Situation("ModemManager lies in wait", modem, A, "W-PORT-MODEM", "modem", "doctor --fix"),
-    Situation("ModemManager was told", modem_told, A, ""),
+    Situation("ModemManager was configured", modem_configured, A, ""),
     Situation("an Uno", known((0x2341, 0x0043)), U, ""),
     Situation(
         "a Leonardo", known((0x2341, 0x8036)), U, "W-PORT-BOARD", "Leonardo", "book_2wd_stock"
@@ -382,8 +382,8 @@ SITUATIONS = [
 ]
 
 
-def said(situation: Situation, folder: Path) -> tuple[Problem, ...]:
-    """What is said of the situation, on a machine built in `folder`."""
+def problems_of(situation: Situation, folder: Path) -> tuple[Problem, ...]:
+    """The problems of the situation, on a machine built in `folder`."""
     machine = FakeMachine(folder, *situation.group)
     situation.build(machine)
     person = SystemUser(ANA, USER, situation.groups)
@@ -397,7 +397,7 @@ def said(situation: Situation, folder: Path) -> tuple[Problem, ...]:
 
 
 def right(situation: Situation, problems: tuple[Problem, ...]) -> bool:
-    """Whether exactly this was said: one problem, its code, its cause, its fix."""
+    """Whether exactly this was reported: one problem, its code, its cause, its fix."""
     if not situation.code:
         return not problems
     return [problem.code for problem in problems] == [situation.code] and (
@@ -410,7 +410,7 @@ def rows() -> Iterator[Row]:
     wrong = []
     for situation in SITUATIONS:
         with tempfile.TemporaryDirectory() as folder:
-            if not right(situation, said(situation, Path(folder))):
+            if not right(situation, problems_of(situation, Path(folder))):
                 wrong.append(situation.name)
     with ThreadPoolExecutor(len(port_answers.ANSWERS)) as pool:
         verdicts = list(pool.map(port_answers.is_right, port_answers.ANSWERS))

@@ -58,7 +58,7 @@ while True:
     if kind in WRONG:
         send(WRONG[kind])
     elif kind == "raise":
-        raise KeyError("nobody is there")
+        raise KeyError("no one is there")
     elif kind == "exit":
         sys.exit(0)
     elif kind == "crash":

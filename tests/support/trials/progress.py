@@ -69,7 +69,7 @@ def with_progress(
     """
     began = clock()
     for number, section in enumerate(sections):
-        started = told = clock()
+        started = reported = clock()
         expected = times.estimate(section)
         later = [times.estimate(each) for each in sections[number + 1 :]]
         title = f"{number + 1} of {len(sections)}  {section.name}"
@@ -78,8 +78,8 @@ def with_progress(
         for count, row in enumerate(with_failure(section.name, section.rows), 1):
             yield row
             now = clock()
-            if now - told >= MINUTE_S:
-                told = now
+            if now - reported >= MINUTE_S:
+                reported = now
                 left = None if expected is None else max(expected - (now - started), 0.0)
                 words = time_text(now - began, [left, *later])
                 print(f"{title}, row {count}: {words}", file=output, flush=True)

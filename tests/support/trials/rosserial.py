@@ -37,22 +37,22 @@ class Replayed(NamedTuple):
     """What the host made of a recording."""
 
     host: RosserialHost
-    heard: list[tuple[str, Message]]
+    received: list[tuple[str, Message]]
     ticks: int  # frames of ticks in the recording, found without the host
 
 
 def replay(path: Path, one_by_one: bool) -> Replayed:
     """Feed the board's half of a recording to a new host, by bursts or byte by byte."""
     events = json.loads(path.read_text())["events"]
-    host, heard = RosserialHost(RATED), []
+    host, received = RosserialHost(RATED), []
     host.opened(0)
     stream = "".join(data for _, who, data in events if who == "d")
     for seconds, who, text in events:
         data = bytes.fromhex(text) if who == "d" else b""
         pieces = [bytes((byte,)) for byte in data] if one_by_one else [data]
         for piece in pieces:
-            heard += host.receive(round(seconds * SECOND), piece)
-    return Replayed(host, heard, sum(stream.count(header) for header in TICK_HEADERS))
+            received += host.receive(round(seconds * SECOND), piece)
+    return Replayed(host, received, sum(stream.count(header) for header in TICK_HEADERS))
 
 
 def recorded(path: Path) -> Iterator[Row]:
@@ -64,8 +64,8 @@ def recorded(path: Path) -> Iterator[Row]:
     read = ticks_read(whole)
     yield Row(f"{name}: ticks read", f"{read} of {whole.ticks}", "all", read == whole.ticks)
     counts = [
-        [m for _, m in each.heard if isinstance(m, Encoders)] for each in (whole, single)
-    ]  # Link messages differ: each tells how far the stream has been read
+        [m for _, m in each.received if isinstance(m, Encoders)] for each in (whole, single)
+    ]  # Link messages differ: each states how far the stream has been read
     same = counts[0] == counts[1] and bool(counts[0])
     yield Row(f"{name}: byte by byte", "same" if same else "differs", "same", same)
 
@@ -161,7 +161,7 @@ def starts_in_noise(seed: int, starts: int, straddle: bool) -> Iterator[Row]:
         f"{name}: counts off the wheels', most", f"{error:.1f}", f"<= {ERROR}", error <= ERROR
     )
     boots = sum(f.boots for f in found)
-    yield Row(f"{name}: restarts believed but not made", str(boots), "0", boots == 0)
+    yield Row(f"{name}: restarts reported but not made", str(boots), "0", boots == 0)
 
 
 def rows(seed: int, starts: int) -> Iterator[Row]:
@@ -180,11 +180,11 @@ def record(path: Path) -> None:
     events: list[tuple[float, str, str]] = []
     drive = drive_by(1)
     while session.now < 10 * SECOND:
-        said = len(session.written)
+        sent_before = len(session.written)
         session.run(session.now + 1, drive)
         if session.arrived:
             events.append((session.now / SECOND, "d", session.arrived.hex()))
-        events += [(at / SECOND, "h", data.hex()) for at, data in session.written[said:]]
+        events += [(at / SECOND, "h", data.hex()) for at, data in session.written[sent_before:]]
     path.write_text(json.dumps({"baud": 9600, "events": events}, indent=0) + "\n")
 
 

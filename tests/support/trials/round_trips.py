@@ -34,10 +34,10 @@ for number in range(int(sys.argv[1])):
     time.sleep(max(due - time.monotonic(), 0.0))
     text = f"hello world {number}"
     begin = time.monotonic_ns()
-    print(json.dumps({"said": {"text": text}}), flush=True)
+    print(json.dumps({"report": {"text": text}}), flush=True)
     while True:
         message = json.loads(sys.stdin.readline())
-        if any(key in ("heard", "said") for key in message):
+        if any(key in ("answer", "report") for key in message):
             break
     times.append(time.monotonic_ns() - begin)
 with open(sys.argv[2], "w") as file:
@@ -67,13 +67,13 @@ int main(int count, char **words) {
             nanosleep(&t, NULL);
         }
         const long long begin = now();
-        printf("{\"said\": {\"text\": \"hello world %d\"}}\n", number);
+        printf("{\"report\": {\"text\": \"hello world %d\"}}\n", number);
         fflush(stdout);
         do {
             if (fgets(line, sizeof line, stdin) == NULL) {
                 return 1;
             }
-        } while (strncmp(line, "{\"heard\"", 8) != 0 && strncmp(line, "{\"said\"", 7) != 0);
+        } while (strncmp(line, "{\"answer\"", 9) != 0 && strncmp(line, "{\"report\"", 9) != 0);
         times[number] = now() - begin;
     }
     FILE *file = fopen(words[2], "w");
@@ -121,7 +121,7 @@ blocks:
 """
 WITH_PROGRAM = """
 programs:
-  sender: {{run: {run}, in: {{heard: listener.heard}}, out: {{said: Text}}}}
+  sender: {{run: {run}, in: {{answer: listener.heard}}, out: {{report: Text}}}}
 """
 WITH_INPUT = "inputs: {back: {type: Text}}"
 
@@ -196,7 +196,7 @@ def through_program(folder: Path, run: str, seconds: float) -> RoundTrips:
     result, pipeline = folder / "program.txt", folder / "program.yaml"
     result.unlink(missing_ok=True)
     line = f"{run} {round(seconds * RATE)} {result}"
-    pipeline.write_text(PIPELINE.format(wire="sender.said", rest=WITH_PROGRAM.format(run=line)))
+    pipeline.write_text(PIPELINE.format(wire="sender.report", rest=WITH_PROGRAM.format(run=line)))
     with _engine(folder, pipeline, "--no-socket", "--allow-programs") as process:
         _wait_for_program(process.pid)
         engine = _share(process.pid, seconds - 1.0)

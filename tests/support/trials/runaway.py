@@ -2,7 +2,7 @@
 as one whose wheels turn the wrong way.
 
 A motor driver that conducts all the time is simulated by a board that takes the full speed for one
-wheel whatever the host commands, until the host says stop. Healthy robots are the random ones of
+wheel whatever the host commands, until the host sends a stop. Healthy robots are the random ones of
 the matrix, and the shipped robots with random motors, on both plants.
 """
 

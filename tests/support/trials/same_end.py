@@ -83,7 +83,7 @@ def _crossed(*sets: str) -> Scenario:
     The speed loop of a wheel that turns too fast then slows down the other wheel, whose loop makes
     the first one faster still: a small difference grows by a factor of e in some tenths of a second
     until one wheel stands. Edge times that differ by microseconds decide which. With the speed of
-    proven wiring they even decide whether a leg ends before; nobody has proven wiring like this.
+    proven wiring they even decide whether a leg ends before; no real robot has that.
     """
     return Scenario(sets, is_unproven=True, is_symmetric=True)
 

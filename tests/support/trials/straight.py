@@ -1,4 +1,4 @@
-"""How straight a robot drives when a client tells it to, as `drive --v 0.15 --for 6s` does."""
+"""How straight a robot drives when a client commands it, as `drive --v 0.15 --for 6s` does."""
 
 from __future__ import annotations
 

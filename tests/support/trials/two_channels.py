@@ -63,12 +63,12 @@ def full_speed(seconds: float = 0.5) -> Iterator[Row]:
             before = bench.state()
             slots = round(rate * (seconds + RAMP_S))
             bench.pins += _turning(bench, rate, seconds, slots, is_forward)
-            heard = _in_pieces(bench, seconds + 2 * RAMP_S + 0.2)
+            received = _in_pieces(bench, seconds + 2 * RAMP_S + 0.2)
             after = bench.state()
         count = slots * counts_of_slot()
-        wanted = count if is_forward else -count
+        expected = count if is_forward else -count
         lost = [
-            (wanted - (now - then) + 32768) % 65536 - 32768
+            (expected - (now - then) + 32768) % 65536 - 32768
             for then, now in ((before.left, after.left), (before.right, after.right))
         ]
         yield Row(
@@ -78,16 +78,18 @@ def full_speed(seconds: float = 0.5) -> Iterator[Row]:
             "0, 0",
             lost == [0, 0],
         )
-        rate_heard = heard / (seconds + 2 * RAMP_S + 0.2)
-        yield Row("state frames meanwhile", f"{rate_heard:.0f} Hz", ">= 39 Hz", rate_heard >= 39)
+        rate_received = received / (seconds + 2 * RAMP_S + 0.2)
+        yield Row(
+            "state frames meanwhile", f"{rate_received:.0f} Hz", ">= 39 Hz", rate_received >= 39
+        )
 
 
 def _in_pieces(bench: BoardBench, seconds: float) -> int:
     """Let time pass in steps whose edges fit one request; how many state frames came."""
-    heard = 0
+    received = 0
     for _ in range(round(seconds * 50)):
-        heard += sum(isinstance(frame.frame, frames.StateFrame) for frame in bench.wait(20))
-    return heard
+        received += sum(isinstance(frame.frame, frames.StateFrame) for frame in bench.wait(20))
+    return received
 
 
 def _turning(
