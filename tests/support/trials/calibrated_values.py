@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 
 from diffbotctl.calibrate.runner import make_step, open_session, run_step
 from diffbotctl.config.load import load_robot
-from diffbotctl.errors import RunError
+from diffbotctl.errors import Problem, RunError
 from diffbotctl.prompts.answers_file import AnswersFile
 from tests.support.calibration_robots import ANSWERS, SilentScreen
 from tests.support.trials.row import Row, printed
@@ -21,49 +21,57 @@ CHAIN = ("motors", "distance", "geometry")
 WITHIN_SD, SHARE_MIN = 2.0, 0.90
 
 
-def robot_text(rng: Random, equations: str) -> str:
+def robot_text(rng: Random, equations: str, pulses: str) -> str:
     """A robot whose geometry, motors, battery and floor are drawn at random."""
     track, diameter = rng.uniform(0.0, 0.04), rng.uniform(0.0, 0.006)
     sag, slip = rng.choice((0.0, 0.04, 0.10)), rng.choice((0.2, 0.5, 1.0))
     return (
         "format: 1\nkind: robot\ninclude: book_2wd\n"
-        "drive: {polarity: checked_by_hand}\n"
+        "drive: {polarity: checked_by_hand, "
+        f"left: {{motor: {{pulses: {pulses}}}}}, right: {{motor: {{pulses: {pulses}}}}}}}\n"
         f"simulation: {{equations: {equations}, slip: {slip} mm, battery: {{sag: {sag}}}, "
         f"geometry: {{track_spread: {track:.4f}, diameter_spread: {diameter:.4f}}}}}\n"
         "calibration: {}\n"
     )
 
 
-def deviations(seed: int, equations: str, folder: Path) -> dict[str, float]:
-    """Errors of the values of one robot, in their standard deviations, by field."""
+def deviations(seed: int, equations: str, pulses: str, folder: Path) -> dict[str, float]:
+    """Errors of the values of one robot, in their standard deviations, by field.
+
+    Raises RunError for a chain that a fault ends.
+    """
     robot, answers = folder / f"robot-{seed}.yaml", folder / "answers.yaml"
-    robot.write_text(robot_text(Random(f"calibrated values {seed}"), equations))
+    robot.write_text(robot_text(Random(f"calibrated values {seed}"), equations, pulses))
     answers.write_text(ANSWERS)
     session, tools = open_session(load_robot(str(robot)), "sim", seed)
     assert tools is not None
     with session:
         prompter = AnswersFile(answers, tools)
         for name in CHAIN:
-            run_step(make_step(name), session, prompter, SilentScreen())
+            outcome = run_step(make_step(name), session, prompter, SilentScreen())
+            if outcome.faults:
+                raise RunError(Problem("E-CALIBRATE-ROBOT", name, outcome.faults[0]))
             session.recording.clear()
         values = tools.compare(session.findings.values())
     return {value.field: value.deviation for value in values if value.deviation is not None}
 
 
-def rows(seed: int, robots: int, equations: str = "exponential") -> Iterator[Row]:
+def rows(
+    seed: int, robots: int, equations: str = "exponential", pulses: str = "inputs"
+) -> Iterator[Row]:
     """For each field, the share of robots whose value lies within two standard deviations."""
     by_field: dict[str, list[float]] = defaultdict(list)
     failed = 0
     with TemporaryDirectory() as folder:
         for number in range(robots):
             try:
-                found = deviations(1000 * seed + number, equations, Path(folder))
+                found = deviations(1000 * seed + number, equations, pulses, Path(folder))
             except RunError:
                 failed += 1
                 continue
             for field, deviation in found.items():
                 by_field[field.replace("left.", "").replace("right.", "")].append(deviation)
-    what = f"calibrated values, {robots} robots, {equations}"
+    what = f"calibrated values, {robots} robots, {equations}, {pulses}"
     for field, errors in by_field.items():
         share = fmean(abs(error) <= WITHIN_SD for error in errors)
         rms = fmean(error * error for error in errors) ** 0.5
@@ -73,7 +81,7 @@ def rows(seed: int, robots: int, equations: str = "exponential") -> Iterator[Row
             f">= {100 * SHARE_MIN:.0f} %; rms {rms:.2f} sd",
             share >= SHARE_MIN,
         )
-    yield Row(f"{what}: chain not finished", f"{failed}", "(none)", True)
+    yield Row(f"{what}: chain not finished", f"{failed}", "0", not failed)
 
 
 def main() -> None:
@@ -82,8 +90,11 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--robots", type=int, default=100)
     parser.add_argument("--equations", default="exponential", choices=("exponential", "torque"))
+    parser.add_argument("--pulses", default="inputs", choices=("inputs", "enable"))
     options = parser.parse_args()
-    raise SystemExit(printed(rows(options.seed, options.robots, options.equations)) > 0)
+    raise SystemExit(
+        printed(rows(options.seed, options.robots, options.equations, options.pulses)) > 0
+    )
 
 
 if __name__ == "__main__":
