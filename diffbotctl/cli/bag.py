@@ -199,7 +199,7 @@ def _cell(value: object) -> object:
 @command.command()
 @exclusive("--output", ("--ascii",), "a picture has no characters")
 @needs(("--force",), ("--output",), "it overwrites a file")
-@click.argument("fields", nargs=-1, metavar="FIELD...")
+@click.argument("fields", nargs=-1, metavar="[FIELD]...")
 @recording_argument
 @click.option("--from", "begin", metavar="TIME", type=Quantity("s"), help="Start, such as 3s.")
 @click.option("--until", metavar="TIME", type=Quantity("s"), help="End.")
@@ -217,14 +217,12 @@ def plot(
     """Plot the FIELDs of the recording FILE over time, in the terminal or into --output.
 
     Fields are named as in `topic echo`: odometry.odometry.x; a topic alone means all its numbers.
+    Without FIELD, the speeds of the first odometry.
     """
     from diffbotctl.recording.fields import read_series
 
     if not fields:
-        raise click.UsageError(
-            "name what to plot before the file, such as odometry.odometry.x; "
-            f"`diffbotctl bag info {shlex.quote(str(file))}` lists the topics"
-        )
+        fields = _speed_fields(file)
     if not file.exists() and Path(fields[0]).is_file():  # as `bag export` has it
         file, fields = Path(fields[0]), (*fields[1:], str(file))
     check_span(begin, until)
@@ -243,6 +241,21 @@ def plot(
     }
     write_output(output, writers, force)
     return 0
+
+
+def _speed_fields(file: Path) -> tuple[str, ...]:
+    """The fields of both speeds of the first odometry in a recording. Raises click.UsageError."""
+    from diffbotctl.message_types import type_name
+    from diffbotctl.messages import Odometry
+    from diffbotctl.recording.reader import recording_info
+
+    for topic in recording_info(file).topics:
+        if topic.kind == type_name(Odometry) and topic.messages:
+            return f"{topic.name}.linear", f"{topic.name}.angular"
+    raise click.UsageError(
+        f"{file} has no odometry: name what to plot before the file; "
+        f"`diffbotctl bag info {shlex.quote(str(file))}` lists the topics"
+    )
 
 
 def _plot_on_terminal(curves: list[Series], ascii_only: bool) -> None:

@@ -18,7 +18,7 @@ SIMILAR_CODES_MAX = 12  # that are listed for a part of a code
 
 
 @click.command()
-@click.argument("files", nargs=-1, required=True, metavar="FILE...")
+@click.argument("files", nargs=-1, metavar="[FILE]...")
 @robot_option
 @set_option
 @click.option("--real", is_flag=True, help="Also warn about what matters on a real robot only.")
@@ -28,12 +28,15 @@ def check(
 ) -> int:
     """Check robot and pipeline files, or names. Nothing is started.
 
+    Without FILE, those in ./robots and ./pipelines, or the shipped robot and pipeline `goal`.
+
     Exit code: 0 when they can be run (warnings may be printed), 2 when they cannot.
     """
     from diffbotctl.config.load import takes_robot
     from diffbotctl.errors import rendered
     from diffbotctl.ui.text import fold_text
 
+    files = files or _files_here()
     views = {file for file in files if _is_view(file)}
     if not any(takes_robot(file) for file in files if file not in views):
         _refuse_pipeline_options(files[0], robot, sets)
@@ -60,6 +63,15 @@ def check(
     if problems and not as_json:
         click.echo(f"`diffbotctl explain {problems[0].code}` explains more.")
     return 2 if any(problem.severity == "error" for problem in problems) else 0
+
+
+def _files_here() -> tuple[str, ...]:
+    """The files in ./robots and ./pipelines; the names of shipped ones where there are none."""
+    from pathlib import Path
+
+    folders = (Path("robots"), Path("pipelines"))
+    found = [str(path) for folder in folders for path in sorted(folder.glob("*.yaml"))]
+    return tuple(found) or ("book_2wd", "goal")
 
 
 def _is_view(file: str) -> bool:

@@ -193,6 +193,8 @@ def _print_metrics(run: RecordedRun, options: ReplayOptions, result: ReplayResul
     from diffbotctl.ui import recording_text
 
     if not options.sets and not options.begin and options.until == NEVER:
+        for line in recording_text.metrics_lines(result.metrics):
+            click.echo(line)
         return
     if run.is_black_box:  # it holds no poses: they are computed again, without the changes
         before = replay_run(

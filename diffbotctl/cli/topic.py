@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 VELOCITY_PERIOD_S = 0.2  # a velocity published once holds this long; 0.3 s are a lost operator
 RATE_PERIOD_S = 1.0
+EMPTY_TEXT = '""'
+SHOWN_UNITS = ("m", "rad", "m/s", "rad/s", "s", "V")  # of numbers; the others are counts and ratios
 
 
 @click.group(cls=CommandGroup)
@@ -60,8 +62,9 @@ def echo(topic: str, once: bool, duration: float | None, as_json: bool, engine: 
         wire = client.request("subscribe", topic=name, last=once)["topic"]
         if wire != name:
             click.echo(f"{name} is {wire} here", err=True)
+        units = {} if name == "*" or as_json else _units(client, wire)
         for event in client.stream(until):
-            _print_event(event, path, name == "*", as_json)
+            _print_event(event, path, name == "*", as_json, units)
             if once and "message" in event:
                 break
     return 0
@@ -83,7 +86,15 @@ def _split_field(client: ControlClient, topic: str) -> tuple[str, list[str]]:
     return topic, []
 
 
-def _print_event(event: dict[str, Any], path: list[str], with_topic: bool, as_json: bool) -> None:
+def _units(client: ControlClient, topic: str) -> dict[str, str]:
+    """The unit of each field of the messages on `topic`."""
+    fields = client.request("describe_topic", topic=topic)["schema"]["properties"]
+    return {name: field["x-unit"] for name, field in fields.items()}
+
+
+def _print_event(
+    event: dict[str, Any], path: list[str], with_topic: bool, as_json: bool, units: dict[str, str]
+) -> None:
     if "lost" in event:
         click.echo(f"({event['lost']} messages lost: this client reads too slowly)", err=True)
     if "message" not in event:
@@ -99,22 +110,27 @@ def _print_event(event: dict[str, Any], path: list[str], with_topic: bool, as_js
         print_json({"topic": event["topic"], "message": value} if with_topic else value)
         return
     head = f"{event['topic']}  " if with_topic else ""
-    text = "  ".join(_field_texts(value)) if isinstance(value, dict) else str(value)
+    if isinstance(value, dict):
+        text = "  ".join(_field_texts(value, {} if path else units))
+    else:
+        text = str(value) or EMPTY_TEXT
     print(head + text, flush=True)
 
 
-def _field_texts(message: dict[str, Any]) -> Iterator[str]:
+def _field_texts(message: dict[str, Any], units: dict[str, str]) -> Iterator[str]:
     for name, value in message.items():
         if name == "time":
             yield f"{value / 1e9:.3f} s"
         else:
-            yield f"{name} {_short_text(value)}"
+            is_number = isinstance(value, int | float) and not isinstance(value, bool)
+            unit = units.get(name, "") if is_number else ""
+            yield f"{name} {_short_text(value)} {unit if unit in SHOWN_UNITS else ''}".rstrip()
 
 
 def _short_text(value: object) -> str:
     if isinstance(value, list):
         return f"[{', '.join(map(_short_text, value))}]"
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+    return f"{value:.4g}" if isinstance(value, float) else str(value) or EMPTY_TEXT
 
 
 @command.command()

@@ -45,9 +45,9 @@ page_port_option = tcp_port_option(TCP_PORT, "TCP port of the page.")
 def web(lan: bool, tcp_port: int, view_file: Path | None, engine: str | None) -> int:
     """Serve a page of a running engine: map, driving, goals, parameters, log.
 
-    Prints a link and a QR code. Each works once, for one device; the next one follows. Without
-    --lan only browsers on this machine can open it. Leaving this program stops a robot that is
-    driven from the page.
+    Prints a link, with --lan also as a QR code. It works once, for one device; the next one
+    follows. Without --lan only browsers on this machine can open it. Leaving this program stops a
+    robot that is driven from the page.
     """
     from diffbotctl.control_socket.client import choose_engine
     from diffbotctl.processes.screen import DRIVING_NICENESS
@@ -141,7 +141,9 @@ def _print_link(server: WebServer, addresses: list[str], is_first: bool) -> None
     scheme, port, code = server.origin.scheme, server.port, server.sessions.code
     for address in addresses:
         click.echo(f"  {page_link(scheme, address, port, code)}")
-    if sys.stdout.isatty() and (is_first or len(addresses) > 1):
+    # A phone cannot open the address of this machine's loopback.
+    is_for_others = server.origin.scheme == "https"
+    if sys.stdout.isatty() and is_for_others and (is_first or len(addresses) > 1):
         start, end = QR_COLOURS
         for line in qr_text(page_link(scheme, addresses[0], port, code)).splitlines():
             write_raw(sys.stdout, f"{start}{line}{end}\n")

@@ -138,7 +138,12 @@ def _path_in_packages(name: str, group: str = ENTRY_POINT_GROUP) -> str:
         raise RegistryError("E-SOURCE", f"there is no driver '{name}'", fix)
     near = closest_match(name, names())
     listed = ", ".join(names())
-    fix = f"did you mean {near}?" if near else f"`diffbotctl blocks` lists them: {listed}"
+    fix = (
+        f"did you mean {near}?"
+        if near
+        else "install its package, `pip install -e FOLDER` for one of your own, or use one that "
+        f"`diffbotctl blocks` lists: {listed}"
+    )
     raise RegistryError("E-BLOCK-UNKNOWN", f"there is no block '{name}'", fix)
 
 

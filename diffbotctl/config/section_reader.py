@@ -342,6 +342,7 @@ def _not_a_choice(value: Value, declaration: Declaration) -> Problem:
     choices = [str(choice) for choice in declaration.choices]
     hexadecimal = _hexadecimal(value.text) if declaration.kind is int else ""
     near = closest_match(value.text, choices) or closest_match(value.text.lower(), choices)
+    near = near or _contained_choice(value.text, choices)
     if hexadecimal in choices:
         fix = f"write {hexadecimal}, the decimal number of 0x{value.text}"
     else:
@@ -353,6 +354,13 @@ def _not_a_choice(value: Value, declaration: Declaration) -> Problem:
     )
     cause = f"{declaration.key} cannot be '{value.text}'; {allowed}"
     return Problem("E-CHOICE", value.place, cause, fix)
+
+
+def _contained_choice(text: str, choices: list[str]) -> str | None:
+    """The longest of `choices` in a name such as Arduino Mega 2560; None if there is none."""
+    joined = re.sub("[^a-z0-9]", "", text.lower())
+    contained = [choice for choice in choices if len(choice) > 2 and choice in joined]
+    return max(contained, key=len, default=None)
 
 
 def _hexadecimal(text: str) -> str:

@@ -40,7 +40,8 @@ def unsupported_part(field: str, written: str, allowed: Iterable[str]) -> Unsupp
         return None
     name = _normal(written)
     values = [_normal(value) for value in allowed]
-    if any(value.startswith(name) for value in values):
+    without_maker = name.removeprefix("arduino").removeprefix("raspberrypi")
+    if without_maker in values or any(value.startswith(name) for value in values):
         return None
     # Part numbers have suffixes: GP2Y0A21YK0F.
     for known, part in known_parts.items():

@@ -184,15 +184,19 @@ def unknown_board(received: Mapping[int, bytes], rates: tuple[int, ...]) -> Refu
 
 def wrong_version(version: int) -> Refusal:
     """Our firmware uses another version of the protocol."""
-    fix = FLASH
+    fix, age = (
+        "`diffbotctl flash firmware` writes that of this version, over the USB cable",
+        "older",
+    )
     if version > frames.VERSION:
+        age = "newer"
         fix = (
             "install the newer diffbotctl that wrote this firmware, or write the firmware of this "
             "one: `diffbotctl flash firmware`"
         )
     cause = (
-        f"the board's firmware uses version {version} of the protocol, this diffbotctl "
-        f"version {frames.VERSION}"
+        f"the board's firmware is {age}: it uses version {version} of the protocol, this "
+        f"diffbotctl version {frames.VERSION}"
     )
     return Refusal("E-BOARD-VERSION", cause, fix)
 

@@ -95,6 +95,14 @@ def metrics_table(one: Metrics, other: Metrics, heads: tuple[str, str]) -> Itera
         yield f"{name.replace('_', ' '):24} {texts[0]:>12} {texts[1]:>12} {change:>12}"
 
 
+def metrics_lines(metrics: Metrics) -> Iterator[str]:
+    """The metrics of one run."""
+    for name, (unit, scale) in UNITS.items():
+        value = getattr(metrics, name)
+        if value is not None:
+            yield f"{name.replace('_', ' '):24} {_value(value, scale, unit):>12}"
+
+
 def _value(value: float | None, scale: float, unit: str, sign: str = "") -> str:
     if value is None:
         return "-"
