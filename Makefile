@@ -67,8 +67,9 @@ $(PICO)/node_modules/.package-lock.json: $(PICO)/package-lock.json
 	npm ci --silent --no-audit --no-fund --prefix $(PICO)
 	touch $@
 
-# More processes than cores: many tests wait for a board in real time.
-WORKERS := -n 4 --dist loadgroup
+# More processes than cores: many tests wait for a board in real time. A module's tests have one worker, which
+# makes its fixtures once.
+WORKERS := -n 4 --dist loadscope --no-loadscope-reorder
 
 test: packages pico $(VENV)/tested
 	$(BIN)/ruff check .

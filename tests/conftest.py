@@ -8,10 +8,16 @@ import sys
 import tempfile
 from pathlib import Path
 
-import pytest
 from hypothesis import settings
 
 from tests.stalled_computer import StalledComputer
+
+# In real time, or with a compiler or a browser.
+LONGEST = (
+    "tests/test_types.py",
+    *(f"tests/{name}/" for name in ("runs", "web", "ui", "ros2", "start", "firmware", "flash")),
+    *(f"tests/{name}/" for name in ("control_socket", "calibrate", "foxglove", "cli")),
+)
 
 os.chdir(Path(__file__).parent.parent)
 # A busy machine makes single examples slow, which shows nothing about the program.
@@ -40,8 +46,10 @@ def pytest_configure(config):
 
 
 def pytest_collection_modifyitems(items):
-    """The fixtures of a module are made once: by the worker that gets all its tests."""
-    for item in items:
-        fixtures = [each for found in item._fixtureinfo.name2fixturedefs.values() for each in found]
-        if any(each.scope == "module" for each in fixtures):
-            item.add_marker(pytest.mark.xdist_group(item.module.__name__))
+    """What takes longest begins first: no worker is left alone with it at the end."""
+
+    def place(item):
+        begins = (at for at, name in enumerate(LONGEST) if item.nodeid.startswith(name))
+        return next(begins, len(LONGEST))
+
+    items.sort(key=place)

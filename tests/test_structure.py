@@ -68,8 +68,6 @@ SMALL_MODULES = {  # module: why it stands alone
     "blocks/listener": "a built-in block is the class in the module of its name",
     "estimation/edge_places": "counts, levels and hypotheses of edges share it",
 }
-pytestmark = pytest.mark.xdist_group("structure")  # each source is parsed once
-
 VAGUE_CONSTANTS = {"MOST", "LEAST", "LOOK", "PATIENCE", "LEFT"}
 FUNCTION_IMPORTS_MAX = 20
 FORMAT_SKIPS_MAX = 20

@@ -4,11 +4,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).parent.parent
-
-pytestmark = pytest.mark.xdist_group("structure")  # a group is begun before single tests
 
 
 def test_mypy_finds_nothing():

@@ -15,6 +15,7 @@ import pytest
 
 from diffbotctl.cli import main
 from diffbotctl.cli.main import GROUPS, program
+from tests.support.running import forked_commands
 
 HELP_ROWS_MAX = 24
 # Options that mean the same in every command that has them, so that their text is the same.
@@ -28,11 +29,8 @@ DIFFERENT = {  # command, option: why its text differs
 }  # fmt: skip
 
 
-def run(*words, stdin=subprocess.DEVNULL, **variables):
-    return subprocess.run(
-        [sys.executable, "-m", "diffbotctl", *words],
-        stdin=stdin, capture_output=True, text=True, env=os.environ | variables, timeout=60,
-    )  # fmt: skip
+def run(*words):
+    return forked_commands().run(*words, environment=os.environ)
 
 
 def commands(group=program, path=()):
@@ -52,18 +50,18 @@ def test_every_command_has_its_place_in_the_help_and_the_help_fits():
         for name, value in vars(import_module(f"diffbotctl.cli.{path.stem}")).items():
             if isinstance(value, click.Command) and value is not program:
                 assert id(value) in reached, f"{path.name}: add {name} to GROUPS in main.py"
-    lines = run("--help").stdout.splitlines()
+    lines = run("--help").printed.splitlines()
     assert len(rows) <= HELP_ROWS_MAX
     assert max(map(len, lines)) <= 80
 
 
 @pytest.mark.parametrize("words", [["run"], ["topic", "echo"], ["calibrate", "motors"]])
 def test_help_shows_the_help_of_a_command(words):
-    assert run("help", *words).stdout == run(*words, "--help").stdout != ""
+    assert run("help", *words).printed == run(*words, "--help").printed != ""
 
 
 def test_the_version_has_a_short_option():
-    assert run("-V").stdout == run("--version").stdout != ""
+    assert run("-V").printed == run("--version").printed != ""
 
 
 @pytest.mark.parametrize("option", SHARED)
@@ -105,10 +103,10 @@ def test_a_time_limit_is_called_for_everywhere():
 )
 def test_an_error_is_marked_and_goes_to_standard_error(words, code, cause):
     done = run(*words)
-    assert done.returncode == code and done.stdout == ""
-    marked = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
-    assert len(marked) == 1 and cause in done.stderr
-    assert "\x1b" not in done.stderr and "Traceback" not in done.stderr
+    assert done.code == code and done.printed == ""
+    marked = [line for line in done.complaints.splitlines() if line.startswith("error: ")]
+    assert len(marked) == 1 and cause in done.complaints
+    assert "\x1b" not in done.complaints and "Traceback" not in done.complaints
 
 
 @pytest.mark.parametrize(
@@ -121,8 +119,8 @@ def test_an_error_is_marked_and_goes_to_standard_error(words, code, cause):
 )
 def test_a_drive_whose_signs_contradict_each_other_is_refused(words, options):
     done = run("drive", *words)
-    assert done.returncode == 2
-    assert f"{options} have opposite signs" in " ".join(done.stderr.split())
+    assert done.code == 2
+    assert f"{options} have opposite signs" in " ".join(done.complaints.split())
 
 
 @pytest.mark.parametrize("plain", [False, True])
@@ -140,35 +138,15 @@ def test_the_mark_is_red_on_a_terminal_unless_no_color_is_set(plain):
     assert ("\x1b[31m" in text) is not plain and "error:" in text
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["show", "book_2wd"], ["wiring", "book_2wd"], ["export", "urdf", "book_2wd"],
-    ],
-)  # fmt: skip
-def test_output_files_of_others_are_not_overwritten(words, tmp_path):
-    suffix = ".urdf" if words[0] == "export" else ".svg"
-    file = tmp_path / f"x{suffix}"
-    assert run(*words, "--output", file).returncode == 0
-    ours = file.read_text()
-    assert run(*words, "--output", file).returncode == 0  # diffbotctl made it
-    file.write_text("somebody's work")
-    refused = run(*words, "--output", file)
-    assert refused.returncode == 2 and "E-OUTPUT" in refused.stderr
-    assert file.read_text() == "somebody's work"
-    assert run(*words, "--output", file, "--force").returncode == 0
-    assert file.read_text() == ours
-
-
 def test_the_suffix_decides_the_format(tmp_path):
     done = run("wiring", "book_2wd", "--output", tmp_path / "x.png")
-    assert done.returncode == 2 and ".svg" in done.stderr
+    assert done.code == 2 and ".svg" in done.complaints
     assert not (tmp_path / "x.png").exists()
 
 
 def test_the_robot_is_accepted_as_argument_and_as_option():
-    assert run("frames", "book_2wd").stdout == run("frames", "--robot", "book_2wd").stdout != ""
-    assert run("frames", "book_2wd", "--robot", "book_2wd").returncode == 2
+    assert run("frames", "book_2wd").printed == run("frames", "--robot", "book_2wd").printed != ""
+    assert run("frames", "book_2wd", "--robot", "book_2wd").code == 2
 
 
 # Writes `ready` when the program imports its first module, just after it has set its handler.
@@ -187,7 +165,7 @@ runpy.run_module("diffbotctl", run_name="__main__")
 @pytest.mark.parametrize("words", [["--help"], ["run", "goal", "--fast", "--quiet"]])
 def test_an_interrupt_at_any_moment_exits_with_130_and_no_traceback(words):
     rng = random.Random(5)
-    for _ in range(12):
+    for _ in range(6):
         process = subprocess.Popen(
             [sys.executable, "-S", "-c", INTERRUPTED.format(path=sys.path, words=words)],
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
@@ -211,4 +189,4 @@ def test_an_interrupt_at_any_moment_exits_with_130_and_no_traceback(words):
     ],
 )
 def test_a_time_limit_before_the_goal_exits_with_1(words, code):
-    assert run("run", *words, "--fast", "--quiet").returncode == code
+    assert run("run", *words, "--fast", "--quiet").code == code

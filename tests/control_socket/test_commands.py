@@ -30,6 +30,14 @@ def test_stop_why_resume_and_goto(tmp_path):
     with running(tmp_path, *FAR):
         client = PlainClient(tmp_path)
         client.until(moves)
+        code, _, complaint = cli(tmp_path, "resume")  # of what is not stopped
+        assert code == 1 and "nothing is stopped" in complaint
+        assert "goal 1: driving, " in complaint and "to go" in complaint
+        assert moves(client.request("status"))  # it changes nothing
+        assert cli(tmp_path, "drive", "--v", "0.1", "--for", "200ms")[0] == 0
+        code, out, _ = cli(tmp_path, "resume")  # nothing held it: a goal waited
+        assert code == 0 and "goal 1 continues" in out
+        client.until(moves)
         code, out, _ = cli(tmp_path, "stop", "the", "cat")
         assert code == 0 and "stopped" in out
         client.until(stands)
@@ -41,18 +49,6 @@ def test_stop_why_resume_and_goto(tmp_path):
         code, out, _ = cli(tmp_path, "goto", "-20cm", "0", "90deg")
         assert code == 0 and "x -0.2 m" in out and "heading 90 deg" in out
         assert client.until(lambda status: status["operator.goal"]["x"] == -0.2)
-
-
-def test_resume_before_anything_is_stopped_prints_the_state_of_the_goal(tmp_path):
-    with running(tmp_path, *FAR):
-        PlainClient(tmp_path).until(moves)
-        code, _, complaint = cli(tmp_path, "resume")
-        assert code == 1 and "nothing is stopped" in complaint
-        assert "goal 1: driving, " in complaint and "to go" in complaint
-        assert moves(PlainClient(tmp_path).request("status"))  # it changes nothing
-        assert cli(tmp_path, "drive", "--v", "0.1", "--for", "200ms")[0] == 0
-        code, out, _ = cli(tmp_path, "resume")  # nothing held it: a goal waited
-        assert code == 0 and "goal 1 continues" in out
 
 
 GOAL, NO_GOAL = {"number": 1}, {"number": 0}

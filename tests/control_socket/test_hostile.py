@@ -319,6 +319,7 @@ def test_a_connection_is_reserved_for_stop_when_all_others_are_taken(folder):
         assert late.request("stop", reason="a person in the way")["ok"]
         late.until(lambda status: status["gate.stop"] is not None and status["gate.stop"]["code"])
     assert crowd[0].request("resume")["ok"]
+    crowd[0].until(lambda status: status["held"] is None)
     for client in crowd:
         client.close()
 

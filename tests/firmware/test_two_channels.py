@@ -106,7 +106,7 @@ def test_a_wheel_turned_by_hand_counts_in_its_direction(robot, wiring):
 @pytest.mark.parametrize("port", ["sim", "emulated"])
 def test_a_robot_with_a_pico_drives_to_its_goal(port):
     """The simulated board counts as the firmware does: both are as near to the goal."""
-    goal = Goal(0, 1, 1.0, 0.5, pi / 2)
+    goal = Goal(0, 1, 0.4, 0.2, pi / 2)
     options = RunOptions(port=port, goals=(goal,), seed=4, fast=True, duration=60.0)
     configuration = load("goal", str(ROBOTS / "pico_hall.yaml"), real=False)
     result = Run(configuration, options, tell=lambda _: None).go()

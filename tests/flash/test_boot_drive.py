@@ -18,7 +18,7 @@ from diffbotctl.drivers.board_ports import (
 from diffbotctl.emulator.program import image_of
 from diffbotctl.flash import boot_drive, pico
 from diffbotctl.flash.boot_drive import DriveFullError, drives, flash_drive
-from diffbotctl.flash.flasher import flash, load
+from diffbotctl.flash.flasher import load
 from diffbotctl.flash.intel_hex import chip_of
 from diffbotctl.flash.pico import find_pico
 from diffbotctl.flash.uf2 import is_rp2040, read_uf2
@@ -125,12 +125,10 @@ def test_the_drive_of_another_chip_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("board", [BoardCode.MEGA2560, BoardCode.ATMEGA328P])
-def test_images_for_the_wrong_board_are_refused_both_ways(drive, board):
+def test_an_image_for_another_board_is_refused(drive, board):
     with pytest.raises(BadImageError, match=f"built for {board.meaning}"):
         list(flash_drive(drive, image_of(board)))
     assert not (drive / boot_drive.COPY).exists()
-    with pytest.raises(BadImageError, match="built for Raspberry Pi Pico"):
-        list(flash("/dev/null", IMAGE, board=board))
 
 
 @pytest.mark.parametrize(

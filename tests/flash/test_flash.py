@@ -1,7 +1,6 @@
 """Flashing through the real stock bootloader on the emulated board, at real pace."""
 
 import os
-import time
 
 import pytest
 
@@ -56,19 +55,6 @@ def test_events_show_the_progress(blank):
     assert texts[0].startswith("Mega 2560 on ")
     assert texts[-1].startswith("diffbot 0.2.0 on Mega 2560, settings ")
     assert texts[-1].endswith(", ready")
-
-
-def test_an_interrupted_flash_can_be_flashed_again(blank):
-    events = flash(blank.ports[0], IMAGE)
-    for event in events:
-        if isinstance(event, JobProgress) and event.done >= 2048:
-            break
-    events.close()
-    assert blank.flash(0, len(load(IMAGE))) != load(IMAGE)
-    time.sleep(0.2)
-    list(flash(blank.ports[0], IMAGE))
-    assert blank.flash(0, len(load(IMAGE))) == load(IMAGE)
-    assert blank.dirty_writes() == 0
 
 
 def test_the_former_program_can_be_saved(tmp_path):

@@ -22,6 +22,7 @@ from diffbotctl.flash.boot_drive import NoDriveError
 from diffbotctl.flash.pico import NotMountedError, PicoTarget, find_pico
 from diffbotctl.links.diffbot_frames import BoardCode
 from diffbotctl.ports.sysfs import serial_ports
+from tests.sampling import by_day
 from tests.support.board_bench import PICO_ROBOT, UNO_ROBOT
 from tests.support.fake_machine import FakeMachine
 
@@ -92,7 +93,7 @@ def test_a_program_for_another_chip_is_not_emulated(robot, board):
     assert isinstance(result.exception, BadImageError), result.exception
 
 
-@pytest.mark.parametrize("image", ["ours", None], ids=["running", "blank"])
+@pytest.mark.parametrize("image", by_day(1, ["ours", None]), ids=["running", "blank"])
 def test_a_virtual_pico_is_flashed_over_its_usb_port(image):
     """A running one is brought to BOOTSEL; afterwards it answers and has its settings."""
     stop_read, stop_write = os.pipe()

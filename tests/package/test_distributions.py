@@ -31,8 +31,6 @@ UNSHIPPED = shutil.ignore_patterns(
 BUILD = "import setuptools.build_meta as build; print(build.build_{}({!r}))"
 EXTRAS = {"web", "foxglove", "ros2", "bluetooth", "png"}
 
-pytestmark = pytest.mark.xdist_group("package")  # built once
-
 
 def built(kind, source, into):
     """Build a `wheel` or `sdist` from the folder `source`; its path."""

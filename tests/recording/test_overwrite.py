@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from diffbotctl.cli import bag, replay, robot_model
+from diffbotctl.cli import bag, replay, robot_model, wiring
 from diffbotctl.cli import run as run_command
 from diffbotctl.cli.output import check_overwrite, has_mark
 from diffbotctl.config.load import load
@@ -33,10 +33,14 @@ def writers(goal):
         ".png": (bag.command, "plot", FIELD, goal),
         ".mcap": (bag.command, "recover", goal),
         ".urdf": (robot_model.export, "urdf", "book_2wd"),
+        "-wires.svg": (wiring.command, "book_2wd"),
+        "-robot.svg": (robot_model.show, "book_2wd"),
     }
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".svg", ".png", ".mcap", ".urdf"])
+@pytest.mark.parametrize(
+    "suffix", [".csv", ".svg", ".png", ".mcap", ".urdf", "-wires.svg", "-robot.svg"]
+)
 def test_a_file_of_ours_is_overwritten_and_one_of_others_is_not(suffix, goal, tmp_path):
     words = writers(goal)[suffix]
     output = tmp_path / f"x{suffix}"

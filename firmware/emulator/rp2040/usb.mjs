@@ -94,7 +94,7 @@ export class Usb {
       lineCoding(this.baud),
       controlLines(this.open),
     ];
-    this.sent = { baud: this.baud, open: this.open };
+    this.line = { baud: this.baud, open: this.open };
     this.begin();
   }
 
@@ -110,9 +110,9 @@ export class Usb {
   // the device.
   tell() {
     for (const { baud, open } of this.states.splice(0)) {
-      if (baud !== this.sent.baud) this.transfers.push(lineCoding(baud));
-      if (open !== this.sent.open) this.transfers.push(controlLines(open));
-      this.sent = { baud, open };
+      if (baud !== this.line.baud) this.transfers.push(lineCoding(baud));
+      if (open !== this.line.open) this.transfers.push(controlLines(open));
+      this.line = { baud, open };
     }
   }
 
