@@ -9,7 +9,6 @@ from __future__ import annotations
 import csv
 from collections.abc import Iterator, Sequence
 from io import TextIOWrapper
-from itertools import chain
 from math import nan
 from pathlib import Path
 from typing import NamedTuple
@@ -110,18 +109,6 @@ def read_columns(path: Path, names: Sequence[str]) -> Floats:
         for name, column in columns
     )
     return np.fromiter(numbers, float).reshape(-1, len(names))
-
-
-def read_table(path: Path) -> Floats:
-    """(rows, columns): the numbers of a file without a first line of names. Raises UsageError."""
-    lines = (line for _, line in content_lines(path))
-    first = next(lines, None)
-    if first is None:
-        raise unusable_log(path, "cannot be read: the file is empty")
-    try:
-        return np.asarray(np.loadtxt(chain([first], lines), delimiter=",", ndmin=2))
-    except ValueError as error:
-        raise unusable_log(path, f"cannot be read: {error_text(error)}") from error
 
 
 def column_names(path: Path) -> frozenset[str]:

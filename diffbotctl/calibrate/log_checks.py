@@ -13,7 +13,6 @@ COUNT_MAX = 2.0**53  # of a counter; larger ones are not exact numbers
 GAP_TIME_RATIO_MIN = 4.0  # of the time between two rows to the usual long ones
 GAP_COUNTS_MIN = 4.0
 GAP_STEP_RATIO_MIN = 3.0
-TICKS_GAP_TIME_RATIO_MIN = 1.8  # one row of ticks is missing
 DEAD_RATIO_MAX = 0.02  # of the counts of the other wheel
 DEAD_COUNTS_MIN = 20.0  # of the other wheel
 COPIED_COUNTS_MIN = 100.0  # two wheels do not count so many at the same times
@@ -128,15 +127,6 @@ def _row_count(periods: Floats, span: float) -> int:
 def _rate(sizes: Floats, periods: Floats) -> tuple[float, float]:
     """The counts of both wheels in some rows, and per s."""
     return float(sizes.sum()), float(sizes.sum() / periods.sum())
-
-
-def ticks_gap(times: Floats) -> str | None:
-    """Where rows of ticks are missing; None if nowhere. The motion in them is lost."""
-    steps = np.diff(times)
-    worst = int(np.argmax(steps))
-    if len(times) < ROWS_MIN or steps[worst] < TICKS_GAP_TIME_RATIO_MIN * float(np.median(steps)):
-        return None
-    return f"rows are missing: there is none from {times[worst]:.2f} s to {times[worst + 1]:.2f} s"
 
 
 def encoder_fault(counts: Floats) -> str | None:

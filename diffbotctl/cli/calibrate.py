@@ -78,25 +78,17 @@ def from_log(
 ) -> None:
     """Fit wheel diameters and track to recorded drives whose ends, or paths, are known.
 
-    FILE: a recording, a CSV file with counts, or the folder of an OptiOdom session, which states
-    its own geometry. Nothing moves.
+    FILE: a recording, or a CSV file with counts. Nothing moves.
     """
     from diffbotctl.calibrate.geometry_fit import diameter_sd, fit_geometry
     from diffbotctl.config.load import load_robot
     from diffbotctl.errors import Problem, RunError
     from diffbotctl.ui.calibration_screen import fit_report
 
-    folders = [file for file in files if file.is_dir()]
-    if folders and (save or yes):
-        raise click.UsageError("A session is of another robot than yours: nothing to save.")
     if save and not yes:
         require_consent("leave out --save")
-    if folders:
-        drives, stated = _sessions(files, folders, bool(robot or ends or truth))
-        sd = None
-    else:
-        drives, stated = _logs(files, robot, ends, truth)
-        sd = diameter_sd(load_robot(robot).robot)
+    drives, stated = _logs(files, robot, ends, truth)
+    sd = diameter_sd(load_robot(robot).robot)
     try:
         found = fit_geometry(drives, stated, sd)
     except ValueError as error:
@@ -120,28 +112,6 @@ def _save(found: GeometryFit, files: tuple[Path, ...], robot: str | None, yes: b
     date, simulated = format_date(datetime.now(UTC)), any(map(is_simulated, files))
     origin = Provenance("from-log", date, None, fingerprint(files), simulated)
     keep(load_robot(robot).file, geometry_findings(found), origin, yes)
-
-
-def _sessions(
-    files: tuple[Path, ...], folders: list[Path], has_options: bool
-) -> tuple[list[RecordedDrive], Geometry]:
-    from diffbotctl.calibrate.csv_table import unusable_log
-    from diffbotctl.calibrate.log_reader import refuse_unusable
-    from diffbotctl.calibrate.optiodom_session import read_session
-
-    if has_options or len(folders) < len(files):
-        raise click.UsageError(
-            "A folder must be a session of OptiOdom, which brings its own geometry and poses: name"
-            " the files in it, or give folders alone, without --robot, --ends and --truth."
-        )
-    sessions = [read_session(folder) for folder in folders]
-    stated = sessions[0].nominal
-    for folder, session in zip(folders, sessions, strict=True):
-        if session.nominal != stated:
-            raise unusable_log(folder, "states another geometry than the first folder")
-    drives = [drive for session in sessions for drive in session.drives]
-    refuse_unusable(drives)
-    return drives, stated
 
 
 def _logs(

@@ -5,7 +5,7 @@ from random import Random
 import numpy as np
 import pytest
 
-from diffbotctl.calibrate.log_checks import count_fault, encoder_fault, part_fault, ticks_gap
+from diffbotctl.calibrate.log_checks import count_fault, encoder_fault, part_fault
 
 
 def driven(seed, rows=600):
@@ -64,12 +64,6 @@ def test_a_pause_without_motion_is_no_gap():
     times[300:] += 20.0
     counts[300:] -= counts[300] - counts[299]
     assert count_fault(times, counts) is None
-
-
-def test_one_missing_row_of_ticks_is_a_gap():
-    times = 0.05 * np.arange(100)
-    assert ticks_gap(times) is None
-    assert "from 1.95 s to 2.05 s" in ticks_gap(np.delete(times, 40))
 
 
 @pytest.mark.parametrize(

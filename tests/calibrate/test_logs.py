@@ -13,10 +13,10 @@ from diffbotctl.calibrate.log_reader import (
     with_truth,
 )
 from diffbotctl.calibrate.measured_ends import read_ends, refuse_too_far
-from diffbotctl.calibrate.optiodom_session import is_session, read_session
 from diffbotctl.cli.main import program
 from diffbotctl.errors import UsageError
 from tests.calibrate.driven import STATED, squares
+from tests.support.optiodom_session import is_session, read_session
 
 COUNTED = "time,right,left\n5.0,100,0\n5.5,110,5\n6.0,120,-10\n"
 
@@ -222,59 +222,6 @@ def test_session_of_optiodom(tmp_path):
     assert log.nominal == (0.084, 0.085, 0.2)
     assert log.drives[0].turns == pytest.approx(np.array([[0, 0], [10, -5], [20, -5]]))
     assert log.drives[0].poses[:, 2].tolist() == [0, 0.2, 0.3]
-
-
-def test_session_without_its_description(tmp_path):
-    folder = session(tmp_path / "7")
-    written(folder, "7_metadata.csv", "type,diff\nngear,43.7\n")
-    with pytest.raises(UsageError, match="encRes"):
-        read_session(folder)
-
-
-@pytest.mark.parametrize(
-    ("line", "message"),
-    [
-        ("ngear,0", "ngear is not above 0"),
-        ("ngear,nan", "ngear is not above 0, or no finite number"),
-        ("Li,-0.2", "Li is not above 0"),
-        ("Di,0.084,inf", "Di is not above 0"),
-    ],
-)
-def test_session_with_an_impossible_description(tmp_path, line, message):
-    folder = session(tmp_path / "7")
-    good = dict(each.split(",", 1) for each in ("ngear,43.7", "encRes,64", "Li,0.2", "Di,0.084"))
-    name, value = line.split(",", 1)
-    rows = "".join(f"{key},{cell}\n" for key, cell in (good | {name: value}).items())
-    written(folder, "7_metadata.csv", rows)
-    with pytest.raises(UsageError, match="E-CALIBRATE-LOG") as raised:
-        read_session(folder)
-    assert message in " ".join(str(raised.value).split())
-
-
-@pytest.mark.parametrize(
-    ("row", "message"),
-    [
-        ("0.15,0.2,0,0.3,nan,0", "no finite number"),
-        ("0.15,0.2,0,0.3,,0", "cannot be read"),
-        ("0.15,0.2,0,0.3,inf,0", "no finite number"),
-    ],
-)
-def test_session_with_a_wrong_cell(tmp_path, row, message):
-    folder = session(tmp_path / "7")
-    run = folder / "7_run-01.csv"
-    run.write_text(run.read_text("utf-8") + row + "\n", "utf-8")
-    with pytest.raises(UsageError, match="E-CALIBRATE-LOG") as raised:
-        read_session(folder)
-    assert message in " ".join(str(raised.value).split())
-
-
-@pytest.mark.parametrize("name", ["7_metadata.csv", "7_run-01.csv"])
-def test_session_that_links_to_a_device(tmp_path, name):
-    folder = session(tmp_path / "7")
-    (folder / name).unlink()
-    (folder / name).symlink_to("/dev/zero")
-    with pytest.raises(UsageError, match="a device or a pipe"):
-        read_session(folder)
 
 
 def test_one_drive_is_not_two(tmp_path):

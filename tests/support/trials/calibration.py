@@ -16,11 +16,10 @@ from statistics import fmean, stdev
 from diffbotctl.blocks.range_sensor import distance_at
 from diffbotctl.calibrate import umbmark
 from diffbotctl.calibrate.dead_reckoning import EndError, Geometry, end_error, mean_distance
-from diffbotctl.calibrate.geometry_fit import fit_geometry
-from diffbotctl.calibrate.optiodom_session import OptiodomSession, is_session, read_session
 from diffbotctl.calibrate.range_fit import FAR_FROM_M, RULER_DISTANCES_M, RulerPoint, fit_curve
 from diffbotctl.calibrate.steps.range import LISTEN_TIME_S
 from diffbotctl.plant.sharp_ir import CURVE
+from tests.support.optiodom_session import OptiodomSession, is_session, read_session
 from tests.support.trials.row import NoData, Row, printed
 
 LEARNT_FROM = "231220200029"  # six runs round a square of 1.7 m, half of them clockwise
@@ -39,7 +38,7 @@ def rows(folders: Sequence[Path]) -> Iterator[Row]:
         yield NoData("calibration from a real robot's log", "no data", target, True)
         return
     learnt = read_session(found.pop(LEARNT_FROM))
-    fitted = fit_geometry(learnt.drives, learnt.nominal).geometry
+    fitted = learnt.fit().geometry
     classic = by_umbmark(learnt)
     for path in found.values():
         session = read_session(path)
