@@ -109,10 +109,10 @@ def test_codes_in_the_pages_are_explained():
 
 
 def test_the_reference_is_what_the_declarations_say():
-    from diffbotctl.reference import pages
+    from tests.support.reference import pages
 
     assert pages.PAGE.read_text() == pages.page(), (
-        "docs/reference.md is out of date: run `python -m diffbotctl.reference.pages`"
+        "docs/reference.md is out of date: run `python -m tests.support.reference.pages`"
     )
 
 

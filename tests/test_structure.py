@@ -51,7 +51,6 @@ LAYERS = {
         "web",
         "foxglove",
         "cli",
-        "reference",
         "__init__",
         "__main__",
     ],
@@ -60,6 +59,41 @@ LAYER = {name: number for number, names in enumerate(LAYERS.values()) for name i
 IMPURE = {"time", "random", "os", "socket", "threading", "pathlib", "io", "datetime", "secrets"}
 SOURCES = sorted((ROOT / "diffbotctl").rglob("*.py"))
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
+
+BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the folders
+    ".": 2_850,
+    "blocks": 2_650,
+    "bluetooth": 800,
+    "calibrate": 9_050,
+    "cli": 8_400,
+    "config": 7_750,
+    "control": 1_750,
+    "control_socket": 3_550,
+    "diagnostics": 650,
+    "drivers": 2_750,
+    "emulator": 1_100,
+    "engine": 2_300,
+    "estimation": 5_500,
+    "flash": 1_500,
+    "foxglove": 1_150,
+    "geometry": 400,
+    "links": 3_800,
+    "model": 300,
+    "parts": 50,
+    "plant": 3_650,
+    "ports": 800,
+    "processes": 500,
+    "programs": 700,
+    "prompts": 550,
+    "recording": 3_750,
+    "render": 1_850,
+    "replay": 650,
+    "ros2": 2_150,
+    "runs": 1_250,
+    "ui": 4_150,
+    "web": 1_850,
+}
+PACKAGE_BUDGET = 77_450  # lines of all of them
 
 SMALL_MODULE_LINES = 25
 SMALL_MODULES = {  # module: why it stands alone
@@ -256,6 +290,58 @@ def test_modules_are_not_too_small():
         "lines: merge it into its capability, or list it in SMALL_MODULES with a reason"
     )
     assert len(SMALL_MODULES) <= 15, "SMALL_MODULES is a list of exceptions: keep it at 15"
+
+
+def folder_lines():
+    """Lines of Python by folder of the package."""
+    lines = defaultdict(int)
+    for path in SOURCES:
+        parts = path.relative_to(ROOT / "diffbotctl").parts
+        lines[parts[0] if len(parts) > 1 else "."] += len(path.read_text().splitlines())
+    return {folder: count for folder, count in lines.items() if count}
+
+
+def test_folders_keep_their_budgets():
+    lines = folder_lines()
+    assert lines.keys() == BUDGETS.keys(), (
+        f"{sorted(lines.keys() ^ BUDGETS.keys())}: each folder has a budget in BUDGETS, and each "
+        "budget a folder"
+    )
+    over = {
+        name: f"{lines[name]} of {limit}" for name, limit in BUDGETS.items() if lines[name] > limit
+    }
+    assert not over, (
+        f"more lines than the budget: {over}. The package doubled once without a measured gain: "
+        "delete or merge as much as was added, or raise the number in BUDGETS and state "
+        "in the commit what a user gets for it"
+    )
+    total = sum(lines.values())
+    assert total <= PACKAGE_BUDGET, (
+        f"the package has {total} lines, its budget is {PACKAGE_BUDGET}: budgets of folders may "
+        "move between them, but not their sum; delete elsewhere what was added here"
+    )
+
+
+STATE_WORDS = {"state", "mode", "phase", "stage", "status"}
+STATE_TEXTS = {"cli/engines": "a sentence such as `stopped by guard`, and a key of the JSON"}
+
+
+def test_states_are_enumerations_or_literals():
+    """A field or argument of this name that is annotated `str` may be misspelt unseen."""
+    for path in SOURCES:
+        for node in ast.walk(tree_of(path)):
+            if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+                name, annotation = node.target.id, node.annotation
+            elif isinstance(node, ast.arg) and node.annotation is not None:
+                name, annotation = node.arg, node.annotation
+            else:
+                continue
+            is_text = isinstance(annotation, ast.Name) and annotation.id == "str"
+            is_state = name in STATE_WORDS and short_name(path) not in STATE_TEXTS
+            assert not (is_text and is_state), (
+                f"{place(path, node.lineno)} {name}: str; mypy finds no misspelt word in it: make "
+                "it a StrEnum or a Literal"
+            )
 
 
 def assigned_names(tree):

@@ -90,11 +90,11 @@ class FileChange(NamedTuple):
     before: bytes
     after: bytes
 
-    def difference(self, state: str = "after") -> str:
-        """The changes as a unified diff; `state` describes the changed file."""
+    def difference(self, label: str = "after") -> str:
+        """The changes as a unified diff; `label` describes the changed file."""
         old, new = (text.decode().splitlines() for text in (self.before, self.after))
         name = lookup.display_path(self.path)
-        return "\n".join(unified_diff(old, new, name, f"{name} ({state})", lineterm="", n=1))
+        return "\n".join(unified_diff(old, new, name, f"{name} ({label})", lineterm="", n=1))
 
 
 def writable_copy(path: Path) -> tuple[Path, bool]:

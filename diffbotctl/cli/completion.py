@@ -94,9 +94,9 @@ def _both(ctx: click.Context) -> list[str]:
 
 
 def _kits(ctx: click.Context) -> list[str]:
-    from diffbotctl.cli.kits import KITS
+    from diffbotctl.cli.new import kits
 
-    return sorted(KITS)
+    return sorted(kits())
 
 
 DEV = Path("/dev")

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
@@ -83,29 +84,42 @@ def robot(name: str | None, kit: str | None) -> None:
         _list_kits(kit is None)
 
 
+class KitFile(NamedTuple):
+    """A kit: what it is, its template, and what of it is not supported, if anything."""
+
+    title: str
+    template: str
+    unsupported: str = ""
+
+
+@cache
+def kits() -> dict[str, KitFile]:
+    """The kits that `new robot --kit` writes a robot file for."""
+    from diffbotctl.parts import rows
+
+    return {name: KitFile(**row) for name, row in rows("kits").items()}
+
+
 def _list_kits(is_name_missing: bool) -> None:
     """Print the kits. Raises UsageError when a name was expected."""
-    from diffbotctl.cli.kits import KITS
-
     if is_name_missing:
         fix = "write `diffbotctl new robot NAME`, or `diffbotctl new robot --kit` for the kits"
         raise _refused("E-NAME", "new robot", "the robot has no name", fix)
-    width = max(map(len, KITS))
-    for name, kit in KITS.items():
+    width = max(map(len, kits()))
+    for name, kit in kits().items():
         note = " (its board is not supported)" if "our firmware" in kit.unsupported else ""
         click.echo(f"{name:{width}}  {kit.title}{note}")
-    click.echo("\nWrite one: diffbotctl new robot --kit " + next(iter(KITS)))
+    click.echo("\nWrite one: diffbotctl new robot --kit " + next(iter(kits())))
 
 
 def _write_kit(name: str, robot_name: str | None) -> None:
     """Write the robot file of a kit. Raises UsageError for an unknown kit."""
-    from diffbotctl.cli.kits import KITS
     from diffbotctl.errors import closest_match
 
-    kit = KITS.get(name)
+    kit = kits().get(name)
     if kit is None:
-        near = closest_match(name.lower().replace("-", "_"), KITS)
-        fix = f"did you mean {near}?" if near else f"the kits are {', '.join(KITS)}"
+        near = closest_match(name.lower().replace("-", "_"), kits())
+        fix = f"did you mean {near}?" if near else f"the kits are {', '.join(kits())}"
         raise _refused("E-KIT", name, f"there is no kit '{name}'", fix)
     write("robot", robot_name or name, kit.template)
     if kit.unsupported:

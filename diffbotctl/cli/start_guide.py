@@ -345,8 +345,8 @@ class StopGuide(Exception):  # noqa: N818 - not an error
     """The guide ends here for now; nothing is wrong."""
 
 
-def _print_chapter(state: str, chapter: Chapter, text: str) -> None:
-    click.echo(fold_text(f"{state}   {headline(chapter.key)}: {text}", hang=len("done   ")))
+def _print_chapter(mark: str, chapter: Chapter, text: str) -> None:
+    click.echo(fold_text(f"{mark}   {headline(chapter.key)}: {text}", hang=len("done   ")))
 
 
 def _print(text: str) -> None:

@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from diffbotctl.cli import new, wiring
-from diffbotctl.cli.kits import KITS
+from diffbotctl.cli.new import kits
 from diffbotctl.config.board_pins import BOARDS
 from diffbotctl.config.load import check, load, load_robot
 from diffbotctl.config.motor_drivers import MOTOR_DRIVERS
@@ -42,7 +42,7 @@ def new_robot(*words):
 
 def test_kit_without_a_name_lists_them():
     output = new_robot("--kit")
-    for name, kit in KITS.items():
+    for name, kit in kits().items():
         assert name in output and kit.title in output
     assert "xrp" in output and "board is not supported" in output
 
@@ -61,7 +61,7 @@ def test_a_typing_error_is_answered_with_the_closest_kit(written, meant):
 def test_a_name_like_no_kit_is_answered_with_all_of_them():
     with pytest.raises(UserError) as raised:
         new_robot("--kit", "qqqq")
-    assert all(name in raised.value.problems[0].fix for name in KITS)
+    assert all(name in raised.value.problems[0].fix for name in kits())
 
 
 def test_a_robot_needs_a_name_or_a_kit():
@@ -75,12 +75,12 @@ def test_a_kit_s_robot_may_have_a_name_of_its_own():
     assert load_robot("crawler").robot.drive.track == pytest.approx(0.155)
 
 
-@pytest.mark.parametrize("name", [name for name, kit in KITS.items() if kit.unsupported])
+@pytest.mark.parametrize("name", [name for name, kit in kits().items() if kit.unsupported])
 def test_unsupported_features_are_reported(name):
-    assert f"note: {KITS[name].unsupported}" in new_robot("--kit", name)
+    assert f"note: {kits()[name].unsupported}" in new_robot("--kit", name)
 
 
-@pytest.mark.parametrize("name", KITS)
+@pytest.mark.parametrize("name", kits())
 def test_a_kit_passes_check_wiring_and_simulation(name):
     new_robot("--kit", name)
     problems = check("goal", name, ())
@@ -93,7 +93,7 @@ def test_a_kit_passes_check_wiring_and_simulation(name):
     assert (result.reached, run.operator.reached_unsure) == ((0, 1) if name in UNSURE else (1, 0))
 
 
-@pytest.mark.parametrize("name", by_day(1, dict.fromkeys((*ONE_OF_EACH_CHIP, *KITS))))
+@pytest.mark.parametrize("name", by_day(1, dict.fromkeys((*ONE_OF_EACH_CHIP, *kits()))))
 def test_a_kit_flies_in_the_emulator(name):
     """The file's own board, with its real firmware, also where it stands in for another board."""
     new_robot("--kit", name)
@@ -176,7 +176,7 @@ def test_a_calibrated_track_of_four_wheels_is_trusted():
     assert not {"W-SKID-STEER"} & {problem.code for problem in check("goal", str(file), ())}
 
 
-@pytest.mark.parametrize("name", KITS)
+@pytest.mark.parametrize("name", kits())
 def test_the_picture_of_a_kit_is_what_wiring_draws(name, tmp_path):
     assert drawn(name, tmp_path) == picture(name).read_text(), "run `python tests/cli/test_kits.py`"
 
@@ -201,7 +201,7 @@ def drawn(name, folder):
 def test_the_page_of_the_kits_has_every_kit_and_its_parts():
     text = (ROOT / "docs" / "kits.md").read_text()
     sections = dict(re.findall(r"^## .*?\(`(\w+)`\)\n(.*?)(?=^## |\Z)", text, re.M | re.S))
-    assert set(sections) == set(KITS)
+    assert set(sections) == set(kits())
     for name, section in sections.items():
         new_robot("--kit", name)
         robot = load_robot(name).robot
@@ -215,5 +215,5 @@ def test_the_page_of_the_kits_has_every_kit_and_its_parts():
 if __name__ == "__main__":
     with TemporaryDirectory() as folder:
         os.chdir(folder)
-        for kit in KITS:
+        for kit in kits():
             picture(kit).write_text(drawn(kit, Path(folder)))

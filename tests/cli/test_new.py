@@ -15,7 +15,7 @@ import yaml
 from jsonschema import Draft202012Validator
 
 from diffbotctl.calibrate.robot_file import writable_copy
-from diffbotctl.cli import check, kits, new
+from diffbotctl.cli import check, new
 from diffbotctl.config.load import load, load_robot
 from diffbotctl.errors import UserError
 from diffbotctl.recording.reader import RecordingReader
@@ -77,7 +77,7 @@ def test_an_editor_finds_the_schema_of_a_new_file_and_no_mistake(what, tmp_path_
     assert not list(Draft202012Validator(schema).iter_errors(yaml.safe_load(text)))
 
 
-@pytest.mark.parametrize("kit", kits.KITS)
+@pytest.mark.parametrize("kit", new.kits())
 def test_an_editor_finds_no_mistake_in_a_kit(kit):
     invoke(new.command, "robot", "--kit", kit)
     schema = json.loads(Path("schemas/robot.schema.json").read_text())

@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 
 from diffbotctl.cli import new, wiring
-from diffbotctl.cli.kits import KITS
+from diffbotctl.cli.new import kits
 from diffbotctl.config import lookup
 from diffbotctl.config.board_pins import BOARDS
 from diffbotctl.config.load import load_robot
@@ -253,7 +253,7 @@ def test_the_lines_in_the_terminal_lead_where_the_file_states(robot):
     assert max(map(len, lines)) <= 80
 
 
-@pytest.mark.parametrize("name", KITS)
+@pytest.mark.parametrize("name", kits())
 @pytest.mark.usefixtures("empty_folder")
 def test_the_lines_in_the_terminal_lead_where_a_kit_s_harness_does(name):
     invoke(new.command, "robot", "--kit", name)

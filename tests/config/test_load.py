@@ -318,4 +318,4 @@ def test_only_the_blocks_of_the_pipeline_are_imported():
     )
     imported = {name.rsplit(".", 1)[1] for name in done.stdout.split()}
     # The check of the stopping distance uses these two.
-    assert imported == {"talker", "obstacle_stop", "range_sensor"}
+    assert imported == {"talker", "listener", "obstacle_stop", "range_sensor"}

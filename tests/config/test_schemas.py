@@ -10,15 +10,15 @@ from diffbotctl.config.section_reader import read_scalar
 from diffbotctl.config.yaml_reader import parse
 from diffbotctl.errors import ConfigurationError, Source
 from diffbotctl.params import Param, Pin, Section, declared
-from diffbotctl.reference import schemas
-from diffbotctl.reference.schemas import of_declaration
+from tests.support.reference import schemas
+from tests.support.reference.schemas import of_declaration
 
 
 @pytest.mark.parametrize("name", schemas.SCHEMAS)
 def test_the_committed_schema_is_the_generated_one(name):
     committed = (lookup.folder("schemas") / name).read_text(encoding="utf-8")
     generated = schemas.text(schemas.SCHEMAS[name]())
-    assert committed == generated, "run python -m diffbotctl.reference.schemas, and read the diff"
+    assert committed == generated, "run python -m tests.support.reference.schemas, read the diff"
 
 
 @pytest.mark.parametrize("name", schemas.SCHEMAS)

@@ -12,7 +12,6 @@ from jsonschema import Draft202012Validator
 from diffbotctl.cli.check import check
 from diffbotctl.config.lookup import folder
 from diffbotctl.errors import ConfigurationError
-from diffbotctl.reference.schemas import view
 from diffbotctl.ui.saved_view import (
     SCREEN_PANELS,
     ViewSettings,
@@ -20,6 +19,7 @@ from diffbotctl.ui.saved_view import (
     save_view,
     view_text,
 )
+from tests.support.reference.schemas import view
 
 SCHEMA = Draft202012Validator(json.loads((folder("schemas") / "view.schema.json").read_text()))
 METRES = st.floats(-900, 900).map(lambda value: round(value, 3))

@@ -1,6 +1,6 @@
 """JSON Schemas (draft 2020-12) of robot, pipeline and view files, for editors.
 
-`python -m diffbotctl.reference.schemas` writes them to schemas/. An editor sees a file before
+`python -m tests.support.reference.schemas` writes them to schemas/. An editor sees a file before
 includes and variables are applied: with an include any mapping may be incomplete, because includes
 are merged, and any value may be a `$name`. The items of lists are complete: lists are replaced.
 """

@@ -1,4 +1,4 @@
-"""Generates docs/reference.md from the declarations: `python -m diffbotctl.reference.pages`."""
+"""Generates docs/reference.md from the declarations: `python -m tests.support.reference.pages`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from diffbotctl.config.motor_drivers import MOTOR_DRIVERS
 from diffbotctl.config.robot import Robot
 from diffbotctl.params import Declaration, Section, declared, with_unit
 
-PAGE = Path(__file__).resolve().parent.parent.parent / "docs" / "reference.md"
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "reference.md"
 
 
 def page() -> str:
