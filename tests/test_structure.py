@@ -90,10 +90,10 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "replay": 650,
     "ros2": 2_150,
     "runs": 1_250,
-    "ui": 4_150,
+    "ui": 4_200,
     "web": 1_850,
 }
-PACKAGE_BUDGET = 77_450  # lines of all of them
+PACKAGE_BUDGET = 77_550  # lines of all of them
 
 SMALL_MODULE_LINES = 25
 SMALL_MODULES = {  # module: why it stands alone

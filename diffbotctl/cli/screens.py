@@ -103,16 +103,7 @@ def launch(app: EngineApp) -> int:
 @screen_options
 @engine_option
 def dash(
-    once: bool,
-    fields: tuple[str, ...],
-    view_file: Path | None,
-    keys: KeySetName,
-    mode: DriveMode,
-    hz: float,
-    speed: float | None,
-    turn: float | None,
-    ascii_only: bool,
-    engine: str | None,
+    once: bool, fields: tuple[str, ...], view_file: Path | None, engine: str | None, **screen: Any
 ) -> int:
     """Show a running engine on one screen: map, wheels, range, link, plots, parameters, log.
 
@@ -121,7 +112,7 @@ def dash(
     """
     from diffbotctl.control_socket.client import choose_engine
 
-    options = screen_options_of(keys, mode, hz, speed, turn, ascii_only)
+    options = screen_options_of(**screen)
     from diffbotctl.ui.saved_view import ViewSettings, read_view
 
     view = ViewSettings() if view_file is None else read_view(str(view_file))
@@ -142,15 +133,7 @@ def dash(
 @click.command()
 @screen_options
 @engine_option
-def teleop(
-    keys: KeySetName,
-    mode: DriveMode,
-    hz: float,
-    speed: float | None,
-    turn: float | None,
-    ascii_only: bool,
-    engine: str | None,
-) -> int:
+def teleop(engine: str | None, **screen: Any) -> int:
     """Drive by hand: arrows, or u i o j k l m , . as in ROS, or w a s d x (`--keys turtle`).
 
     A key drives while it is held, and for 0.4 s after. With `--mode latched` it drives until the
@@ -167,5 +150,5 @@ def teleop(
     check_can_draw("teleop")
     from diffbotctl.ui.teleop.app import Teleop
 
-    options = screen_options_of(keys, mode, hz, speed, turn, ascii_only)
+    options = screen_options_of(**screen)
     return launch(Teleop(address, "diffbotctl teleop", options))
