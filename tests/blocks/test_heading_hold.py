@@ -117,6 +117,7 @@ def test_the_reference_of_a_long_arc_wraps():
     assert pi > abs(bench.block.reference - radians(725.0))
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("robot", by_day(1, ["book_2wd", "book_2wd_counts"]))
 def test_simulated_robots_drive_straight(robot):
     rng = Random("straight")

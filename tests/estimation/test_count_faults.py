@@ -7,6 +7,7 @@ from statistics import median
 import pytest
 
 from diffbotctl.estimation.count_faults import CountFaults
+from tests.sampling import by_day
 
 PERIOD = 0.02  # s, of the frames
 
@@ -31,14 +32,14 @@ def counted(seed, missed=0.0, doubled=0.0, frames=400, rate=700.0, ripple=0.1):
     return faults
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", by_day(1, range(5)))
 @pytest.mark.parametrize("rate, ripple", [(700.0, 0.1), (150.0, 0.1), (5000.0, 0.2)])
 def test_an_encoder_that_works_has_no_warning(seed, rate, ripple):
     faults = counted(seed, rate=rate, ripple=ripple)
     assert faults.share < 0.02 and faults.text == ""
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", by_day(1, range(5)))
 @pytest.mark.parametrize(
     "missed, doubled, share", [(0.05, 0.0, 0.05), (0.02, 0.0, 0.02), (0.0, 0.05, 0.05)]
 )
@@ -68,7 +69,7 @@ def test_a_few_faults_show_where_rounding_is_small(rate):
     assert median(healthy) < 0.001 and median(faulty) > 0.009
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", by_day(1, range(4)))
 @pytest.mark.parametrize("missed", [0.0, 0.05])
 def test_edge_times_show_faults_of_a_slow_wheel(seed, missed):
     # 24 edges/s in frames of 25 ms.
@@ -108,14 +109,14 @@ def rough(seed, missed, has_edge_times, rate=3000.0):
     return faults
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", by_day(1, range(3)))
 @pytest.mark.parametrize("has_edge_times", [False, True])
 def test_jolts_and_an_uneven_motor_are_no_faults_of_the_encoder(seed, has_edge_times):
     faults = rough(seed, 0.0, has_edge_times)
     assert faults.share < 0.004 and faults.text == ""
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", by_day(1, range(3)))
 @pytest.mark.parametrize("has_edge_times", [False, True])
 def test_faults_are_found_in_spite_of_jolts(seed, has_edge_times):
     assert rough(seed, 0.02, has_edge_times).share == pytest.approx(0.02, abs=0.01)
@@ -145,14 +146,14 @@ def cogging(seed, missed, amplitude=0.12, slots=82, rate=17.0):
     return faults, all_lost / all_edges
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", by_day(1, range(3)))
 def test_a_gear_that_cogs_is_no_fault_of_the_encoder(seed):
     """By 12 %: 0.3 edges in a span of three. A fault changes a count by a whole one."""
     faults, _ = cogging(seed, 0.0)
     assert faults.share < 0.01 and faults.text == ""
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", by_day(1, range(3)))
 def test_missed_edges_are_found_in_spite_of_a_gear_that_cogs(seed):
     faults, share = cogging(seed, 0.05, amplitude=0.06)
     assert faults.share == pytest.approx(share, rel=0.5)

@@ -16,6 +16,7 @@ from diffbotctl.messages import Wheels
 from diffbotctl.plant.robot_parameters import plant_parameters
 from diffbotctl.plant.simulated_robot import SimulatedRobot
 from diffbotctl.plant.wheel import EncoderDisc, WheelModel
+from tests.sampling import by_day
 
 MS = 1_000_000
 SLOTS = 20
@@ -60,7 +61,7 @@ def drive(seed: int, direction: float, turned: float, known) -> tuple:
     return odometry, robot
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", by_day(2, range(6)))
 def test_slots_are_identified_in_every_rotation(seed):
     """The first edge is the next one after the initial position of the disc."""
     turned = 0.5 + seed
@@ -87,7 +88,7 @@ def test_the_disc_is_identified_going_backward():
         )
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", by_day(2, range(4)))
 def test_another_disc_is_rejected(seed):
     """All slot errors with the opposite sign: no rotation fits."""
 

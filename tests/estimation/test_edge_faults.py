@@ -68,6 +68,7 @@ def drive(seed: int, missed: float):
     return pose, degrees(pose.heading - truth.heading), hypot(pose.x - truth.x, pose.y - truth.y)
 
 
+@pytest.mark.nightly
 def test_missed_edges_neither_turn_nor_shift_the_pose():
     """One missed edge of 10 mm turns a counting robot by 4.7 deg; three of a hundred are missed."""
     headings, places, warnings = [], [], []

@@ -7,6 +7,7 @@ import pytest
 
 from diffbotctl.estimation.fine_wheel import FineWheelOdometer
 from diffbotctl.estimation.wheel_side import LinkTiming
+from tests.sampling import each_once
 
 FRAME = 20_000_000  # ns
 LAG = 0.1  # s
@@ -79,12 +80,14 @@ class DrivenWheel:
         return sqrt(slot + wheel.reversal_variance)
 
 
-@pytest.mark.parametrize("has_edge_times", [True, False])
-@pytest.mark.parametrize("friction", [0.0, 50.0, 100.0])
-@pytest.mark.parametrize("lag, gain", [(LAG, 1.0), (1.6 * LAG, 0.6), (0.5 * LAG, 1.3)])
-@pytest.mark.parametrize("drive", [profile, sudden])
-def test_a_wheel_that_reverses_is_followed(drive, lag, gain, friction, has_edge_times):
-    wheel = DrivenWheel(lag, gain, friction, has_edge_times)
+@each_once(
+    drive=[profile, sudden],
+    motor=[(LAG, 1.0), (1.6 * LAG, 0.6), (0.5 * LAG, 1.3)],
+    friction=[0.0, 50.0, 100.0],
+    has_edge_times=[True, False],
+)
+def test_a_wheel_that_reverses_is_followed(drive, motor, friction, has_edge_times):
+    wheel = DrivenWheel(*motor, friction, has_edge_times)
     for number in range(1, 151):
         wheel.frame(drive(number))
     assert wheel.odometer.reversals == (2 if drive is sudden else 1)

@@ -63,6 +63,7 @@ def test_what_two_seconds_at_1_rad_per_s_give(errors, expected):
         assert angle == pytest.approx(expected + 0.01 * expected / 1.98 - 0.01, abs=0.011)
 
 
+@pytest.mark.nightly
 def test_noise_adds_up_as_a_random_walk():
     """0.005 deg/s/sqrt(Hz) over 16 s: 0.02 deg, from 200 gyros."""
     ends = [

@@ -21,6 +21,7 @@ from diffbotctl.plant.torque_drive import (
 from diffbotctl.plant.wheel import MotorModel
 from diffbotctl.time import MILLISECOND, SECOND
 from tests.plant.test_simulated_robot import driven, robot
+from tests.sampling import by_day
 
 PITCH = 2 * pi / 20
 IDEAL = EncoderDisc(tuple(k * PITCH / 2 for k in range(40)), 0.0, 0.0)
@@ -113,7 +114,7 @@ def test_a_battery_recovers_slowly():
     assert battery.share == pytest.approx(1.0, abs=1e-4)
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", by_day(1, range(5)))
 def test_a_drawn_motor_reaches_the_stated_speed_at_full_duty(seed):
     model = MotorModel(speed=10.0, lag=0.1, start=0.16, keep=0.12)
     motor = draw_torque_motor(model, Random(seed))
@@ -174,6 +175,7 @@ def test_backlash_is_lost_at_each_reversal(equations):
     assert start.travel == 0.0
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("equations", ["exponential", "torque"])
 def test_slip_has_the_stated_spread(equations):
     rests = []

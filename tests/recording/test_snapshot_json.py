@@ -21,6 +21,7 @@ from diffbotctl.replay.recorded_run import read_run
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
 from diffbotctl.time import SECOND
+from tests.sampling import by_day
 from tests.support.confined import ConfinedCommands
 from tests.support.trials.hostile_yaml import odd_value
 
@@ -182,7 +183,7 @@ def change(rng, objects):
         del entry[place]
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", by_day(2, range(12)))
 def test_a_changed_state_is_used_or_refused(seed, saved, commands, tmp_path):
     rng, objects = Random(seed), json.loads(saved.state)
     for _ in range(rng.choice((1, 1, 10))):
