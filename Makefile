@@ -3,34 +3,11 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 SEED ?= 1
-ROBOTS ?= 300
-TRIALS ?= 50
-STARTS ?= 100
-BOARD ?= 1
-NIGHTLY ?= 1
-# Number of calibrated robots with planted faults, and of further ones on emulated boards.
-FAULTY ?= 30
-EMULATED ?= 5
-WANDER ?= 50
-# Cuts of the link to two robots.
-CUTS ?= 5
-# Hostile files of each kind, and simulated hours over which the memory is measured.
-HOSTILE ?= 200
-HOURS ?= 24
-# Failures of each kind: of programs, and of nodes and bridge beside ROS 2. In full: 50 of each.
-FAILURES ?= 5
-BRIDGE ?= 3
-# Goals of each row of both plants, and runs of the matrix; in full: 3648 and more.
-GOALS ?= 50
-MATRIX ?= 272
-# Mutations of the program, of which `make test` notices as many as all tests do.
-MUTATIONS ?= 24
-# Sets of drives for `calibrate from-log`, and robots whose calibrated values are compared.
-DRIVES ?= 200
-CALIBRATED ?= 100
+# Names of sections of `make prove` and `make bench`, which measure all of them without it.
+SECTION ?=
 # A commit with whose simulation speed `make bench` compares the present one.
 AGAINST ?=
-# With any value, `make bench` takes very few samples of each row.
+# With any value, `make prove` and `make bench` take the smallest sample of each section.
 BRIEF ?=
 # Folders of the OptiOdom data set, which is not part of this repository.
 OPTIODOM ?=
@@ -92,19 +69,18 @@ $(ROS2)/installed: tests/ros2/build_tf2_msgs.py
 	$(ROS2)/bin/python tests/ros2/build_tf2_msgs.py
 	touch $@
 
-# The tests with the mark `nightly` (`NIGHTLY=` leaves them out), then every figure beside its target.
+PROOF = $(if $(BRIEF),--brief) $(if $(SECTION),--section $(SECTION))
+
+# Every figure beside its target; before them the tests with the mark `nightly`, unless BRIEF or SECTION is
+# given.
 prove: packages pico $(VENV)/tested
 	status=0; \
-	$(if $(NIGHTLY),$(BIN)/python -m pytest $(WORKERS) -rsfE -m nightly || status=1;) \
-	$(BIN)/python -m prove --seed $(SEED) --robots $(ROBOTS) --trials $(TRIALS) --starts $(STARTS) \
-	  --board $(BOARD) --wander $(WANDER) --faulty $(FAULTY) --emulated $(EMULATED) --goals $(GOALS) --matrix $(MATRIX) \
-	  --hostile $(HOSTILE) --hours $(HOURS) --failures $(FAILURES) --bridge $(BRIDGE) --cuts $(CUTS) --drives $(DRIVES) --calibrated $(CALIBRATED) \
-	  --mutations $(MUTATIONS) --optiodom $(OPTIODOM) || status=1; \
+	$(if $(BRIEF)$(SECTION),,$(BIN)/python -m pytest $(WORKERS) -rsfE -m nightly || status=1;) \
+	$(BIN)/python -m prove --seed $(SEED) $(PROOF) $(if $(OPTIODOM),--optiodom $(OPTIODOM)) || status=1; \
 	exit $$status
 
 bench: $(VENV)/tested
-	$(BIN)/python -m prove.bench $(if $(BRIEF),--brief)
-	$(if $(AGAINST),$(BIN)/python -m prove.bench --against $(AGAINST))
+	$(BIN)/python -m prove.bench --seed $(SEED) $(PROOF) $(if $(AGAINST),--against $(AGAINST))
 
 # Compiles the modules in which a simulated run spends its time: the same results, nearly three times as fast.
 # Their sources are not read any more: compile again after a change, or go back with `make interpreted`.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import io
 import json
 import os
@@ -12,9 +11,10 @@ import tarfile
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from statistics import median
-from typing import Any, NamedTuple
+from typing import Any
 
 from diffbotctl.block import Block
 from diffbotctl.config.load import load
@@ -26,7 +26,9 @@ from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
 from prove import wire
 from tests.support.command_process import children_of
-from tests.support.trials.row import Row, printed
+from tests.support.trials.proof import arguments, prove
+from tests.support.trials.row import Row
+from tests.support.trials.section import Section
 
 ROOT = Path(__file__).parents[1]
 PERIOD_S = 0.001
@@ -292,46 +294,27 @@ def speed_of(tree: Path, pipeline: str, seed: int, recording: Path | None) -> fl
     return float(figures["simulated"] / figures["seconds"])
 
 
-class Sizes(NamedTuple):
-    """How much is measured."""
-
-    ticks: int  # of the engine and of direct calls
-    starts: int  # of each kind
-    runs: int  # in simulation, of each kind
-    wire_s: float  # of ticks in each run, wire to wire
-
-
-FULL = Sizes(ticks=8000, starts=15, runs=5, wire_s=12.0)
-BRIEF = Sizes(ticks=200, starts=1, runs=1, wire_s=0.5)
-
-
-def sections(sizes: Sizes) -> dict[str, Iterator[Row]]:
-    """The rows of each section; nothing is measured yet."""
-    return {
-        "overhead": overhead(sizes.ticks),
-        "start": start_up(sizes.starts),
-        "memory": memory(),
-        "simulation": simulated_speed(sizes.runs),
-        "wire": wire.rows(sizes.wire_s),
-    }
+SECTIONS = (
+    Section("overhead", overhead, {"ticks": 8000}, {"ticks": 200}, True),
+    Section("start", start_up, {"starts": 15}, {"starts": 1}, True),
+    Section("memory", memory),
+    Section("simulation", simulated_speed, {"runs": 5}, {"runs": 1}, True),
+    Section("wire", wire.rows, {"seconds": 12.0}, {"seconds": 0.5}, True),
+)
 
 
 def main() -> int:
     """Print the rows; with `--against COMMIT` those of the simulation's speed beside COMMIT."""
-    parser = argparse.ArgumentParser(prog="python -m prove.bench")
+    names = [each.name for each in SECTIONS]
+    parser = arguments("python -m prove.bench", __doc__, names)
     parser.add_argument("--against", metavar="COMMIT", help="compare the simulation's speed")
-    parser.add_argument("--section", action="append", choices=sections(BRIEF), help="only this one")
-    parser.add_argument("--brief", action="store_true", help="every row, of very few samples")
     parser.add_argument("--pairs", type=int, default=7, help="runs of each version (default 7)")
-    arguments = parser.parse_args()
-    if arguments.against:
-        missed = printed(speed_against(arguments.against, arguments.pairs))
-    else:
-        chosen = sections(BRIEF if arguments.brief else FULL)
-        names = arguments.section or chosen
-        missed = printed(row for name in names for row in chosen[name])
-    print(f"bench: {missed} rows missed")
-    return 1 if missed else 0
+    options = parser.parse_args()
+    sections = SECTIONS
+    if options.against:
+        speed = partial(speed_against, options.against, options.pairs)
+        sections = (Section("against", speed),)
+    return prove("bench", sections, options)
 
 
 if __name__ == "__main__":

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from functools import partial
 from math import degrees, hypot, pi
+from multiprocessing import Pool
 from pathlib import Path
 from random import Random
 from statistics import median, pstdev
@@ -18,7 +20,7 @@ from diffbotctl.calibrate.steps.squares import corners
 from diffbotctl.config.load import load_robot
 from diffbotctl.plant.chassis import Chassis
 from tests.support.calibration_robots import Chained, Wiring, chained, drawn
-from tests.support.trials.row import Row, print_rows
+from tests.support.trials.row import Row
 
 CHAIN = ("encoders", "motors", "distance", "geometry")
 # A count is 4.7 degrees of heading: counting cannot meet a smaller tolerance.
@@ -125,22 +127,22 @@ class Judged(NamedTuple):
     worst: float
 
 
-def judged(seed: int, port: str, folder: Path) -> Judged:
+def judged(seed: int, port: str, folder: Path, steps: Sequence[str]) -> Judged:
     """Run the chain on one robot; repair the faults that only a person can repair when reported."""
     wiring = drawn(Random(f"faults {seed}"))
     planted = wiring.faults()
     repaired = wiring.repaired()
     worst = 0.0
     if repaired != wiring:
-        calibrated = chained(wiring, seed, folder, CHAIN[:1], port)
+        calibrated = chained(wiring, seed, folder, steps[:1], port)
         unnamed = _unnamed(planted, calibrated)
         worst = calibrated.worst
         calibrated.session.close()
         planted_after = repaired.faults()
-        calibrated = chained(repaired, seed, folder, CHAIN, port)
+        calibrated = chained(repaired, seed, folder, steps, port)
         unnamed += _unnamed(planted_after, calibrated)
     else:
-        calibrated = chained(wiring, seed, folder, CHAIN, port)
+        calibrated = chained(wiring, seed, folder, steps, port)
         unnamed = _unnamed(planted, calibrated)
     scale, ahead, lag = _errors(calibrated)
     calibrated.session.close()
@@ -179,10 +181,13 @@ def _errors(calibrated: Chained) -> tuple[float, float, float]:
     return scale, max(ahead), max(lag)
 
 
-def fault_rows(seed: int, robots: int, port: str) -> Iterator[Row]:
-    """The whole chain on robots with faults."""
+def fault_rows(seed: int, robots: int, steps: int, port: str) -> Iterator[Row]:
+    """The first `steps` steps of the chain on robots with faults."""
     with TemporaryDirectory() as folder:
-        trials = [judged(1000 * seed + number, port, Path(folder)) for number in range(robots)]
+        trials = [
+            judged(1000 * seed + number, port, Path(folder), CHAIN[:steps])
+            for number in range(robots)
+        ]
     what = f"chain, {robots} {'simulated' if port == 'sim' else 'emulated'}"
     planted = sum(trial.planted for trial in trials)
     unnamed = [name for trial in trials for name in trial.unnamed]
@@ -254,16 +259,17 @@ class Driven(NamedTuple):
     after: float
 
 
-def driven(seed: int, folder: Path) -> Driven:
+def driven(seed: int, steps: Sequence[str]) -> Driven:
     """Metre, quarter turn and tour after the chain; metre and turn again with calibrated discs."""
-    before = _toured_before(seed, folder)
-    calibrated = chained(Wiring(), seed, folder, CHAIN)
-    plain = _short(calibrated)
-    after = _tour(calibrated.session, calibrated.truths, DEFAULT_STYLE)
-    calibrated.run("discs")
-    calibrated.switch_off_and_on(Random(f"power {seed}"))
-    learnt = _short(calibrated)
-    calibrated.session.close()
+    with TemporaryDirectory() as name:
+        before = _toured_before(seed, Path(name))
+        calibrated = chained(Wiring(), seed, Path(name), steps)
+        plain = _short(calibrated)
+        after = _tour(calibrated.session, calibrated.truths, DEFAULT_STYLE)
+        calibrated.run("discs")
+        calibrated.switch_off_and_on(Random(f"power {seed}"))
+        learnt = _short(calibrated)
+        calibrated.session.close()
     return Driven(plain, learnt, before, after)
 
 
@@ -301,10 +307,11 @@ def _tour(session: object, truths: object, style: DriveStyle) -> float:
     return hypot(end.x - start.x, end.y - start.y)
 
 
-def driving_rows(seed: int, robots: int) -> Iterator[Row]:
+def driving_rows(seed: int, robots: int, steps: int = len(CHAIN)) -> Iterator[Row]:
     """Errors of drives after the chain."""
-    with TemporaryDirectory() as folder:
-        trials = [driven(1000 * seed + number, Path(folder)) for number in range(robots)]
+    with Pool() as pool:
+        one = partial(driven, steps=CHAIN[:steps])
+        trials = [*pool.imap(one, range(1000 * seed, 1000 * seed + robots))]
     what = f"after the chain, {robots} robots"
     yield from _short_rows(what, [trial.plain for trial in trials], 6.0)
     yield from _short_rows(f"{what}, discs learnt", [trial.learnt for trial in trials], 5.0)
@@ -329,14 +336,12 @@ def _short_rows(what: str, drives: list[Short], limit: float) -> Iterator[Row]:
         yield Row(f"{what}: {name}, heading sd", f"{sd:.2f} deg", "<= 0.8 deg", sd <= 0.8)
 
 
-def rows(seed: int, robots: int, faulty: int, emulated: int) -> Iterator[Row]:
-    """All rows on calibration."""
-    yield from umbmark_rows(seed, 50)
-    yield from fault_rows(seed, faulty, "sim")
-    yield from fault_rows(seed, emulated, "emulated")
-    yield from stock_rows(seed, faulty)
-    yield from driving_rows(seed, robots)
+def rows(seed: int, robots: int, steps: int = len(CHAIN)) -> Iterator[Row]:
+    """The chain on simulated robots with faults, and with the book's firmware."""
+    yield from fault_rows(seed, robots, steps, "sim")
+    yield from stock_rows(seed, robots)
 
 
-if __name__ == "__main__":
-    raise SystemExit(print_rows(rows, __doc__, seed=1, robots=300, faulty=30, emulated=5))
+def emulated_rows(seed: int, robots: int, steps: int = len(CHAIN)) -> Iterator[Row]:
+    """The chain on emulated boards with faults."""
+    yield from fault_rows(seed, robots, steps, "emulated")

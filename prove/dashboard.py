@@ -7,6 +7,7 @@ import signal
 import tempfile
 import time
 from collections.abc import Iterator
+from itertools import product
 from pathlib import Path
 from random import Random
 from statistics import median
@@ -15,46 +16,51 @@ from prove.screen import Drain
 from tests.support.lost_terminal import drive, lose, ssh_server
 from tests.support.running import PlainClient, command, moves, running, stands
 from tests.support.terminal import Terminal
-from tests.support.trials.row import Row, printed
+from tests.support.trials.row import Row
+from tests.support.trials.section import drawn
 
 SIZE = (120, 40)
 LOAD_MAX_PERCENT = 15.0  # of a core
 FIRST_SCREEN_MAX_S = 0.8
-STARTS = 5
-LOAD_TIME_S = 15.0  # over which the load is measured
 STOP_TIME_MAX_S = 0.5  # from the loss to the zero command of the wheels
 DRIVE_TIME_MAX_S = 0.5  # before the loss
 TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 FAR = ("goal", "--stay", "--goal", "9 0", "--goal", "-9 0")
 
 
-def rows(seed: int, trials: int) -> Iterator[Row]:
-    """All rows; `trials` of each way to lose the driver."""
+LOSSES = [*product(("here", "ssh"), ("hold", "latched"), ("SIGKILL", "SIGSTOP", "closed"))]
+
+
+def rows(
+    seed: int, trials: int, kinds: int = len(LOSSES), starts: int = 5, load_s: float = 15.0
+) -> Iterator[Row]:
+    """The cost of a dashboard over `starts` starts and `load_s` seconds; lost drivers.
+
+    `trials` of each of `kinds` ways to lose the driver.
+    """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         with running(folder, *FAR):
-            yield from costs(folder)
+            yield from costs(folder, starts, load_s)
             rng = Random(seed)
-            for place in ("here", "ssh"):
-                for mode in ("hold", "latched"):
-                    for loss in ("SIGKILL", "SIGSTOP", "closed"):
-                        yield lost(folder, place, mode, loss, trials, rng)
+            for place, mode, loss in drawn(LOSSES, kinds, seed):
+                yield lost(folder, place, mode, loss, trials, rng)
 
 
-def costs(folder: Path) -> Iterator[Row]:
+def costs(folder: Path, starts: int, load_s: float) -> Iterator[Row]:
     """CPU time and start, with map, values, plots, blocks and log on the screen."""
     client = PlainClient(folder)
     client.until(moves)
     words, environment = command(folder, "dash", "--hz", "10")
     start_times = []
-    for _ in range(STARTS):
+    for _ in range(starts):
         drain = Drain(*SIZE, words, environment)
         start_times.append(drain.until(b"SIMULATED", 20.0))
         drain.close()
     drain = Drain(*SIZE, words, environment)
     drain.until(b"kinematics", 20.0)  # a row of the block table: now every panel has content
     before, began = cpu_time(drain.process.pid), time.perf_counter()
-    drain.read_for(LOAD_TIME_S)
+    drain.read_for(load_s)
     load = 100 * (cpu_time(drain.process.pid) - before) / (time.perf_counter() - began)
     driving = moves(client.request("status"))
     drain.close()
@@ -66,7 +72,7 @@ def costs(folder: Path) -> Iterator[Row]:
         driving and load <= LOAD_MAX_PERCENT,
     )
     yield Row(
-        f"dashboard, first screen (median of {STARTS})",
+        f"dashboard, first screen (median of {starts})",
         f"{median(start_times):.2f} s",
         f"<= {FIRST_SCREEN_MAX_S:g} s",
         median(start_times) <= FIRST_SCREEN_MAX_S,
@@ -124,7 +130,3 @@ def hold(terminal: Terminal, mode: str, seconds: float) -> None:
         if mode == "hold":
             terminal.type("i")
         terminal.look(0.03)
-
-
-if __name__ == "__main__":
-    raise SystemExit(printed(rows(1, 2)) > 0)

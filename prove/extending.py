@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 import tempfile
 from collections.abc import Iterator
@@ -14,24 +13,15 @@ from diffbotctl.replay.replay import replay
 from tests.support import own_package
 from tests.support.running import PlainClient, cli, running
 from tests.support.trials import hostile_sockets, programs, round_trips
-from tests.support.trials.row import Row, printed
+from tests.support.trials.row import Row
+from tests.support.trials.section import drawn
 
 ROOT = Path(__file__).parent.parent
-SECONDS = 10.0  # of round trips in each run
 RATIO_MAX, ENGINE_MAX = 3.0, 0.03
-REQUESTS, STOPS = 100_000, 20
 STOP_MAX_S = 0.3
 SILENT_KIND = "hang"  # leaves the engine the least to do
 LOAD_RATIO_MAX = 2.0
 PEAK_MAX_BYTES = 100 << 20
-
-
-def rows(failures: int) -> Iterator[Row]:
-    """All rows; `failures` programs fail in each way."""
-    yield from message_rows()
-    yield from round_trip_rows(SECONDS)
-    yield from failure_rows(failures)
-    yield silent_reader_row()
 
 
 @contextmanager
@@ -157,13 +147,17 @@ def _is_equal(trips: round_trips.RoundTrips) -> bool:
     return replay(trips.recording, check=True).difference is None
 
 
-def failure_rows(count: int) -> Iterator[Row]:
-    """Programs that drive and fail: stopped in time, named, latched; and their replays."""
+def failure_rows(seed: int, failures: int, kinds: int = len(programs.CAUSES)) -> Iterator[Row]:
+    """Programs that drive and fail: stopped in time, named, latched; and their replays.
+
+    `failures` programs fail in each way.
+    """
     equal = runs = 0
     loads: dict[str, float] = {}
-    for kind in programs.CAUSES:
+    others = [kind for kind in programs.CAUSES if kind != SILENT_KIND]
+    for kind in (SILENT_KIND, *drawn(others, kinds - 1, seed)):
         outcomes = []
-        for place in range(count):
+        for place in range(failures):
             with _folder() as folder:
                 outcomes.append(programs.fail(folder, kind, programs.DRIVEN_LINES + place % 7))
         right = sum(outcome.is_right and outcome.is_in_time for outcome in outcomes)
@@ -173,9 +167,9 @@ def failure_rows(count: int) -> Iterator[Row]:
         runs += len(outcomes)
         yield Row(
             f"program that drives: {kind.replace('_', ' ')}",
-            f"{right} of {count} stopped, named, latched; {worst * 1e3:.0f} ms at most",
+            f"{right} of {failures} stopped, named, latched; {worst * 1e3:.0f} ms at most",
             f"all, <= {1e3 * (programs.TIMEOUT_S + programs.MARGIN_S):.0f} ms",
-            right == count,
+            right == failures,
         )
     ratio = max(loads.values()) / loads[SILENT_KIND]
     yield Row(
@@ -189,21 +183,15 @@ def failure_rows(count: int) -> Iterator[Row]:
     )
 
 
-def silent_reader_row() -> Row:
+def silent_reader_rows(requests: int, stops: int) -> Iterator[Row]:
     """A client that sends requests and never reads, beside one that stops the robot."""
     with _folder() as folder:
-        attack = hostile_sockets.silent_reader(folder, REQUESTS, STOPS)
+        attack = hostile_sockets.silent_reader(folder, requests, stops)
     worst = max(attack.stops)
     good = attack.survived and not attack.failures and worst <= STOP_MAX_S
-    return Row(
+    yield Row(
         f"client that never reads, {attack.requests} requests",
-        f"stop {worst * 1e3:.0f} ms at most of {STOPS}, {attack.peak_bytes >> 20} MB",
+        f"stop {worst * 1e3:.0f} ms at most of {stops}, {attack.peak_bytes >> 20} MB",
         f"<= {STOP_MAX_S * 1e3:.0f} ms, <= {PEAK_MAX_BYTES >> 20} MB",
         good and attack.peak_bytes <= PEAK_MAX_BYTES,
     )
-
-
-if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--failures", type=int, default=5, help="of each kind")
-    raise SystemExit(printed(rows(parser.parse_args().failures)) > 0)

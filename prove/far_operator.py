@@ -16,7 +16,7 @@ from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.time import SECOND
 from tests.support.far_host import far_host
 from tests.support.running import PlainClient, command, moves, running, stands
-from tests.support.trials.row import Row, print_rows
+from tests.support.trials.row import Row
 
 WAY = "OpenSSH to an asyncssh server here"
 LOSSES = ("frozen", "killed")
@@ -40,7 +40,6 @@ class LostLink(NamedTuple):
 
 def rows(trials: int) -> Iterator[Row]:
     """All rows; `trials` links are frozen or their server killed, in turn."""
-    trials = max(trials, len(LOSSES))
     outcomes = [_trial(LOSSES[number % len(LOSSES)]) for number in range(trials)]
     slowest = max(each.stopped_s for each in outcomes)
     yield Row(
@@ -119,7 +118,3 @@ def _start(here: Path, path: str, *words: str) -> subprocess.Popen[str]:
         stderr=subprocess.PIPE,
         text=True,
     )
-
-
-if __name__ == "__main__":
-    raise SystemExit(print_rows(rows, __doc__, trials=6))

@@ -9,6 +9,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from random import Random
 
@@ -20,14 +21,12 @@ from tests.support.command_process import (
     start_in_pipe,
     start_on_terminal,
 )
-from tests.support.trials import child_faults, host_freeze, runaway, same_end
-from tests.support.trials.row import Row, print_rows
+from tests.support.trials.row import Row
+from tests.support.trials.section import drawn
 
 ZEROS = 4  # last commands on the wire that must be zero: the stop, repeated, for both wheels
 PARALLEL_TRIALS = 6  # each waits most of the time
 RECORDER_TIMEOUT_S = 5.0  # for a recorder whose engine was killed to finish its file
-HEALTHY_RUNS = 20  # for each trial: 1,000 of 50
-FREEZE_SHARE = 0.6  # of the trials: 30 of 50
 DRIVE_TIME_MAX_S = 4.0  # before the fault
 
 
@@ -166,24 +165,16 @@ def run_trial(fault: Callable[[Trial], bool], seed: int) -> bool:
             trial.port.close()
 
 
-def rows(seed: int, trials: int) -> Iterator[Row]:
-    """One row for each fault, and those of a host that does not run."""
-    for name, fault in FAULTS.items():
+def rows(seed: int, trials: int, kinds: int = len(FAULTS)) -> Iterator[Row]:
+    """One row for each fault."""
+    for name, fault in drawn(FAULTS.items(), kinds, seed):
         rng = Random(f"{seed} {name}")
         seeds = [rng.getrandbits(32) for _ in range(trials)]
         with ThreadPoolExecutor(PARALLEL_TRIALS) as pool:
-            good = sum(pool.map(lambda number, fault=fault: run_trial(fault, number), seeds))
+            good = sum(pool.map(partial(run_trial, fault), seeds))
         yield Row(
             f"{name}: stop last on the wire, cause shown",
             f"{good} of {trials}",
             f"{trials} of {trials}",
             good == trials,
         )
-    yield from host_freeze.rows(seed, max(1, round(trials * FREEZE_SHARE)))
-    yield from child_faults.rows(seed, max(1, trials // 5))
-    yield from same_end.rows(seed)
-    yield from runaway.rows(seed, HEALTHY_RUNS * trials, 2 * trials, os.cpu_count() or 1)
-
-
-if __name__ == "__main__":
-    raise SystemExit(print_rows(rows, __doc__, seed=1, trials=50))

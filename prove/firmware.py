@@ -1,4 +1,4 @@
-"""Figures of firmware, protocol, virtual board and flashing: `python -m prove.firmware`.
+"""Figures of firmware, protocol and virtual board.
 
 Everything but the codecs runs the real binary on an emulated Mega 2560, on an Uno and on a
 Pico.
@@ -6,7 +6,7 @@ Pico.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 from tests.support.board_bench import (
@@ -22,84 +22,92 @@ from tests.support.trials import (
     board_restarts,
     board_runs,
     board_settings,
-    flash,
     frame_damage,
     two_channels,
     wheel_loop,
 )
-from tests.support.trials.row import Row, print_rows
+from tests.support.trials.row import Row
+from tests.support.trials.section import drawn
 
-Section = Callable[[], Iterator[Row]]
-
-
-def rows(seed: int, share: float = 1.0) -> Iterator[Row]:
-    """All rows, with the fraction `share` of the trials, at least a few of each."""
-    trials = partial(trials_of, share)
-    sections: list[Section] = [
-        partial(board.image),
-        *chip_sections(seed, trials, partial(board.edges)),
-        partial(wheel_loop.starts, seed, trials(1000, 50)),
-        partial(wheel_loop.starts, seed + 1, trials(100, 10), emulated=True),
-        partial(wheel_loop.stalls, seed, trials(200, 20)),
-        partial(wheel_loop.stalls, seed + 1, trials(50, 10), emulated=True),
-        partial(wheel_loop.settling, seed, trials(40, 10)),
-        partial(wheel_loop.settling, seed, trials(10, 3), emulated=True),
-        partial(frame_damage.to_board, seed, trials(1e7, 100_000)),
-        partial(frame_damage.to_host, seed, trials(1e7, 20_000)),
-        partial(flash.rows),
-    ]
-    for section in sections:
-        yield from section()
-    yield from rows_of("Uno", UNO_BOARD, 12_000, seed, share)
-    yield from rows_of("Pico", PICO_BOARD, 20_000, seed, share)
-    hall = partial(board_runs.goals, seed, trials(20, 3))
-    yield from _named("Pico, encoders with two channels", PICO_HALL_BOARD, hall)
+Part = Callable[[], Iterator[Row]]
 
 
-def rows_of(
-    name: str, bench: BenchBoard, edges: int, seed: int, share: float = 1.0
-) -> Iterator[Row]:
-    """The rows of the Mega that concern its chip, on another board, with `edges` per second."""
-    trials = partial(trials_of, share)
-    for section in chip_sections(seed, trials, partial(board.edges, edges)):
-        yield from _named(name, bench, section)
+ALL = 100
 
 
-def _named(name: str, bench: BenchBoard, section: Section) -> Iterator[Row]:
-    """The rows of a section on another board."""
-    with trials_on(bench):
-        found = list(section())
-    for row in found:
-        yield row._replace(what=f"{name}: {row.what}")
+def mega(seed: int, share: float, parts: int = ALL) -> Iterator[Row]:
+    """The sizes of both AVR images, and what a Mega shows, with a share of the trials.
+
+    `parts`: how many of its parts are drawn.
+    """
+    yield from board.image()
+    for part in drawn(parts_of(seed, share, board.edges), parts, seed):
+        yield from part()
 
 
-def chip_sections(seed: int, trials: Callable[[float, int], int], edges: Section) -> list[Section]:
+def uno(seed: int, share: float, parts: int = ALL) -> Iterator[Row]:
+    """What an Uno shows."""
+    todo = parts_of(seed, share, partial(board.edges, 12_000))
+    yield from _on(UNO_BOARD, drawn(todo, parts, seed + 1))
+
+
+def pico(seed: int, share: float, parts: int = ALL) -> Iterator[Row]:
+    """What a Pico shows, also with encoders with two channels."""
+    todo = parts_of(seed, share, partial(board.edges, 20_000))
+    yield from _on(PICO_BOARD, drawn(todo, parts, seed + 2))
+    hall = [partial(board_runs.goals, seed, trials(share, 20))] if parts == ALL else []
+    for row in _on(PICO_HALL_BOARD, hall):
+        yield row._replace(what=f"encoders with two channels: {row.what}")
+
+
+def _on(bench: BenchBoard, todo: Sequence[Part]) -> Iterator[Row]:
+    for part in todo:
+        with trials_on(bench):
+            found = list(part())
+        yield from found
+
+
+def parts_of(seed: int, share: float, edges: Part) -> list[Part]:
     """What each chip has to show; `edges`: at the highest rate of its encoders."""
+    of = partial(trials, share)
     return [
-        partial(board.latency, seed, trials(200, 20)),
-        partial(board.telemetry, trials(60, 5)),
+        partial(board.latency, seed, of(200)),
+        partial(board.telemetry, of(60)),
         edges,
-        partial(two_channels.full_speed),
-        partial(two_channels.rocking, trials(100, 20)),
-        partial(board.bounce, seed, trials(3, 1)),
-        partial(board_settings.refused_settings, seed, trials(400, 40)),
-        partial(board_settings.eeprom_cuts, seed, trials(200, 20)),
-        partial(board.restarts, seed, trials(15, 3)),
-        partial(board.deadman, seed, trials(1000, 20)),
-        partial(board_faults.storms, seed, trials(100, 20)),
-        partial(board_faults.hellos, seed, trials(20, 20)),
-        partial(frame_damage.through_binary, seed, trials(1e4, 100)),
-        partial(board_runs.agreement, seed, trials(10, 2)),
-        partial(board_runs.goals, seed, trials(20, 3)),
+        two_channels.full_speed,
+        partial(two_channels.rocking, of(100)),
+        partial(board.bounce, seed, of(3)),
+        partial(board_settings.refused_settings, seed, of(400)),
+        partial(board_settings.eeprom_cuts, seed, of(200)),
+        partial(board.restarts, seed, of(15)),
+        partial(board.deadman, seed, of(1000)),
+        partial(board_faults.storms, seed, of(100)),
+        partial(board_faults.hellos, seed, of(20)),
+        partial(frame_damage.through_binary, seed, of(10_000)),
+        partial(board_runs.agreement, seed, of(10)),
+        partial(board_runs.goals, seed, of(20)),
         partial(board_runs.same_twice, seed),
-        partial(board_restarts.rows, seed, trials(30, 3)),
+        partial(board_restarts.rows, seed, of(30)),
     ]
 
 
-def trials_of(share: float, full: float, minimum: int) -> int:
-    """The `share` of the trials of a full proof, at least `minimum`."""
-    return max(minimum, round(full * share))
+def trials(share: float, full: int) -> int:
+    """The share of the trials of a full proof, at least one."""
+    return max(1, round(full * share))
 
 
-if __name__ == "__main__":
-    raise SystemExit(print_rows(rows, __doc__, seed=1, share=1.0))
+def wheel_loops(seed: int, share: float) -> Iterator[Row]:
+    """The speed loop of a wheel on simulated robots, and on some of an emulated Mega."""
+    of = partial(trials, share)
+    yield from wheel_loop.starts(seed, of(1000))
+    yield from wheel_loop.starts(seed + 1, of(100), emulated=True)
+    yield from wheel_loop.stalls(seed, of(200))
+    yield from wheel_loop.stalls(seed + 1, of(50), emulated=True)
+    yield from wheel_loop.settling(seed, of(40))
+    yield from wheel_loop.settling(seed, of(10), emulated=True)
+
+
+def damaged_frames(seed: int, count: int) -> Iterator[Row]:
+    """Damaged frames in both codecs; those of the binary are in the sections of the boards."""
+    yield from frame_damage.to_board(seed, count)
+    yield from frame_damage.to_host(seed, count)

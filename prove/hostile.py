@@ -1,23 +1,22 @@
-"""Hostile files, recordings and clients; starts and stops by the hundred; memory over a day."""
+"""Hostile files, recordings and clients; memory over a day."""
 
 from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterable, Iterator
+from itertools import islice
 from pathlib import Path
 from random import Random
 
 from tests.support.confined import ConfinedCommands, ConfinedOutcome
 from tests.support.trials import (
-    dashboard_hours,
     hostile_recordings,
     hostile_sockets,
     hostile_tables,
     hostile_yaml,
     long_run,
-    restarts,
 )
-from tests.support.trials.row import Row, print_rows
+from tests.support.trials.row import Row
 
 MEMORY_MAX_BYTES = 100 << 20
 CPU_MAX_S = 2.0
@@ -26,20 +25,28 @@ STOP_MAX_S = 0.3
 GOOD = Path(__file__).parent.parent / "tests" / "data" / "recordings"
 RECORDINGS = ("edges.mcap", "turtle.mcap", "ease.mcap", "obstacle.mcap")
 RUNS = (("square", "book_2wd"), ("wander", "turtlebot3_burger"))
-STARTS_PER_FILE = 5  # 1,000 starts and stops beside 200 files of each kind
-DASHBOARD_HOURS_MAX = 4.0
 
 
-def rows(seed: int, count: int, hours: float) -> Iterator[Row]:
-    """`count` files of each kind, and five times as many starts; `hours` of simulated time."""
+def rows(seed: int, count: int, commands_max: int | None = None) -> Iterator[Row]:
+    """`count` files of each kind, with which at most as many commands are run."""
     rng = Random(seed)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         with ConfinedCommands(folder) as commands:
-            yield _file_row("robot and pipeline files", _files(commands, rng, folder, count))
-            yield _file_row("recordings", _recordings(commands, rng, folder, count))
-            yield _file_row("tables, answers, state files", _tables(commands, rng, folder, count))
-        attack = hostile_sockets.attack(folder, rng, connections=count // 2, lines=20)
+            yield _file_row(
+                "robot and pipeline files", _files(commands, rng, folder, count), commands_max
+            )
+            yield _file_row("recordings", _recordings(commands, rng, folder, count), commands_max)
+            yield _file_row(
+                "tables, answers, state files", _tables(commands, rng, folder, count), commands_max
+            )
+
+
+def client_rows(seed: int, count: int) -> Iterator[Row]:
+    """Invalid lines over half of `count` connections, and twenty clients that flood."""
+    rng = Random(seed)
+    with tempfile.TemporaryDirectory() as name:
+        attack = hostile_sockets.attack(Path(name), rng, connections=count // 2, lines=20)
         is_met = attack.survived and not attack.failures and attack.peak_bytes <= MEMORY_MAX_BYTES
         figure = f"{attack.requests} lines, {attack.peak_bytes >> 20} MB"
         yield Row("21 hostile socket: the run goes on", figure, "alive, <= 100 MB", is_met)
@@ -49,19 +56,21 @@ def rows(seed: int, count: int, hours: float) -> Iterator[Row]:
         yield Row(
             "F stop under a flood of 20 clients", figure, "0.3 s", max(flood.stops) <= STOP_MAX_S
         )
-    yield from restarts.rows(seed, STARTS_PER_FILE * count)
-    yield from dashboard_hours.rows(min(hours, DASHBOARD_HOURS_MAX))
+
+
+def memory_rows(seed: int, hours: float) -> Iterator[Row]:
+    """Growth over `hours` of simulated time."""
     for pipeline, robot in RUNS:
         use = long_run.measure_in_process(pipeline, robot, hours, seed)
         what = f"20 memory of {robot}, {hours:g} h simulated"
         yield Row(what, f"+{use.growth / 1e6:.1f} MB", "3 MB", use.growth <= GROWTH_MAX_BYTES)
 
 
-def _file_row(what: str, outcomes: Iterable[ConfinedOutcome]) -> Row:
+def _file_row(what: str, outcomes: Iterable[ConfinedOutcome], most: int | None) -> Row:
     """Faults, greatest memory and time; what goes wrong is printed."""
     count = faults = peak = 0
     slowest = 0.0
-    for outcome in outcomes:
+    for outcome in islice(outcomes, most):
         count += 1
         peak, slowest = max(peak, outcome.peak_bytes), max(slowest, outcome.cpu_s)
         if outcome.faults:
@@ -77,16 +86,16 @@ def _files(
 ) -> Iterator[ConfinedOutcome]:
     path = folder / "hostile.yaml"
     robots = {shipped.stem for shipped in hostile_yaml.SHIPPED if shipped.parent.name == "robots"}
-    for content in hostile_yaml.bombs().values():
-        path.write_bytes(content)
-        yield commands.run("check", path)
-    for included in hostile_yaml.included_files(folder).values():
-        yield commands.run("check", included)
     for stem, content in hostile_yaml.hostile_files(rng, count):
         path.write_bytes(content)
         words = ("goal", "--robot", path) if stem in robots else (path,)
         yield commands.run("check", path)
         yield commands.run("run", *words, "--fast", "--for", "1s", "--quiet")
+    for content in hostile_yaml.bombs().values():
+        path.write_bytes(content)
+        yield commands.run("check", path)
+    for included in hostile_yaml.included_files(folder).values():
+        yield commands.run("check", included)
 
 
 def _recordings(
@@ -94,7 +103,7 @@ def _recordings(
 ) -> Iterator[ConfinedOutcome]:
     path, good = folder / "hostile.mcap", GOOD / rng.choice(RECORDINGS)
     damaged = hostile_recordings.hostile_recordings(rng, good, count)
-    for content in (*hostile_recordings.bombs(good).values(), *(data for _, data in damaged)):
+    for content in (*(data for _, data in damaged), *hostile_recordings.bombs(good).values()):
         path.write_bytes(content)
         for words in (
             ("bag", "info", path),
@@ -122,7 +131,3 @@ def _tables(
         words = ("calibrate", "battery", "--port", "sim", "--yes", "--answers", answers)
         yield commands.run(*words)
         yield commands.run("start", "--status")
-
-
-if __name__ == "__main__":
-    raise SystemExit(print_rows(rows, __doc__, seed=1, count=20, hours=0.2))

@@ -22,7 +22,8 @@ from diffbotctl.time import SECOND
 from prove.motion import OPEN_FLOOR
 from tests.support.calibration_robots import SilentScreen
 from tests.support.matrix_case import position_sigmas
-from tests.support.trials.row import Row, print_rows
+from tests.support.trials.row import Row
+from tests.support.trials.section import drawn
 
 SCALE_SD = 0.003  # what a calibration leaves of the gyro's scale
 # Floor noise of 0.5 deg per root metre, and turns that slip by up to 1 %.
@@ -35,10 +36,8 @@ ENCODERS = {
     "1320 counts": "drive: {polarity: checked_by_hand, encoder: {channels: 2, slots: 1320}, "
     "left: {encoder: {pin_b: 22}}, right: {encoder: {pin_b: 23}}}",
 }
-# Net turn of each course, deg: a scale error in it no filter can find.
-TURNED = {"1 m": 0.0, "10 m square": 360.0, "10 m zigzag": 30.0}
 LONGEST = 300 * SECOND
-LEG, ZIGZAG_TURN = 1.0, radians(60.0)
+LEGS, ZIGZAG_TURN = 10, radians(60.0)
 WRONG_AXES = ("-z", "x", "-x", "y", "-y")  # of an IMU whose z is stated to point up
 ASIDE = Goal(0, 1, 0.0, 0.5)  # behind a turn
 SCALE_ERROR_MAX = 0.003
@@ -67,26 +66,27 @@ class DriveEnd(NamedTuple):
     ended: bool
 
 
-def straight() -> list[Goal]:
-    """One metre."""
-    return [Goal(0, 1, 1.0, 0.0, 0.0)]
+def straight(length: float) -> list[Goal]:
+    """Straight ahead."""
+    return [Goal(0, 1, length, 0.0, 0.0)]
 
 
-def square() -> list[Goal]:
-    """Four sides of 2.5 m."""
-    corners = [(2.5, 0.0), (2.5, 2.5), (0.0, 2.5), (0.0, 0.0)]
+def square(length: float) -> list[Goal]:
+    """Four sides (m)."""
+    side = length / 4
+    corners = [(side, 0.0), (side, side), (0.0, side), (0.0, 0.0)]
     return [
         Goal(0, number, *corner, number * pi / 2 % (2 * pi))
         for number, corner in enumerate(corners, 1)
     ]
 
 
-def zigzag() -> list[Goal]:
-    """Ten legs of a metre, each at 60 deg to the last one."""
+def zigzag(length: float) -> list[Goal]:
+    """Ten legs, each at 60 deg to the last one."""
     goals, x, y = [], 0.0, 0.0
-    for number in range(1, 11):
+    for number in range(1, LEGS + 1):
         heading = 0.5 * ZIGZAG_TURN * (1 if number % 2 else -1)
-        x, y = x + LEG * cos(heading), y + LEG * sin(heading)
+        x, y = x + length / LEGS * cos(heading), y + length / LEGS * sin(heading)
         goals.append(Goal(0, number, x, y, None))
     return goals
 
@@ -134,30 +134,38 @@ def heading_sd(ends: list[DriveEnd]) -> float:
     return sqrt(fmean(end.heading * end.heading for end in ends))
 
 
-def rows(seed: int, robots: int) -> Iterator[Row]:
-    """Rows 8 and 9 of the issue on kits, `robots` robots a row, and wrong mountings."""
-    courses = (("1 m", straight, 0.1), ("10 m square", square, 1.5), ("10 m zigzag", zigzag, 0.6))
+def rows(seed: int, robots: int, share: float = 1.0) -> Iterator[Row]:
+    """Heading and end of drives, `robots` robots a row, over a share of each course's length."""
+    courses = (
+        ("straight", straight, 1.0, 0.0, 0.1),
+        ("square", square, 10.0, 360.0, 1.5),
+        ("zigzag", zigzag, 10.0, 30.0, 0.6),
+    )
     trials = Trial.several(seed * 1000, robots)
-    for name, course, target in courses:
+    for name, course, length, turned, target in courses:
+        goals = course(length * share)
         both = [
-            [drive(course(), "20 slots", trial, gyro) for trial in trials] for gyro in (True, False)
+            [drive(goals, "20 slots", trial, gyro) for trial in trials] for gyro in (True, False)
         ]
         with_gyro, without = map(heading_sd, both)
-        turned = TURNED[name]
         left = f"{SCALE_SD:.1%} of {turned:g} deg: {SCALE_SD * turned:.2f}"
         figure = f"{with_gyro:.2f} deg (encoders alone: {without:.1f}; {left})"
         ended = all(end.ended for end in both[0])
         yield Row(
-            f"heading sd with a gyro, {name}",
+            f"heading sd with a gyro, {length * share:g} m {name}",
             figure,
             f"<= {target} deg",
             ended and with_gyro <= target,
         )
-    yield from refused_mountings(seed, max(1, robots // 10))
-    yield from calibrated_mountings(seed)
-    yield from sliding_wheels(seed, robots)
-    yield from tours(seed, robots, CALIBRATED)
-    yield from tours(seed, robots, EXACT)
+    yield from tours(seed, robots, CALIBRATED, 10.0 * share)
+    yield from tours(seed, robots, EXACT, 10.0 * share)
+
+
+def mounting_rows(seed: int, robots: int, axes: int = len(WRONG_AXES)) -> Iterator[Row]:
+    """Wrong mountings: refused, and found."""
+    chosen = drawn(WRONG_AXES, axes, seed)
+    yield from refused_mountings(seed, chosen * robots)
+    yield from calibrated_mountings(seed, chosen)
 
 
 class SlideEnd(NamedTuple):
@@ -191,38 +199,40 @@ def slide(encoders: str, trial: Trial, is_sliding: bool) -> SlideEnd:
     return SlideEnd(code, hypot(x, y), position_sigmas(x, y, reported))
 
 
-def sliding_wheels(seed: int, count: int) -> Iterator[Row]:
+def sliding_wheels(seed: int, robots: int) -> Iterator[Row]:
     """A wheel that slides: the goal is not claimed where the robot is not."""
     for encoders in ENCODERS:
-        trials = Trial.several(seed * 3000, count)
+        trials = Trial.several(seed * 3000, robots)
         ends = [slide(encoders, trial, True) for trial in trials]
         false = [end for end in ends if not end.code and end.error > 0.02 and end.sigmas > 4.0]
         unsure = sum(end.code == 3 for end in ends)
         worst = max(end.error for end in ends)
         figure = (
-            f"{len(false)} of {count}, {unsure} unsure, {worst * 1000:.0f} mm at most"
+            f"{len(false)} of {robots}, {unsure} unsure, {worst * 1000:.0f} mm at most"
             + "".join(f"; {end.error * 1000:.0f} mm" for end in false)
         )
         name = f"a wheel slides, {encoders}: claimed, but over 20 mm and 4 sd off"
         yield Row(name, figure, "0", not false)
         healthy = [slide(encoders, trial, False) for trial in trials]
         doubted = sum(end.code == 3 for end in healthy)
-        yield Row(f"no wheel slides, {encoders}: unsure", f"{doubted} of {count}", "0", not doubted)
+        yield Row(
+            f"no wheel slides, {encoders}: unsure", f"{doubted} of {robots}", "0", not doubted
+        )
 
 
-def tours(seed: int, count: int, wheels: float) -> Iterator[Row]:
+def tours(seed: int, count: int, wheels: float, length: float) -> Iterator[Row]:
     """Row 9; with exact wheels only the track, the floor and the pitch disturb the encoders."""
     for encoders, share in (("20 slots", 0.25), ("1320 counts", 0.5)):
         medians = [
             median(
-                drive(square(), encoders, trial, gyro, wheels).far
+                drive(square(length), encoders, trial, gyro, wheels).far
                 for trial in Trial.several(seed * 2000, count)
             )
             for gyro in (True, False)
         ]
         ratio = medians[0] / medians[1]
         figure = f"{ratio:.2f} ({medians[0] * 1000:.0f} of {medians[1] * 1000:.0f} mm)"
-        name = f"10 m tour, {encoders}: true end error with over without the gyro"
+        name = f"{length:g} m tour, {encoders}: true end error with over without the gyro"
         if wheels == EXACT:
             yield Row(f"{name}, exact wheels", figure, "(none)", True)
         else:
@@ -241,10 +251,10 @@ def mounted_robot(folder: Path, axes: str, polarity: str = "checked_by_hand") ->
     return file
 
 
-def refused_mountings(seed: int, count: int) -> Iterator[Row]:
+def refused_mountings(seed: int, mountings: list[str]) -> Iterator[Row]:
     """Runs with an IMU that is mounted otherwise than the file states: gravity shows it."""
     refused, travel = 0, 0.0
-    for number, axes in enumerate(WRONG_AXES * count):
+    for number, axes in enumerate(mountings):
         with TemporaryDirectory() as folder:
             file = mounted_robot(Path(folder), axes)
             options = RunOptions(
@@ -255,16 +265,16 @@ def refused_mountings(seed: int, count: int) -> Iterator[Row]:
         codes = [] if result.failure is None else [each.code for each in result.failure.problems]
         refused += codes == ["E-IMU-FAULT"]
         travel = max(travel, result.truth.travel)
-    runs = len(WRONG_AXES) * count
+    runs = len(mountings)
     figure = f"{refused} of {runs}, {travel * 1000:g} mm driven"
     is_met = refused == runs and travel == 0.0
     yield Row("wrong axes: refused before anything moves", figure, "all, 0 mm", is_met)
 
 
-def calibrated_mountings(seed: int) -> Iterator[Row]:
+def calibrated_mountings(seed: int, mountings: list[str]) -> Iterator[Row]:
     """`calibrate imu` on each wrong mounting, with and without proven motors."""
     found, worst = 0, 0.0
-    cases = list(product(WRONG_AXES, ("checked_by_hand", "unproven")))
+    cases = list(product(mountings, ("checked_by_hand", "unproven")))
     for number, (axes, polarity) in enumerate(cases):
         with TemporaryDirectory() as name:
             answers = Path(name) / "answers.yaml"
@@ -282,7 +292,3 @@ def calibrated_mountings(seed: int) -> Iterator[Row]:
     figure = f"{found} of {len(cases)}, scale error at most {100 * worst:.2f} %"
     is_met = found == len(cases) and worst <= SCALE_ERROR_MAX
     yield Row("wrong axes: found by calibrate imu", figure, "all, <= 0.3 %", is_met)
-
-
-if __name__ == "__main__":
-    raise SystemExit(print_rows(rows, __doc__, seed=1, robots=40))

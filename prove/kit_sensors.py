@@ -1,7 +1,4 @@
-"""Distance sensors and IMU of kits, through plant, firmware, host and stop.
-
-`python -m prove.kit_sensors` prints rows 6 and 7 of the issue on kits.
-"""
+"""Distance sensors and IMU of kits, through plant, firmware, host and stop."""
 
 from __future__ import annotations
 
@@ -30,7 +27,8 @@ from tests.support.sensor_stops import (
     StoppingSensor,
     gap,
 )
-from tests.support.trials.row import Row, print_rows
+from tests.support.trials.row import Row
+from tests.support.trials.section import drawn
 
 LONG_RANGE = SHARPS["sharp_gp2y0a02yk0f"]  # the part that a sharp_custom is in the plant
 OWN_CURVE = StoppingSensor(
@@ -62,12 +60,15 @@ class ObservedRun(Run):
         return sinks
 
 
-def rows(seed: int) -> Iterator[Row]:
-    """Rows 6 and 7: each sensor before a wall, four echoes in turn, and each fault of an IMU."""
-    for name, sensor in (STOPPING_SENSORS | {"own curve": OWN_CURVE}).items():
+def rows(seed: int, sensors: int = 100) -> Iterator[Row]:
+    """Sensors before a wall, four echoes in turn, and each fault of an IMU.
+
+    `sensors`: at most as many distance sensors, and IMUs.
+    """
+    for name, sensor in drawn((STOPPING_SENSORS | {"own curve": OWN_CURVE}).items(), sensors, seed):
         yield obstacle_stop(name, sensor, seed)
     yield echoes_in_turn()
-    for kind in ("mpu6050", "lsm6dso"):
+    for kind in drawn(("mpu6050", "lsm6dso"), sensors, seed):
         yield refused_at_the_start(kind, seed)
         yield noticed_under_way(kind, seed)
 
@@ -153,7 +154,3 @@ def noticed_under_way(kind: str, seed: int) -> Row:
     figure = f"{max(delays):.2f} s, sd {widest:.3f} rad at once, {unsure} of {len(FAULTS)} unsure"
     is_met = max(delays) <= NOTICED_MAX_S and widest >= UNSURE_SD and unsure == len(FAULTS)
     return Row(f"{kind}, faults under way: noticed", figure, "<= 0.5 s, >= 0.05 rad, all", is_met)
-
-
-if __name__ == "__main__":
-    raise SystemExit(print_rows(rows, __doc__, seed=1))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator
 from math import cos, degrees, hypot, pi, radians, sin
 from pathlib import Path
@@ -17,7 +16,7 @@ from diffbotctl.messages import GOAL_EXIT_CODES, Goal, GoalState
 from diffbotctl.runs.build_graph import wires_of
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
-from tests.support.trials.row import Row, printed
+from tests.support.trials.row import Row
 
 ROBOTS = {"edges": "book_2wd", "counts": "book_2wd_counts", "stock": "book_2wd_stock"}
 IDEAL = str(Path(__file__).with_name("ideal_robot.yaml"))
@@ -148,9 +147,9 @@ def share(values: list[float], part: float) -> float:
     return ordered[min(len(ordered) - 1, int(part * len(ordered)))]
 
 
-def rows(seed: int, robots: int, kinds: list[str]) -> Iterator[Row]:
+def rows(seed: int, robots: int) -> Iterator[Row]:
     """The rows on motion, one after the other."""
-    for kind in kinds:
+    for kind in ROBOTS:
         rng = Random(f"{seed} {kind}")
         setup = configuration(kind)
         stock = kind == "stock"
@@ -260,17 +259,3 @@ def straight(kind: str, seed: int, robots: int, method: str) -> Row:
         f"<= {target} mm",
         spread <= target,
     )
-
-
-def main() -> int:
-    """Print the rows; exit 1 when one is missed."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--robots", type=int, default=300)
-    parser.add_argument("--kinds", nargs="+", default=list(ROBOTS))
-    options = parser.parse_args()
-    return 1 if printed(rows(options.seed, options.robots, options.kinds)) else 0
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -1,7 +1,7 @@
 """Mutations of the program: how many of those that all tests notice `make test` notices, too.
 
-`python -m prove.mutations --seed N --mutations M`. Each is made in a copy of the last commit, and
-the tests run there. The tests with the mark `nightly` run only on those that `make test` misses.
+Each is made in a copy of the last commit, and the tests run there. Those with the mark `nightly`
+run only on what `make test` misses.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pathlib import Path
 from random import Random
 from typing import NamedTuple
 
-from tests.support.trials.row import Row, print_rows
+from tests.support.trials.row import Row
 
 ROOT = Path(__file__).parents[1]
 # What is mutated, and the tests that are most likely to notice it: they run first.
@@ -242,7 +242,3 @@ def rows(seed: int, mutations: int) -> Iterator[Row]:
     share = short / noticed if noticed else 1.0
     figure = f"{short} of {noticed}, {share:.0%}"
     yield Row(f"of {mutations} mutations, noticed by make test", figure, ">= 90 %", share >= 0.9)
-
-
-if __name__ == "__main__":
-    raise SystemExit(print_rows(rows, __doc__ or "", seed=1, mutations=24))

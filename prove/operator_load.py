@@ -10,16 +10,14 @@ import tty
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import NamedTuple
 
 from prove import wire
 from tests.support.command_process import children_of, command_line
 from tests.support.running import PlainClient
-from tests.support.trials.row import Row, printed
+from tests.support.trials.row import Row
 
 RATE = 50.0  # ticks a second, as the book's robot
-SEGMENT_TIME_S = 3.0  # of one load before the next one
-ROUNDS = 4  # segments of each load
-SETTLING_TIME_S = 4.0  # until the processes of a load have started; ten of them share two cores
 MEDIAN_INCREASE_MAX = 0.20  # fraction of the median without load
 P99_MAX_MS = 3.0  # under any load
 GOAL = {"x": 900.0, "y": 0.0}  # m; no segment comes to it
@@ -83,8 +81,17 @@ class Load:
             process.wait()
 
 
-def rows() -> Iterator[Row]:
-    """One row for each load, and one for the memory of the hub."""
+class Turns(NamedTuple):
+    """How long each load is measured: `rounds` times, `segment_s`; before each, `settling_s`."""
+
+    rounds: int
+    segment_s: float
+    settling_s: float
+
+
+def rows(rounds: int, segment_s: float = 3.0, settling_s: float = 4.0) -> Iterator[Row]:
+    """One row for each load, and one for the memory of the hub; see `Turns`."""
+    turns = Turns(rounds, segment_s, settling_s)
     master, slave = os.openpty()
     tty.setraw(slave)
     with tempfile.TemporaryDirectory() as folder:
@@ -156,7 +163,7 @@ def rows() -> Iterator[Row]:
             ]
             ticks = wire.Ticks(master, RATE)
             try:
-                before, after = run(ticks, loads, process.pid, Path(folder))
+                before, after = run(ticks, loads, process.pid, Path(folder), turns)
             except (OSError, RunEndedError) as error:
                 raise RunEndedError(_ending(process, Path(folder))) from error
             ticks.send_last()
@@ -168,7 +175,7 @@ def rows() -> Iterator[Row]:
         times = ticks.times(recording)
     yield from load_rows({load.name: load.timing(times) for load in loads})
     for load in loads:
-        waiting = load.waiting_s / (SEGMENT_TIME_S * ROUNDS)
+        waiting = load.waiting_s / (segment_s * rounds)
         yield Row(
             f"time for which the engine waits for a processor, {load.name}",
             f"{waiting * 1e3:.2f} ms a second",
@@ -184,25 +191,27 @@ def rows() -> Iterator[Row]:
     )
 
 
-def run(ticks: wire.Ticks, loads: list[Load], pid: int, folder: Path) -> tuple[float, float]:
+def run(
+    ticks: wire.Ticks, loads: list[Load], pid: int, folder: Path, turns: Turns
+) -> tuple[float, float]:
     """Measure under each load by turns. Returns the hub's memory in MB before and after.
 
     A robot that was stopped, as on a computer that did not run the engine, is resumed before each,
     and gets its goal again, which such a stop may have ended. Raises OSError or RunEndedError when
     the run does not go on.
     """
-    ticks.send(SETTLING_TIME_S)
+    ticks.send(turns.settling_s)
     client = PlainClient(folder, "load")
     hub = max(children_of(pid), key=listening)
     before = memory(hub)
-    for _ in range(ROUNDS):
+    for _ in range(turns.rounds):
         for load in loads:
             with load:
-                ticks.send(SETTLING_TIME_S / 2)
+                ticks.send(turns.settling_s / 2)
                 send_off(client)
-                ticks.send(SETTLING_TIME_S / 2)
+                ticks.send(turns.settling_s / 2)
                 begin, waited = ticks.count, run_delay(pid)
-                ticks.send(SEGMENT_TIME_S)
+                ticks.send(turns.segment_s)
                 load.segments.append(slice(begin, ticks.count))
                 load.waiting_s += run_delay(pid) - waited
     after = memory(hub)
@@ -266,7 +275,3 @@ def memory(pid: int) -> float:
     """Resident memory in MB."""
     text = Path(f"/proc/{pid}/status").read_text()
     return int(text.partition("VmRSS:")[2].split()[0]) / 1024
-
-
-if __name__ == "__main__":
-    raise SystemExit(printed(rows()) > 0)

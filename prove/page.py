@@ -1,7 +1,4 @@
-"""The page in a real browser: time to its first picture, size, load of its server, goals by a tap.
-
-`python -m prove.page --opened 10` opens it ten times on each device.
-"""
+"""The page in a browser: time to its first picture, size, load of its server, goals by a tap."""
 
 from __future__ import annotations
 
@@ -20,7 +17,7 @@ from tests.support.browser import DESKTOP, Browser, Page, chromium
 from tests.support.command_process import processor_s
 from tests.support.page_server import PageServer, serving
 from tests.support.running import PlainClient, running
-from tests.support.trials.row import NoData, Row, print_rows
+from tests.support.trials.row import NoData, Row
 
 OFFLINE = "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1"
 PHONE = "phone"
@@ -30,7 +27,7 @@ FIRST_MAX_KIB, TOTAL_MAX_KIB = 60, 240  # gzipped
 SOLID_VIEW = {"robot_view.js", "urdf_model.js", "solid_shapes.js", "matrix4.js", "robot.urdf"}
 SHARE_MAX = 0.06  # of a core
 SCANNING = ("wander", "--robot", "turtlebot3_burger")  # its laser scanner measures five times a s
-SETTLING_TIME_S, LOAD_TIME_S = 3.0, 20.0
+SETTLING_TIME_S = 3.0
 SHOWN = "document.getElementById('facts').textContent.includes('pose')"
 PAINTED = (  # the map is not empty: at least two colours
     "(c => new Set(new Uint32Array(c.getContext('2d').getImageData(0, 0, c.width, c.height)"
@@ -45,8 +42,11 @@ ARRIVAL_ERROR_MAX_M = 0.025  # the goal's tolerance, and the rest of a simulated
 ARRIVAL_TIMEOUT_S = 180.0
 
 
-def rows(opened: int) -> Iterator[Row]:
-    """All rows; the page is opened `opened` times on each device."""
+def rows(opened: int, load_s: float = 20.0, taps: int = 100) -> Iterator[Row]:
+    """All rows; the page is opened `opened` times on each device.
+
+    Its load is measured for `load_s` seconds, and goals are tapped at most `taps` times.
+    """
     yield from _sizes()
     if chromium() is None:
         yield NoData("the page in a browser", "no Chromium", "`make packages`", True)
@@ -58,7 +58,7 @@ def rows(opened: int) -> Iterator[Row]:
         server = stack.enter_context(serving(folder, "--engine", "scan"))
         for device in DEVICES:
             yield from _first_pictures(browser, server, device, opened)
-        yield _load(browser, server)
+        yield _load(browser, server, load_s)
         stack.enter_context(running(folder, "standby", "--stay", name="floor"))
         server = stack.enter_context(serving(folder, "--engine", "floor"))
         client = PlainClient(folder, "floor")
@@ -67,7 +67,7 @@ def rows(opened: int) -> Iterator[Row]:
                 page = _open(alone, server, device)
                 _presser(page, device)("#take")
                 page.until("document.getElementById('role').textContent.includes('this page')")
-                yield _goals(page, client, device)
+                yield _goals(page, client, device, taps)
 
 
 def _sizes() -> Iterator[Row]:
@@ -128,12 +128,12 @@ def _first_pictures(
     )
 
 
-def _load(browser: Browser, server: PageServer) -> Row:
+def _load(browser: Browser, server: PageServer, load_s: float) -> Row:
     """The processor time of the server while a page shows a run with a scan."""
     page = _open(browser, server, "desktop")
     time.sleep(SETTLING_TIME_S)
     before, began = processor_s(server.process.pid), time.monotonic()
-    time.sleep(LOAD_TIME_S)
+    time.sleep(load_s)
     share = (processor_s(server.process.pid) - before) / (time.monotonic() - began)
     browser.command("Target.closeTarget", targetId=page.target)
     return Row(
@@ -158,15 +158,15 @@ def _presser(page: Page, device: str) -> Callable[[str], None]:
     return page.tap if device == PHONE else page.click
 
 
-def _goals(page: Page, client: PlainClient, device: str) -> Row:
-    """A tap beside the middle of the map, at every step of its zoom."""
+def _goals(page: Page, client: PlainClient, device: str, most: int) -> Row:
+    """A tap beside the middle of the map, at the first steps of its zoom."""
     press = _presser(page, device)
     press("#view-map")
     steps = ceil(log(SCALE_MAX / SCALE_MIN, ZOOM_STEP))
     for _ in range(steps):  # to the end of the zoom, wherever it began
         press("#zoom-in")
     taps, scale = [], SCALE_MAX
-    for step in range(steps + 1):
+    for step in range(min(steps + 1, most)):
         if step:
             press("#zoom-out")
             scale = max(scale / ZOOM_STEP, SCALE_MIN)
@@ -227,7 +227,3 @@ def _arrival_error(client: PlainClient, goal: dict[str, Any]) -> float:
             pose = client.request("snapshot")["messages"]["odometry.odometry"]
             return hypot(pose["x"] - goal["x"], pose["y"] - goal["y"])
     return inf
-
-
-if __name__ == "__main__":
-    raise SystemExit(print_rows(rows, __doc__, opened=10))

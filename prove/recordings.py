@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import re
@@ -25,7 +24,7 @@ from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.recording.recover import recover
 from prove import flight_load
 from tests.support.command_process import children_of, command_line
-from tests.support.trials.row import Row, printed
+from tests.support.trials.row import Row
 
 # SHA-256 of the schemas of @foxglove/schemas 2.1.0, written with sorted keys by json.dumps.
 PUBLISHED = {
@@ -42,12 +41,14 @@ LOSS = 1.0  # s that a SIGKILL may cost
 EARLIEST, LATEST = 1.0, 4.0  # s of driving before it comes
 AT_ONCE = 2  # trials in parallel: more would starve the recorders that they measure
 SHARE = 0.02  # of a core, for recording 50 frames a second
-DRIVE = 20.0  # s over which that is measured
 TICK = os.sysconf("SC_CLK_TCK")  # per second, in /proc/PID/stat
 
 
-def rows(seed: int, trials: int) -> Iterator[Row]:
-    """All rows. `trials` recordings are cut by SIGKILL."""
+def rows(seed: int, trials: int, drive_s: float = 20.0, ring: float = 1.0) -> Iterator[Row]:
+    """All rows. `trials` recordings are cut by SIGKILL; the cost is that of `drive_s` seconds.
+
+    `ring`: the share of the black box that is full when it is written.
+    """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         path = folder / "goal.mcap"
@@ -55,9 +56,9 @@ def rows(seed: int, trials: int) -> Iterator[Row]:
         yield from read_by_others(path)
         yield from shown_by_viewers(path)
         yield from killed(folder, Random(seed), trials)
-        yield cost("recorder's process, 50 Hz board", folder, ["--record", "on.mcap"])
-        yield cost("flight recorder alone in its hub, 50 Hz board", folder, [])
-        yield flight_load.row()
+        yield cost("recorder's process, 50 Hz board", folder, drive_s, ["--record", "on.mcap"])
+        yield cost("flight recorder alone in its hub, 50 Hz board", folder, drive_s, [])
+        yield flight_load.row(ring)
         yield changed(path)
 
 
@@ -223,7 +224,7 @@ def killed(folder: Path, rng: Random, trials: int) -> Iterator[Row]:
     )
 
 
-def cost(what: str, folder: Path, more: list[str]) -> Row:
+def cost(what: str, folder: Path, drive_s: float, more: list[str]) -> Row:
     """CPU time of the child that records, from its start, over a paced drive of a 50 Hz board."""
     more = [str(folder / word) if word.endswith(".mcap") else word for word in more]
     goals = [part for corner in CORNERS * 9 for part in ("--goal", corner)]
@@ -238,7 +239,7 @@ def cost(what: str, folder: Path, more: list[str]) -> Row:
             "--quiet",
             "--no-socket",
             "--for",
-            f"{DRIVE + 5:g}s",
+            f"{drive_s + 5:g}s",
             *goals,
             *more,
         ),
@@ -246,13 +247,13 @@ def cost(what: str, folder: Path, more: list[str]) -> Row:
         stderr=subprocess.DEVNULL,
         env={**os.environ, "XDG_STATE_HOME": str(folder)},
     )
-    time.sleep(DRIVE)
+    time.sleep(drive_s)
     (recorder,) = children_of(process.pid)
     fields = Path(f"/proc/{recorder}/stat").read_text().rpartition(")")[2].split()
     used = (int(fields[11]) + int(fields[12])) / TICK  # utime and stime
     process.terminate()
     process.wait()
-    share = used / DRIVE
+    share = used / drive_s
     return Row(what, f"{share:.2%} of a core", f"<= {SHARE:.0%}", share <= SHARE)
 
 
@@ -268,11 +269,3 @@ def changed(path: Path) -> Row:
     met = one == other and first == again != plain and reported == len(names)
     figure = f"{'same' if one == other else 'DIFFERENT'}, {reported} metrics"
     return Row("replayed twice with one parameter changed", figure, "same, 5 metrics", met)
-
-
-if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--trials", type=int, default=20)
-    options = parser.parse_args()
-    raise SystemExit(printed(rows(options.seed, options.trials)) > 0)

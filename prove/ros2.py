@@ -23,19 +23,18 @@ from tests.support.ros2_nodes import (
 )
 from tests.support.running import PlainClient, moves, running, stands
 from tests.support.trials.bridge_latency import MESSAGES, bridge_latency
-from tests.support.trials.row import NoData, Row, print_rows
+from tests.support.trials.row import NoData, Row
 
 STOP_MAX_S, CPU_MAX = 0.5, 0.05
 OUT_MAX, IN_MAX = 2.0, 1.5
-SECONDS = 10.0
 
 
-def rows(repeats: int) -> Iterator[Row]:
+def rows(repeats: int, load_s: float = 10.0) -> Iterator[Row]:
     """All rows; each failure is repeated `repeats` times."""
     if ros_python() is None:
         yield NoData("bridge to ROS 2", "no rclpy", "`make ros2` installs it", True)
         return
-    yield load_row()
+    yield load_row(load_s)
     yield latency_row()
     for name, fail in FAILURES.items():
         yield failure_row(name, fail, repeats)
@@ -48,7 +47,7 @@ def publish(node: RosNode, linear: float, **options: float) -> None:
     node.reply("published")
 
 
-def load_row() -> Row:
+def load_row(seconds: float) -> Row:
     """Processor time of the bridge at 40 Hz of telemetry, with one watching node."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -60,8 +59,8 @@ def load_row() -> Row:
             node.command(watch="/odom", type="nav_msgs/msg/Odometry")
             node.reply("/odom")
             before = processor_s(process.process.pid)
-            time.sleep(SECONDS)
-            load = (processor_s(process.process.pid) - before) / SECONDS
+            time.sleep(seconds)
+            load = (processor_s(process.process.pid) - before) / seconds
     return Row(
         "bridge: processor load at 40 Hz", f"{load:.1%}", "<= 5 % of a core", load <= CPU_MAX
     )
@@ -200,7 +199,3 @@ FAILURES: dict[str, Fail] = {
     "teleop node floods": flood,
     "two nodes publish": second_publisher,
 }
-
-
-if __name__ == "__main__":
-    raise SystemExit(print_rows(rows, __doc__, repeats=2))

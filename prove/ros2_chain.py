@@ -29,7 +29,7 @@ from prove.tick_answers import PAIR
 from prove.wire import Ticks, Timing
 from tests.support.command_process import children_of, processor_s
 from tests.support.ros2_nodes import environment, ros_python
-from tests.support.trials.row import NoData, Row, print_rows
+from tests.support.trials.row import NoData, Row
 
 NODES = ("driver", "odometry", "follower", "limiter", "kinematics")
 SCRIPT = Path(wire.__file__).with_name("ros2_chain_nodes.py")
@@ -91,7 +91,7 @@ AGAINST_FIVE = Ratios(8.0, 4.0, 5.0, 4.0, 7.0)
 AGAINST_ONE = Ratios(5.0, 0.0, 0.0, 0.9, 0.0)
 
 
-def rows(rate: float, repeats: int) -> Iterator[Row]:
+def rows(repeats: int, rate: float = 50.0) -> Iterator[Row]:
     """The figures of all variants at `rate` Hz, and what diffbotctl is better by.
 
     Of `repeats` rounds, in which the variants alternate, each figure is the best one: other
@@ -278,7 +278,3 @@ def _pss(pid: int) -> int:
     """Proportional set size of a process (bytes)."""
     lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
     return next(int(line.split()[1]) for line in lines if line.startswith("Pss:")) << 10
-
-
-if __name__ == "__main__":
-    raise SystemExit(print_rows(rows, __doc__, rate=50.0, repeats=2))

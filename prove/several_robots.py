@@ -24,12 +24,11 @@ from tests.support.lossy_network import can_make_namespaces
 from tests.support.ros2_nodes import ros_python
 from tests.support.running import PlainClient, running
 from tests.support.trials import two_robots, two_robots_ros2
-from tests.support.trials.row import NoData, Row, print_rows
+from tests.support.trials.row import NoData, Row
 from tests.support.trials.two_robots import CUT_S, DELAY_S, LOSS, ROBOTS, CutOutcome
 
 STOP_MAX_S = 0.5
 SEVERAL, COST_RATIO_MAX = 10, 11.0
-SIMULATED_S, REPEATS = 20.0, 3
 FURTHER_TURTLES = range(2, 11)
 TURTLE_VELOCITIES = ("operator.twist", *(f"input.turtle{n}_twist" for n in FURTHER_TURTLES))
 TURTLE_POSES = ("robot.pose", *(f"turtle{n}.pose" for n in FURTHER_TURTLES))
@@ -39,18 +38,22 @@ BROKEN_OFF = CutOutcome((), inf, inf, (), ("it broke off",), False)
 TARGET = "both, 0 in 0.5 s, nothing moves by itself"
 
 
-def rows(trials: int) -> Iterator[Row]:
-    """All rows, of `trials` cuts each."""
+def rows(repeats: int, simulated_s: float = 20.0) -> Iterator[Row]:
+    """Ten turtles at once; the cost of ten robots over `simulated_s`, the least of `repeats`."""
     yield turtles_row()
-    yield cost_row()
+    yield cost_row(repeats, simulated_s)
+
+
+def cut_rows(trials: int, observed_s: float = 5.0) -> Iterator[Row]:
+    """`trials` cuts of each kind of link, after each of which `observed_s` are looked at."""
     if not can_make_namespaces():
         yield NoData(f"two robots, {LINK}", "needs root", TARGET, True)
         return
-    yield from _rows("ssh", _outcomes(two_robots.cut_trial, trials))
+    yield from _rows("ssh", _outcomes(two_robots.cut_trial, trials, observed_s))
     if ros_python() is None:
         yield NoData(f"two robots by ROS 2, {LINK}", "no rclpy: `make ros2`", TARGET, True)
         return
-    yield from _rows("ROS 2", _outcomes(two_robots_ros2.cut_trial, trials))
+    yield from _rows("ROS 2", _outcomes(two_robots_ros2.cut_trial, trials, observed_s))
 
 
 def turtles_row() -> Row:
@@ -91,7 +94,7 @@ def _moved(before: dict[str, float], after: dict[str, float]) -> int:
     return sum(after[topic] - before[topic] > TURTLE_WAY_M for topic in before)
 
 
-def cost_row() -> Row:
+def cost_row(repeats: int, simulated_s: float) -> Row:
     """Processor time of ten simulated robots in one pipeline, as a multiple of that of one.
 
     The one is the mean of the same ten alone: their seeds differ, and so does their work.
@@ -101,10 +104,11 @@ def cost_row() -> Row:
         # Alternating, so that a slow moment of the machine meets both.
         spent = [
             (
-                sum(_processor_time(single, seed) for seed in range(SEVERAL)) / SEVERAL,
-                _processor_time(joined, 0),
+                sum(_processor_time(single, seed, simulated_s) for seed in range(SEVERAL))
+                / SEVERAL,
+                _processor_time(joined, 0, simulated_s),
             )
-            for _ in range(REPEATS)
+            for _ in range(repeats)
         ]
     one, several = (min(times) for times in zip(*spent, strict=True))
     figure = f"{several / one:.1f} times"
@@ -119,20 +123,22 @@ def _pipeline(folder: Path, count: int) -> str:
     return str(path)
 
 
-def _processor_time(pipeline: str, seed: int) -> float:
-    run = Run(load(pipeline), RunOptions(seed=seed, fast=True, duration=SIMULATED_S, stay=True))
+def _processor_time(pipeline: str, seed: int, seconds: float) -> float:
+    run = Run(load(pipeline), RunOptions(seed=seed, fast=True, duration=seconds, stay=True))
     began = time.process_time()
     run.go()
     return time.process_time() - began
 
 
-def _outcomes(trial: Callable[[Path, int], CutOutcome], trials: int) -> list[CutOutcome]:
+def _outcomes(
+    trial: Callable[[Path, int, float], CutOutcome], trials: int, observed_s: float
+) -> list[CutOutcome]:
     """The outcomes; a trial that breaks off counts as one in which everything is missed."""
     outcomes = []
     for seed in range(trials):
         with tempfile.TemporaryDirectory() as name:
             try:
-                outcomes.append(trial(Path(name), seed))
+                outcomes.append(trial(Path(name), seed, observed_s))
             except (AssertionError, OSError, ValueError) as error:
                 print(f"trial {seed} of two robots broke off: {error}", flush=True)
                 outcomes.append(BROKEN_OFF)
@@ -172,7 +178,3 @@ def _rows(way: str, outcomes: list[CutOutcome]) -> Iterator[Row]:
     yield Row(
         f"two robots by {way}: both are driven again", f"{again} of {count}", "all", again == count
     )
-
-
-if __name__ == "__main__":
-    raise SystemExit(print_rows(rows, __doc__, trials=5))

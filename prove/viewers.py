@@ -14,13 +14,12 @@ from random import Random
 
 from tests.support.foxglove_viewer import FoxgloveProcess, serving_viewers
 from tests.support.running import PlainClient, moves, running, stands
-from tests.support.trials.row import Row, print_rows
+from tests.support.trials.row import Row
 
 VIEWER = [sys.executable, "-m", "tests.support.foxglove_viewer"]
 STOP_TIME_MAX_S = 0.5  # from the loss to the zero command of the wheels
 DRIVE_TIME_MAX_S = 1.0  # before the loss
 RAMP_TIME_S = 0.5  # after a resume, which lets a speed limiter finish its ramp
-LOAD_TIME_S = 10.0
 SETTLING_TIME_S = 2.0
 SHARE_MAX = 0.06  # of a core, as for the page
 TICK = os.sysconf("SC_CLK_TCK")  # per second, in /proc/PID/stat
@@ -32,7 +31,7 @@ LOSSES: dict[str, Callable[[Viewer], None]] = {
 }
 
 
-def rows(seed: int, trials: int) -> Iterator[Row]:
+def rows(seed: int, trials: int, load_s: float = 10.0) -> Iterator[Row]:
     """`trials` of each way to lose a viewer that drives; the load of one that watches."""
     rng = Random(seed)
     with tempfile.TemporaryDirectory() as name:
@@ -42,7 +41,7 @@ def rows(seed: int, trials: int) -> Iterator[Row]:
                 for what, lose in LOSSES.items():
                     yield _lost(folder, server, what, lose, trials, rng)
             with serving_viewers(folder) as server:
-                yield _load(server)
+                yield _load(server, load_s)
 
 
 def _lost(
@@ -81,12 +80,12 @@ def _lost(
     )
 
 
-def _load(server: FoxgloveProcess) -> Row:
+def _load(server: FoxgloveProcess, load_s: float) -> Row:
     """The processor time of the server while one viewer watches every topic at 40 Hz."""
     viewer = subprocess.Popen([*VIEWER, server.address, "watch"], stderr=subprocess.DEVNULL)
     time.sleep(SETTLING_TIME_S)
     before, began = _ticks(server.process.pid), time.monotonic()
-    time.sleep(LOAD_TIME_S)
+    time.sleep(load_s)
     share = (_ticks(server.process.pid) - before) / TICK / (time.monotonic() - began)
     viewer.kill()
     viewer.wait()
@@ -101,7 +100,3 @@ def _load(server: FoxgloveProcess) -> Row:
 def _ticks(pid: int) -> int:
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return int(fields[11]) + int(fields[12])
-
-
-if __name__ == "__main__":
-    raise SystemExit(print_rows(rows, __doc__, seed=1, trials=20))

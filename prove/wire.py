@@ -28,7 +28,7 @@ from prove.tick_answers import (
 )
 from tests.support.book_board import STOCK, BookBoard, frame
 from tests.support.command_process import command_line
-from tests.support.trials.row import Row, printed
+from tests.support.trials.row import Row
 
 SECONDS = 12.0  # of ticks in each run
 GOAL_PAIRS = 10  # of 9 m and 12.7 m: no run of a row comes to the end
@@ -258,7 +258,3 @@ def rows(seconds: float = SECONDS) -> Iterator[Row]:
                 f"<= {median_max}, p99 <= {p99_max} ms",
                 middle <= median_max and tail <= p99_max,
             )
-
-
-if __name__ == "__main__":
-    raise SystemExit(printed(rows()) > 0)

@@ -119,7 +119,7 @@ def test_the_reference_is_what_the_declarations_say():
 def test_every_target_is_run_by_ci_or_the_readme_states_that_it_is_not():
     rules = dict(re.findall(r"^([\w-]+):(.*)$", (ROOT / "Makefile").read_text(), re.M))
     ci, readme = (ROOT / ".ci" / "run").read_text(), (ROOT / "README.md").read_text()
-    run = set(" ".join(re.findall(r"^ *make ((?:[a-z]+ )+)", ci, re.M)).split())
+    run = set(re.findall(r"timed make ([a-z]+)", ci))
     run |= {word for name in run for word in rules[name].split()}
     left_out = re.findall(r"`make\s+(\w+)`", re.search(r"It does not run ([^.]*)\.", readme)[1])
     targets = set(re.search(r"^\.PHONY: (.*)$", (ROOT / "Makefile").read_text(), re.M)[1].split())

@@ -32,4 +32,4 @@ def test_a_file_that_is_not_a_recording(tmp_path):
 def test_the_table_of_figures_states_when_there_is_no_data(tmp_path):
     (only,) = rows([tmp_path])
     assert only.figure == "no data"
-    assert only.line().startswith("  --")
+    assert only.verdict == "NO DATA"

@@ -42,7 +42,7 @@ DAY = {
 }
 NIGHT = {
     "telemetry": lambda: board.telemetry(10),
-    "eeprom": lambda: board_settings.eeprom_cuts(3, 1),
+    "eeprom": lambda: board_settings.eeprom_cuts(3, 60),
     "restarts": lambda: board.restarts(3, 3),
     "encoder storms": lambda: board_faults.storms(3, 12),
     "hello after a reset": lambda: board_faults.hellos(3, 10),

@@ -485,7 +485,7 @@ def test_one_drives_and_others_watch(open_page, parts):
 
 @pytest.mark.parametrize("name", by_day(2, LOSSES))
 def test_a_phone_that_is_lost_stops_the_robot(folder, parts, name):
-    """How soon is measured by `python -m tests.support.trials.page_losses`."""
+    """How soon is measured by `make prove SECTION=phones`."""
     loss = LOSSES[name]
     result = lose_once(folder, parts, loss)
     assert loss.cause is None or ("phone" in result.cause and "was driving" in result.cause)

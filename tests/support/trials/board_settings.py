@@ -135,7 +135,7 @@ def eeprom_cuts(seed: int, count: int) -> Iterator[Row]:
                 before = after
     marks = {trial_board().settings.mark(), new.mark()}
     valid = 0
-    cuts = [shots[index % len(shots)] for index in range(max(count, len(shots)))]
+    cuts = [shots[index * len(shots) // count % len(shots)] for index in range(count)]
     for old, written in cuts:
         place = next(i for i in range(len(old)) if old[i] != written[i])
         torn = old[:place] + bytes([rng.randrange(256)]) + old[place + 1 :]
@@ -143,7 +143,7 @@ def eeprom_cuts(seed: int, count: int) -> Iterator[Row]:
             bench.wait(30)
             valid += bench.ask().settings in marks
     yield Row(
-        f"EEPROM cut at each of {len(shots)} bytes: a valid slot",
+        f"EEPROM of {len(shots)} written bytes, cut at {count} places: a valid slot",
         f"{valid} of {len(cuts)}",
         "all",
         valid == len(cuts),

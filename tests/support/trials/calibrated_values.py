@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import argparse
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from random import Random
 from statistics import fmean
@@ -15,7 +14,7 @@ from diffbotctl.config.load import load_robot
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.prompts.answers_file import AnswersFile
 from tests.support.calibration_robots import ANSWERS, SilentScreen
-from tests.support.trials.row import Row, printed
+from tests.support.trials.row import Row
 
 CHAIN = ("motors", "distance", "geometry")
 WITHIN_SD, SHARE_MIN = 2.0, 0.90
@@ -35,7 +34,9 @@ def robot_text(rng: Random, equations: str, pulses: str) -> str:
     )
 
 
-def deviations(seed: int, equations: str, pulses: str, folder: Path) -> dict[str, float]:
+def deviations(
+    seed: int, equations: str, pulses: str, folder: Path, steps: Sequence[str]
+) -> dict[str, float]:
     """Errors of the values of one robot, in their standard deviations, by field.
 
     Raises RunError for a chain that a fault ends.
@@ -47,7 +48,7 @@ def deviations(seed: int, equations: str, pulses: str, folder: Path) -> dict[str
     assert tools is not None
     with session:
         prompter = AnswersFile(answers, tools)
-        for name in CHAIN:
+        for name in steps:
             outcome = run_step(make_step(name), session, prompter, SilentScreen())
             if outcome.faults:
                 raise RunError(Problem("E-CALIBRATE-ROBOT", name, outcome.faults[0]))
@@ -57,7 +58,11 @@ def deviations(seed: int, equations: str, pulses: str, folder: Path) -> dict[str
 
 
 def rows(
-    seed: int, robots: int, equations: str = "exponential", pulses: str = "inputs"
+    seed: int,
+    robots: int,
+    steps: int = len(CHAIN),
+    equations: str = "exponential",
+    pulses: str = "inputs",
 ) -> Iterator[Row]:
     """For each field, the share of robots whose value lies within two standard deviations."""
     by_field: dict[str, list[float]] = defaultdict(list)
@@ -65,7 +70,8 @@ def rows(
     with TemporaryDirectory() as folder:
         for number in range(robots):
             try:
-                found = deviations(1000 * seed + number, equations, pulses, Path(folder))
+                one = 1000 * seed + number
+                found = deviations(one, equations, pulses, Path(folder), CHAIN[:steps])
             except RunError:
                 failed += 1
                 continue
@@ -82,20 +88,3 @@ def rows(
             share >= SHARE_MIN,
         )
     yield Row(f"{what}: chain not finished", f"{failed}", "0", not failed)
-
-
-def main() -> None:
-    """Print the rows; exit with 1 when a row is missed."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--robots", type=int, default=100)
-    parser.add_argument("--equations", default="exponential", choices=("exponential", "torque"))
-    parser.add_argument("--pulses", default="inputs", choices=("inputs", "enable"))
-    options = parser.parse_args()
-    raise SystemExit(
-        printed(rows(options.seed, options.robots, options.equations, options.pulses)) > 0
-    )
-
-
-if __name__ == "__main__":
-    main()

@@ -6,9 +6,7 @@ the OptiOdom data set, at any depth.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator, Sequence
-from itertools import chain
 from pathlib import Path
 from random import Random
 from statistics import fmean, stdev
@@ -20,7 +18,7 @@ from diffbotctl.calibrate.range_fit import FAR_FROM_M, RULER_DISTANCES_M, RulerP
 from diffbotctl.calibrate.steps.range import LISTEN_TIME_S
 from diffbotctl.plant.sharp_ir import CURVE
 from tests.support.optiodom_session import OptiodomSession, is_session, read_session
-from tests.support.trials.row import NoData, Row, printed
+from tests.support.trials.row import NoData, Row
 
 LEARNT_FROM = "231220200029"  # six runs round a square of 1.7 m, half of them clockwise
 FIT_LEAST = 6.0  # times better by E_max,syst
@@ -141,17 +139,3 @@ def _range_errors(offset: float, noise: float, rng: Random) -> tuple[float, floa
     near = max(error for place, error in wrong.items() if place <= FAR_FROM_M) * MM
     far = max(error / place for place, error in wrong.items() if place > FAR_FROM_M) * 100
     return near, far
-
-
-def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folders", type=Path, nargs="*", help="of the OptiOdom data set")
-    parser.add_argument("--seed", type=int, default=1)
-    options = parser.parse_args()
-    table = chain(rows(options.folders), range_rows(options.seed))
-    raise SystemExit(printed(table) > 0)
-
-
-if __name__ == "__main__":
-    main()

@@ -26,7 +26,8 @@ from tests.support.command_process import children_of
 from tests.support.running import cli, command
 from tests.support.serial_wire import SerialWire
 from tests.support.trials.leftovers import leftovers, processes_of
-from tests.support.trials.row import Row, print_rows
+from tests.support.trials.row import Row
+from tests.support.trials.section import drawn
 
 CHILDREN = ("hub", "recorder", "log", "screen", "watchdog")
 EMULATOR = "emulator"
@@ -266,8 +267,11 @@ def _file_faults(run: DrivingRun, killed: str) -> list[str]:
     return faults
 
 
-def rows(seed: int, trials: int) -> Iterator[Row]:
-    """One row for each child and signal, and one for the cable; `trials` of each."""
+def rows(seed: int, trials: int, kinds: int = 100) -> Iterator[Row]:
+    """One row for each child and signal, and one for the cable; `trials` of each.
+
+    `kinds`: at most as many of them.
+    """
     rng = Random(seed)
     cases: list[tuple[str, Callable[[int], FaultOutcome]]] = [
         (f"{kind} {how}", partial(child_fault, kind, number))
@@ -277,7 +281,7 @@ def rows(seed: int, trials: int) -> Iterator[Row]:
     for how, number in SIGNALS.items():
         cases.append((f"{EMULATOR} {how}", partial(emulator_fault, number)))
     cases.append(("cable unplugged and replugged", unplugged))
-    for name, case in cases:
+    for name, case in drawn(cases, kinds, seed):
         outcomes = [case(rng.getrandbits(31)) for _ in range(trials)]
         for outcome in outcomes:
             for fault in outcome.faults:
@@ -289,7 +293,3 @@ def rows(seed: int, trials: int) -> Iterator[Row]:
             f"{trials} of {trials}",
             good == trials,
         )
-
-
-if __name__ == "__main__":
-    raise SystemExit(print_rows(rows, __doc__, seed=1, trials=3))

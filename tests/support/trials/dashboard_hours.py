@@ -6,7 +6,6 @@ processes on a real pseudo-terminal, and the dashboard draws in real time.
 
 from __future__ import annotations
 
-import argparse
 import sys
 import tempfile
 import time
@@ -21,7 +20,7 @@ from tests.support.running import command
 from tests.support.terminal import Terminal
 from tests.support.trials.leftovers import leftovers, processes_of
 from tests.support.trials.long_run import PAGE_BYTES
-from tests.support.trials.row import Row, printed
+from tests.support.trials.row import Row
 
 MODULE = "tests.support.trials.dashboard_hours"  # also where it is __main__
 SPEED = 60.0
@@ -99,15 +98,6 @@ def rows(hours: float) -> Iterator[Row]:
     )
 
 
-def main() -> int:
-    """Print the row; with words of diffbotctl, run them at SPEED."""
-    if len(sys.argv) > 1 and not sys.argv[1].startswith("-"):
-        setattr(runs, "Run", ScaledRun)  # noqa: B010 - the commands import it late
-        cli_main.main()
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--hours", type=float, default=4.0)
-    return int(printed(rows(parser.parse_args().hours)) > 0)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())
+if __name__ == "__main__":  # words of diffbotctl, to be run at SPEED
+    setattr(runs, "Run", ScaledRun)  # noqa: B010 - the commands import it late
+    cli_main.main()

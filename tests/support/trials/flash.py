@@ -23,6 +23,7 @@ from diffbotctl.links.link_protocol import BITS_PER_BYTE
 from tests.support.board_bench import BOOK, UNO
 from tests.support.optiboot import optiboot
 from tests.support.trials.row import Row
+from tests.support.trials.section import drawn
 
 OLDER_SIZE = 40_000  # bytes of a program that was there before: the book's is 13,500
 
@@ -47,13 +48,12 @@ PROGRAMMERS = ("built-in", "avrdude")
 CASES = ("blank", "older, larger", "running")
 
 
-def rows() -> Iterator[Row]:
+def rows(seed: int, cases: int = len(CASES)) -> Iterator[Row]:
     """Each programmer, on a blank board, over an older larger image, and over a running one."""
-    for programmer in PROGRAMMERS:
-        for case in CASES:
+    for case in drawn(CASES, cases, seed):
+        for programmer in PROGRAMMERS:
             yield row(programmer, case)
-    for kind in UNO_BOOTLOADERS:
-        for case in CASES:
+        for kind in UNO_BOOTLOADERS:
             yield uno_row("built-in", kind, case)
     yield uno_row("avrdude", "optiboot", "blank")
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from tests.support.trials.foreign_drives import draw_foreign_set
 from tests.support.trials.from_log import WRONG_DEVIATION, accuracy_rows
-from tests.support.trials.row import Row, print_rows
+from tests.support.trials.row import Row
 
 
 def rows(seed: int, sets: int) -> Iterator[Row]:
@@ -14,7 +14,3 @@ def rows(seed: int, sets: int) -> Iterator[Row]:
     drawn_sets = (draw_foreign_set(f"{seed} {number}") for number in range(sets))
     what = f"from-log, {sets} sets of unmodelled robots"
     yield from accuracy_rows(what, drawn_sets, ((2.0, 0.90), (WRONG_DEVIATION, 0.99)))
-
-
-if __name__ == "__main__":
-    raise SystemExit(print_rows(rows, __doc__ or "", seed=1, sets=200))

@@ -28,7 +28,8 @@ from diffbotctl.time import SECOND
 from tests.support.book_board import STOCK
 from tests.support.command_process import children_of, command_line_with_block, start_in_pipe
 from tests.support.rosserial_device import RosserialDevice, RosserialDevicePort
-from tests.support.trials.row import Row, print_rows
+from tests.support.trials.row import Row
+from tests.support.trials.section import drawn
 
 STOP_TARGET_S = 0.5  # from the fault to PWM 0 on both motors
 HANGING_BLOCK = "tests.support.trials.host_freeze:Hangs"  # also where this file is `__main__`
@@ -259,9 +260,9 @@ KINDS = (
 )
 
 
-def rows(seed: int, trials: int) -> Iterator[Row]:
+def rows(seed: int, trials: int, kinds: int = len(KINDS)) -> Iterator[Row]:
     """One row for each kind."""
-    for kind in KINDS:
+    for kind in drawn(KINDS, kinds, seed):
         rng = Random(f"{seed} {kind.name}")
         seeds = [rng.getrandbits(31) for _ in range(max(1, round(trials * kind.share)))]
         with ThreadPoolExecutor(PARALLEL_TRIALS) as pool:
@@ -278,7 +279,3 @@ def rows(seed: int, trials: int) -> Iterator[Row]:
             f"all within {kind.target:g} s, and off until `resume`",
             good == len(seeds),
         )
-
-
-if __name__ == "__main__":
-    raise SystemExit(print_rows(rows, __doc__, seed=1, trials=30))

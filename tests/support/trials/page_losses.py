@@ -1,11 +1,7 @@
-"""A phone that drives from the page, and is lost: the time until the wheels are commanded to zero.
-
-`python -m tests.support.trials.page_losses --trials 50` prints the rows.
-"""
+"""A phone that drives from the page, and is lost: the time until the wheels are commanded zero."""
 
 from __future__ import annotations
 
-import argparse
 import signal
 import tempfile
 import time
@@ -20,7 +16,8 @@ from tests.support.page_server import PageServer, serving
 from tests.support.running import PlainClient, moves, running, stands
 from tests.support.tcp_relay import TcpRelay
 from tests.support.trials.leftovers import processes_of
-from tests.support.trials.row import NoData, Row, printed
+from tests.support.trials.row import NoData, Row
+from tests.support.trials.section import drawn
 from tests.support.wheel_watcher import WheelWatcher
 
 WAIT_S = 60.0  # for what must come; a trial fails by itself afterwards
@@ -183,14 +180,13 @@ def lose_once(folder: Path, parts: Station, loss: Loss) -> LossResult:
         client.request("resume")
 
 
-def rows(trials: int, only: str = "") -> Iterator[Row]:
-    """A row for each way to lose the phone whose name contains `only`."""
-    losses = {title: loss for title, loss in LOSSES.items() if only in title}
+def rows(seed: int, trials: int, kinds: int = len(LOSSES)) -> Iterator[Row]:
+    """A row for each way to lose the phone."""
     if chromium() is None:
         yield NoData("a phone that drives is lost", "no Chromium", "`make packages`", True)
         return
     with tempfile.TemporaryDirectory(prefix="diffbotctl-") as name, station(Path(name)) as parts:
-        for title, loss in losses.items():
+        for title, loss in drawn(LOSSES.items(), kinds, seed):
             results = [lose_once(Path(name), parts, loss) for _ in range(trials)]
             yield _row(title, loss, results)
 
@@ -212,16 +208,3 @@ def _row(title: str, loss: Loss, results: list[LossResult]) -> Row:
         f"all, {STOP_TIME_MAX_S * 1e3:.0f} ms",
         good == len(results),
     )
-
-
-def main() -> int:
-    """Measure each loss. Returns the exit code: 1 when a row is missed."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--trials", type=int, default=50)
-    parser.add_argument("--only", default="", help="part of the name of a loss")
-    options = parser.parse_args()
-    return int(printed(rows(options.trials, options.only)) > 0)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

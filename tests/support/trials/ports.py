@@ -6,9 +6,7 @@ Most are folders that stand for a machine; where somebody must answer, real pseu
 from __future__ import annotations
 
 import os
-import tempfile
-from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,8 +14,6 @@ from diffbotctl.errors import Problem
 from diffbotctl.ports.access import SystemUser
 from diffbotctl.ports.diagnosis import PortReport, diagnose_name, survey_ports
 from tests.support.fake_machine import CH340, MEGA, FakeMachine
-from tests.support.trials import port_answers
-from tests.support.trials.row import Row, printed
 
 ANA = "ana"
 USER = os.getuid() + 4000  # somebody who owns nothing here
@@ -403,29 +399,3 @@ def right(situation: Situation, problems: tuple[Problem, ...]) -> bool:
     return [problem.code for problem in problems] == [situation.code] and (
         situation.cause in problems[0].cause and situation.fix in problems[0].fix
     )
-
-
-def rows() -> Iterator[Row]:
-    """One row; situations that are named wrongly are listed on the way."""
-    wrong = []
-    for situation in SITUATIONS:
-        with tempfile.TemporaryDirectory() as folder:
-            if not right(situation, problems_of(situation, Path(folder))):
-                wrong.append(situation.name)
-    with ThreadPoolExecutor(len(port_answers.ANSWERS)) as pool:
-        verdicts = list(pool.map(port_answers.is_right, port_answers.ANSWERS))
-    wrong += [
-        each.name for each, good in zip(port_answers.ANSWERS, verdicts, strict=True) if not good
-    ]
-    total = len(SITUATIONS) + len(port_answers.ANSWERS)
-    figure = f"{total - len(wrong)} of {total}" + (f": not {', '.join(wrong)}" if wrong else "")
-    yield Row(
-        "port situations named rightly with their fix",
-        figure,
-        "all, >= 40",
-        not wrong and total >= 40,
-    )
-
-
-if __name__ == "__main__":
-    raise SystemExit(printed(rows()) > 0)

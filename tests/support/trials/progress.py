@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import NamedTuple, TextIO
+from typing import TextIO
 
 from tests.support.trials.row import Row, with_failure
 
@@ -19,16 +19,8 @@ MINUTE_S = 60.0
 HOUR_MIN = 60
 
 
-class ProofSection(NamedTuple):
-    """Rows that belong together. `size`: the number of trials with which their time grows."""
-
-    name: str
-    rows: Iterator[Row]
-    size: float = 1.0
-
-
 class SectionTimes:
-    """The time of each section per unit of its size, s, kept in a JSON file from proof to proof."""
+    """The time of each section, s, kept in a JSON file from proof to proof."""
 
     def __init__(self, file: Path) -> None:
         self.file = file
@@ -41,49 +33,42 @@ class SectionTimes:
                 if isinstance(value, int | float) and value >= 0.0
             }
 
-    def estimate(self, section: ProofSection) -> float | None:
-        """The expected time of `section`, s; None if it has not been measured here."""
-        known = self.known.get(section.name)
-        return None if known is None else known * section.size
-
-    def note(self, section: ProofSection, seconds: float) -> None:
-        """Keep how long `section` took. A file that cannot be written costs only the estimate."""
-        if section.size <= 0.0:
-            return
-        self.known[section.name] = seconds / section.size
+    def note(self, section: str, seconds: float) -> None:
+        """Keep how long a section took. A file that cannot be written costs only the estimate."""
+        self.known[section] = round(seconds, 1)
         with suppress(OSError):
             self.file.parent.mkdir(parents=True, exist_ok=True)
             self.file.write_text(json.dumps(self.known, indent=1), encoding="utf-8")
 
 
 def with_progress(
-    sections: Sequence[ProofSection],
+    sections: Sequence[tuple[str, Iterator[Row]]],
     times: SectionTimes,
     output: TextIO = sys.stderr,
     clock: Callable[[], float] = time.monotonic,
-) -> Iterator[Row]:
-    """The rows of all sections; `clock` gives s.
+) -> Iterator[tuple[str, Row]]:
+    """The rows of all sections, each with the name of its section; `clock` gives s.
 
     A line in `output` begins each section, and follows a row of it when a minute has passed. A
-    section that fails in the middle is a missed row, and the next one follows.
+    section that fails in the middle has a last row that is missed, and the next one follows.
     """
     began = clock()
-    for number, section in enumerate(sections):
-        started = reported = clock()
-        expected = times.estimate(section)
-        later = [times.estimate(each) for each in sections[number + 1 :]]
-        title = f"{number + 1} of {len(sections)}  {section.name}"
+    for number, (name, rows) in enumerate(sections):
+        started = last = clock()
+        expected = times.known.get(name)
+        later = [times.known.get(each) for each, _ in sections[number + 1 :]]
+        title = f"{number + 1} of {len(sections)}  {name}"
         words = time_text(started - began, [expected, *later])
         print(f"{title}: {words}", file=output, flush=True)
-        for count, row in enumerate(with_failure(section.name, section.rows), 1):
-            yield row
+        for count, row in enumerate(with_failure(rows), 1):
+            yield name, row
             now = clock()
-            if now - reported >= MINUTE_S:
-                reported = now
+            if now - last >= MINUTE_S:
+                last = now
                 left = None if expected is None else max(expected - (now - started), 0.0)
                 words = time_text(now - began, [left, *later])
                 print(f"{title}, row {count}: {words}", file=output, flush=True)
-        times.note(section, clock() - started)
+        times.note(name, clock() - started)
 
 
 def time_text(elapsed: float, left: Sequence[float | None]) -> str:

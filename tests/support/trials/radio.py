@@ -24,7 +24,7 @@ from diffbotctl.runs.robot_run import PortRobot
 from diffbotctl.runs.run import Run
 from tests.support.radio_module import DeliveredFrame
 from tests.support.remote_board import RemoteBoard
-from tests.support.trials.row import Row, print_rows
+from tests.support.trials.row import Row
 
 OUTAGE = 5.0  # s
 SILENCE = 0.100  # s; less must not stop the robot
@@ -179,7 +179,3 @@ def rows(seed: int, trials: int = 30) -> Iterator[Row]:
         "(no target)",
         lost > 0,
     )
-
-
-if __name__ == "__main__":
-    raise SystemExit(print_rows(rows, __doc__, seed=1, trials=30))

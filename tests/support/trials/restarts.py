@@ -22,7 +22,7 @@ from tests.support.book_board import STOCK, BookBoardPort
 from tests.support.running import command
 from tests.support.trials.child_faults import SensingBoard, is_off
 from tests.support.trials.leftovers import leftovers, processes_of
-from tests.support.trials.row import Row, print_rows
+from tests.support.trials.row import Row
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGKILL)
 LIFETIME_MAX_S = 2.0  # of a run that a signal ends
@@ -88,7 +88,3 @@ def rows(seed: int, count: int) -> Iterator[Row]:
         print(f"        {fault}")
     what = f"F {count} starts and stops: left behind, or motors on"
     yield Row(what, f"{len(faults)}", "0", not faults)
-
-
-if __name__ == "__main__":
-    raise SystemExit(print_rows(rows, __doc__, seed=1, count=1000))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections.abc import Callable, Iterator
 from itertools import pairwise
@@ -17,7 +16,7 @@ from diffbotctl.time import MILLISECOND as MS
 from diffbotctl.time import SECOND
 from tests.support.rosserial_device import RATED, RosserialDevice
 from tests.support.rosserial_session import RosserialSession
-from tests.support.trials.row import Row, printed
+from tests.support.trials.row import Row
 
 # The first is a session of an emulated board, kept beside the checkout; the second is our own.
 RECORDINGS = (
@@ -175,7 +174,10 @@ def rows(seed: int, starts: int) -> Iterator[Row]:
 
 
 def record(path: Path) -> None:
-    """Write ten seconds of a session with our own board half, as the tests' recording."""
+    """Write ten seconds of a session with our own board half, as the tests' recording.
+
+    `python -m tests.support.trials.rosserial` writes it anew.
+    """
     session = RosserialSession(RosserialDevice(1))
     events: list[tuple[float, str, str]] = []
     drive = drive_by(1)
@@ -188,18 +190,5 @@ def record(path: Path) -> None:
     path.write_text(json.dumps({"baud": 9600, "events": events}, indent=0) + "\n")
 
 
-def main() -> int:
-    """Print the rows; exit 1 when one is missed."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--starts", type=int, default=100)
-    parser.add_argument("--record", type=Path)
-    options = parser.parse_args()
-    if options.record:
-        record(options.record)
-        return 0
-    return 1 if printed(rows(options.seed, options.starts)) else 0
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    record(RECORDINGS[1])

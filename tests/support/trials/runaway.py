@@ -34,7 +34,7 @@ from diffbotctl.runs.robot_run import PortRobot
 from diffbotctl.runs.run import Run
 from diffbotctl.time import SECOND
 from tests.support.matrix_case import EQUATIONS, Case, ObservedRun, set_up
-from tests.support.trials.row import Row, print_rows
+from tests.support.trials.row import Row
 
 CODE = "wheel_runaway"
 FALSE_CODES = (CODE, "wheel_direction")  # of the stops that no healthy robot may have
@@ -222,9 +222,9 @@ def _false_stop(seed: int, number: int) -> str:
     return next((f"{text}: {stop.cause}" for stop in stops if stop.code in FALSE_CODES), "")
 
 
-def rows(seed: int, healthy: int, faulty: int, processes: int = 1) -> Iterator[Row]:
+def rows(seed: int, healthy: int, faulty: int) -> Iterator[Row]:
     """`healthy` and `faulty` runs; false stops are printed."""
-    with Pool(processes) as pool:
+    with Pool() as pool:
         false = [text for text in pool.imap(partial(false_stop, seed), range(healthy), 4) if text]
         outcomes = pool.map(runaway, [seed * 100_000 + number for number in range(faulty)])
     for text in false:
@@ -246,7 +246,3 @@ def rows(seed: int, healthy: int, faulty: int, processes: int = 1) -> Iterator[R
         f"all, within the bound of each (up to {longest:.1f} s) + {LATE_S:g} s",
         in_time == faulty,
     )
-
-
-if __name__ == "__main__":
-    raise SystemExit(print_rows(rows, __doc__, seed=1, healthy=1000, faulty=100, processes=1))

@@ -1,17 +1,14 @@
 """Two robots and an operator, each in a network of its own, over a link with delay, loss and cut.
 
-`python -m tests.support.trials.two_robots --trials 5` prints each trial. Needs root.
+Needs root.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
-import os
 import subprocess
-import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import NamedTuple
@@ -26,7 +23,6 @@ OPERATOR, ROBOTS = "operator", ("left", "right")
 ADDRESSES = {OPERATOR: "10.77.0.1", "left": "10.77.0.2", "right": "10.77.0.3"}
 DELAY_S, LOSS = 0.05, 0.05  # each way
 CUT_S = 5.0
-OBSERVED_S = 5.0  # after the link works again, and after `resume`
 ATTEMPTS = 10  # to drive both: a lost packet may stop a robot before the cut
 
 
@@ -110,8 +106,11 @@ def two_robots(folder: Path, seed: int) -> Iterator[FarRobots]:
         yield FarRobots(folder, network, ssh_path(folder, servers))
 
 
-def cut_trial(folder: Path, seed: int) -> CutOutcome:
-    """Find both, drive both, cut the link for CUT_S, resume, and drive again."""
+def cut_trial(folder: Path, seed: int, observed_s: float) -> CutOutcome:
+    """Find both, drive both, cut the link for CUT_S, resume, and drive again.
+
+    `observed_s`: after the link works again, and after `resume`.
+    """
     with two_robots(folder, seed) as far:
         began = time.monotonic()
         words = ("engines", "--json", "--at", "left", "--at", "right")
@@ -127,12 +126,12 @@ def cut_trial(folder: Path, seed: int) -> CutOutcome:
         moved_after = []
         healed_at = time.monotonic()
         far.network.cut = frozenset()
-        time.sleep(OBSERVED_S)
+        time.sleep(observed_s)
         if far.moved_since(healed_at):
             moved_after.append("the link works again")
         resumed_at = time.monotonic()
         far.resume()
-        time.sleep(OBSERVED_S)
+        time.sleep(observed_s)
         if far.moved_since(resumed_at):
             moved_after.append("resume")
         end(drivers)
@@ -142,17 +141,3 @@ def cut_trial(folder: Path, seed: int) -> CutOutcome:
     return CutOutcome(
         found, listed_s, last_motion - cut_at, causes, tuple(moved_after), bool(again)
     )
-
-
-def print_trials(trial: Callable[[Path, int], CutOutcome], description: str, count: int) -> None:
-    """Print the outcomes of `trial`; `--trials NUMBER` on the command line changes `count`."""
-    parser = argparse.ArgumentParser(description=description)
-    parser.add_argument("--trials", type=int, default=count)
-    for seed in range(parser.parse_args().trials):
-        with tempfile.TemporaryDirectory() as name:
-            os.environ["XDG_STATE_HOME"] = name
-            print(trial(Path(name), seed), flush=True)
-
-
-if __name__ == "__main__":
-    print_trials(cut_trial, __doc__, 3)

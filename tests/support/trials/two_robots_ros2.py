@@ -1,7 +1,6 @@
 """Two robots with bridges to ROS 2, and one node that drives both over a link that is cut.
 
-`python -m tests.support.trials.two_robots_ros2 --trials 3` prints each trial. Needs root, and
-rclpy (`make ros2`).
+Needs root, and rclpy (`make ros2`).
 """
 
 from __future__ import annotations
@@ -17,17 +16,16 @@ from tests.support.trials.two_robots import (
     ADDRESSES,
     ATTEMPTS,
     CUT_S,
-    OBSERVED_S,
     OPERATOR,
     ROBOTS,
     CutOutcome,
     FarRobots,
-    print_trials,
     two_robots,
 )
 
 RATE_HZ = 20  # of the velocities, as a joystick sends them
 ODOMETRY = "nav_msgs/msg/Odometry"
+MOVING_MAX_S = 5.0  # until both move
 SETTLE_S = 1.0  # for what was on the way, several times its delay
 
 
@@ -69,14 +67,14 @@ def drive_both(far: FarRobots, node: RosNode) -> None:
             client.until(lambda status: status["held"] is None and stands(status))
         time.sleep(SETTLE_S)
         publish(node, 0.1)
-        deadline = time.monotonic() + OBSERVED_S
+        deadline = time.monotonic() + MOVING_MAX_S
         while time.monotonic() < deadline:
             if all(moves(client.request("status")) for client in far.clients.values()):
                 return
     raise AssertionError("both robots were never driven at once")
 
 
-def cut_trial(folder: Path, seed: int) -> CutOutcome:
+def cut_trial(folder: Path, seed: int, observed_s: float) -> CutOutcome:
     """Find both, drive both, cut the link for CUT_S while the node goes on; drive again."""
     with two_robots(folder, seed) as far, bridges(far):
         peers = tuple(ADDRESSES[name] for name in ROBOTS)
@@ -97,7 +95,7 @@ def cut_trial(folder: Path, seed: int) -> CutOutcome:
             statuses = [client.request("status") for client in far.clients.values()]
             healed_at = time.monotonic()
             far.network.cut = frozenset()
-            time.sleep(OBSERVED_S)  # the node still publishes its velocity
+            time.sleep(observed_s)  # the node still publishes its velocity
             moved_after = ("the link works again",) if far.moved_since(healed_at) else ()
             drive_both(far, node)
             publish(node, 0.0)
@@ -108,7 +106,3 @@ def cut_trial(folder: Path, seed: int) -> CutOutcome:
 def seen(node: RosNode, topics: Iterable[str]) -> bool:
     """Whether a message of each topic has come."""
     return all(any(f'"{topic}"' in line for line in list(node.printed)) for topic in topics)
-
-
-if __name__ == "__main__":
-    print_trials(cut_trial, __doc__, 1)

@@ -6,9 +6,10 @@ at least 25 times a second.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator
+from functools import partial
 from math import cos, hypot, inf, pi, sin
+from multiprocessing import Pool
 from random import Random
 from typing import NamedTuple
 
@@ -19,7 +20,7 @@ from diffbotctl.plant.collision import BodyOutline, clearance
 from diffbotctl.plant.world import Pillar, Wall, World
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
-from tests.support.trials.row import Row, printed
+from tests.support.trials.row import Row
 
 WORLDS = 3
 MINUTES = 10.0
@@ -100,17 +101,17 @@ def walk(world: World, seed: int, minutes: float) -> WanderRun:
     return WanderRun(least, contacts, result.truth.travel, result.truth.turned)
 
 
-def walks(seed: int, seeds: int, minutes: float) -> Iterator[WanderRun]:
-    """Every robot in its three worlds."""
-    for robot in range(seeds):
-        rng = Random(f"{seed} wander {robot}")
-        for _ in range(WORLDS):
-            yield walk(world_of(rng), rng.getrandbits(32), minutes)
+def walks(seed: int, robot: int, minutes: float) -> list[WanderRun]:
+    """A robot in its three worlds."""
+    rng = Random(f"{seed} wander {robot}")
+    return [walk(world_of(rng), rng.getrandbits(32), minutes) for _ in range(WORLDS)]
 
 
 def rows(seed: int, seeds: int, minutes: float = MINUTES) -> Iterator[Row]:
     """Contacts and the least distance, and that it did not just stand there."""
-    done = list(walks(seed, seeds, minutes))
+    with Pool() as pool:
+        robots = pool.imap(partial(walks, seed, minutes=minutes), range(seeds))
+        done = [each for robot in robots for each in robot]
     runs = f"{seeds} seeds x {WORLDS} worlds x {minutes:g} min"
     touched = sum(each.contacts for each in done)
     yield Row(f"wander: contacts, {runs}", str(touched), "0", touched == 0)
@@ -119,22 +120,3 @@ def rows(seed: int, seeds: int, minutes: float = MINUTES) -> Iterator[Row]:
     ways = sorted(each.way / minutes for each in done)
     figure = f"{ways[0]:.1f}, {ways[len(ways) // 2]:.1f} m/min"
     yield Row("wander: way driven, least and median", figure, ">= 1 m/min", ways[0] >= 1.0)
-
-
-def main() -> int:
-    """Print the rows; exit 1 when one is missed."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--seeds", type=int, default=50)
-    parser.add_argument("--minutes", type=float, default=MINUTES)
-    parser.add_argument("--each", action="store_true", help="print every run")
-    options = parser.parse_args()
-    if options.each:
-        for each in walks(options.seed, options.seeds, options.minutes):
-            print(each, flush=True)
-        return 0
-    return 1 if printed(rows(options.seed, options.seeds, options.minutes)) else 0
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())
