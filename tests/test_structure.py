@@ -66,7 +66,7 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "bluetooth": 800,
     "calibrate": 9_050,
     "cli": 8_400,
-    "config": 7_750,
+    "config": 7_780,
     "control": 1_750,
     "control_socket": 3_550,
     "diagnostics": 650,

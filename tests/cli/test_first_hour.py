@@ -1,8 +1,10 @@
 """What a person types in the first hour, and what is printed then."""
 
 import re
+from pathlib import Path
 
 import pytest
+from diffbotctl.cli.kits import KITS
 
 from diffbotctl.cli.main import program
 from diffbotctl.cli.topic import _field_texts
@@ -13,6 +15,9 @@ from diffbotctl.links.diffbot_frames import VERSION
 from diffbotctl.messages import Link, Odometry
 from diffbotctl.recording.json_codec import plain
 from tests.command_result import invoke
+from tests.support.running import cli, running
+
+ROOT = Path(__file__).parents[2]
 
 PIPELINE = "format: 1\nkind: pipeline\nblocks:\n  a: {block: %s}\n"
 
@@ -95,3 +100,37 @@ def test_numbers_have_units_and_an_empty_text_is_shown():
 def test_a_board_of_another_version_is_older_or_newer_and_what_to_do(version, age, command):
     refusal = wrong_version(version)
     assert f"firmware is {age}: " in refusal.cause and command in refusal.fix
+
+
+def test_a_new_pipeline_fits_the_kits_and_the_fix_of_a_wrong_sensor_works(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    invoke(program, "new", "pipeline", "mine")
+    path = tmp_path / "pipelines" / "mine.yaml"
+    for kit in KITS:
+        invoke(program, "new", "robot", "--kit", kit)
+        assert not [each for each in check(str(path), kit, ()) if each.severity == "error"], kit
+    text = path.read_text()
+    path.write_text(text.replace("    needs: Volts\n", ""))
+    (problem,) = check(str(path), "ros_car", ())  # an HC-SR04
+    assert problem.code == "E-WIRE-TYPE"
+    assert problem.fix == (
+        "remove 'range', and write robot.front in place of range.range, or give 'range' "
+        "`needs: Volts`"
+    )
+    path.write_text(text.replace("    needs: Volts\n", "", 1))  # that of `range` alone is missing
+    assert [each.code for each in check(str(path), "ros_car", ())] == ["E-WIRE-TYPE"]
+    removed = re.sub(r"  range:\n(    .*\n)+", "", text).replace("range.range", "robot.front")
+    path.write_text(removed)
+    assert not check(str(path), "ros_car", ())
+
+
+def test_the_pipeline_that_the_pages_name_first_is_driven_by_hand_and_takes_goals(tmp_path):
+    for page in ("dashboard.md", "web.md"):
+        first = re.search(r"diffbotctl (run .*)", (ROOT / "docs" / page).read_text())
+        assert first is not None and first[1].startswith("run standby --")
+    with running(tmp_path, "standby", "--stay"):
+        assert cli(tmp_path, "drive", "--v", "0.1", "--for", "200ms")[0] == 0
+        assert cli(tmp_path, "goto", "0.1", "0")[0] == 0
+    with running(tmp_path, "teleop"):
+        code, _, complaint = cli(tmp_path, "goto", "0.1", "0")
+        assert code == 1 and "`diffbotctl run standby`" in complaint

@@ -10,10 +10,12 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
+from typing import get_args
 
 from diffbotctl.block import In
 from diffbotctl.config import node_ports
 from diffbotctl.config.checks.context import CheckContext
+from diffbotctl.config.configuration import SensorMessage
 from diffbotctl.config.node_ports import RESERVED, ROBOT, NodePorts
 from diffbotctl.config.yaml_tree import Value
 from diffbotctl.errors import closest_match, join_words
@@ -243,10 +245,21 @@ class _Wiring:
             f"but input '{port}' of '{name}' takes {_with_units(expected, carried)}"
         )
         outputs = self._outputs_of(expected, name)
-        fix = "insert a block that converts it"
-        if outputs:
+        fix = self._fix_by_bypass(name, source, carried, expected)
+        if not fix and outputs:
             fix = f"wire it from {join_words(outputs)}"
+        fix = fix or "insert a block that converts it"
         self.context.error("E-WIRE-TYPE", source.place, cause, fix)
+
+    def _fix_by_bypass(self, name: str, source: Value, carried: type, expected: type) -> str:
+        """How to do without the block `name` where its input carries already what it makes of it;
+        empty where it does not."""
+        made = [output for output, kind in self.nodes[name].outputs.items() if kind is carried]
+        if not made or carried is expected:
+            return ""
+        kind = type_name(expected)
+        kept = f", or give '{name}' `needs: {kind}`" if kind in get_args(SensorMessage) else ""
+        return f"remove '{name}', and write {source.data} in place of {name}.{made[0]}{kept}"
 
     def _outputs_of(self, kind: type, name: str) -> list[str]:
         """Every output that an input for `kind` of the node `name` could be wired to."""

@@ -47,10 +47,10 @@ ROS_PARAMETERS = {
 VALUE_MAX = 1e300  # beyond any parameter; a larger whole number may not fit into a float
 
 
-def _require_input(context: RequestContext, wire: str, cause: str) -> None:
-    """Refuse a request that no block of this pipeline would receive."""
+def _require_input(context: RequestContext, wire: str, cause: str, other: str = "") -> None:
+    """Refuse a request that no block of this pipeline would receive; `other` names what would."""
     if wire not in context.state.inputs:
-        raise RefusalError("E-REQUEST", cause, f"wire {wire} to a block that takes it")
+        raise RefusalError("E-REQUEST", cause, f"{other}wire {wire} to a block that takes it")
 
 
 def _require_limit(name: str, value: float, limit: float | None, unit: str) -> None:
@@ -76,7 +76,8 @@ def handle_stop(context: RequestContext, request: requests.StopRequest) -> reque
 
 
 def handle_goto(context: RequestContext, request: requests.GotoRequest) -> requests.GotoRequest:
-    _require_input(context, "operator.goal", "no block of this pipeline follows goals")
+    other = "`diffbotctl run standby` is driven by hand and follows goals; or "
+    _require_input(context, "operator.goal", "no block of this pipeline follows goals", other)
     return request
 
 
