@@ -107,7 +107,7 @@ class EncoderFaults:
     @property
     def probability(self) -> float:
         """That the pose is wrong by such an encoder."""
-        return max(sum(self.present), sum(self.lasting), self.mismatch.probability)
+        return max(sum(self.present, 0.0), sum(self.lasting, 0.0), self.mismatch.probability)
 
     def restart(self) -> None:
         """The wheels begin with new sums."""
@@ -145,10 +145,10 @@ class EncoderFaults:
         self._take(self._possible(found))
 
     def _take(self, found: Probabilities) -> None:
-        is_likely = sum(found) > PROBABILITY_MIN
+        is_likely = sum(found, 0.0) > PROBABILITY_MIN
         self.comparisons = self.comparisons + 1 if is_likely else 0
         self.present = found if self.comparisons >= COMPARISONS_MIN else NONE
-        if sum(self.present) > max(LASTING_MIN, sum(self.lasting)):
+        if sum(self.present, 0.0) > max(LASTING_MIN, sum(self.lasting, 0.0)):
             self.lasting = self.present
         self.lasting = self._possible(self.lasting)
 
@@ -163,11 +163,11 @@ class EncoderFaults:
         both = (1.0 - WRONG_SLOTS_SHARE) * left * right + share
         likelihoods = (left, right, 1.0, 1.0, both)
         found = [each * likely for each, likely in zip(faults, likelihoods, strict=True)]
-        return _normalized(found, 1.0 - sum(faults))
+        return _normalized(found, 1.0 - sum(faults, 0.0))
 
     def _set(self, left: CountedWheel, right: CountedWheel) -> None:
-        faults = self.present if sum(self.present) >= sum(self.lasting) else self.lasting
-        probability = sum(faults)
+        faults = self.present if sum(self.present, 0.0) >= sum(self.lasting, 0.0) else self.lasting
+        probability = sum(faults, 0.0)
         index = faults.index(max(faults))
         texts = TEXTS[index] if probability > PROBABILITY_MIN else ("", "")
         if self.mismatch.text:
@@ -175,7 +175,7 @@ class EncoderFaults:
                 wheel.lost_text, wheel.lost_share = self.mismatch.text, wrong
             return
         share = sqrt(probability) * ERRORS[index]
-        when = "" if sum(self.present) > PROBABILITY_MIN else "at times "
+        when = "" if sum(self.present, 0.0) > PROBABILITY_MIN else "at times "
         for wheel, text in zip((left, right), texts, strict=True):
             wheel.lost_text, wheel.lost_share = (when + text, share) if text else ("", 0.0)
 
@@ -338,5 +338,5 @@ def _density(x: float, y: float, xx: float, yy: float, level: float) -> float:
 
 
 def _normalized(faults: Sequence[float], healthy: float) -> Probabilities:
-    total = healthy + sum(faults)
+    total = healthy + sum(faults, 0.0)
     return [fault / total for fault in faults] if total > 0.0 else NONE
