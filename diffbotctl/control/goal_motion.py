@@ -46,6 +46,9 @@ ASIDE_RATIO = 0.7  # of the tolerance; a goal that is less far aside asks for no
 BACKING_MAX = 0.02
 STALL_RATIO = 0.8  # of a remaining way; if more of it remains, friction has held the wheels
 PUSH_GROWTH = 1.4  # of the least speed, with each leg in which friction held the wheels
+# s, of the first push against it, unless a wheel counts; each further one takes a little more than
+# twice as long. The loop of the board takes up to 0.6 s to kick a wheel loose.
+PUSH_TIME = 0.03
 UNSTICK_AFTER, UNSTICK_TIME = 0.3, 1.0  # s without motion until, and in which the speed is raised
 RELEASES_MAX = 8  # in one attempt
 RETRY_SPEED_RATIO = 0.6  # of the speed of the attempt before: slow motors and weak ones err less
@@ -89,6 +92,8 @@ class Pursuit(NamedTuple):
     """m of a wheel, with its sign, that remained when this leg was planned at rest"""
     stalls: int = 0
     """successive releases that have not moved the robot"""
+    pushed_for: float = 0.0
+    """s for which the wheels have been driven in this leg; infinite when one has counted"""
     releases: int = 0
     """in this attempt"""
     attempts: int = 0
@@ -102,6 +107,11 @@ class Pursuit(NamedTuple):
     """m; the place of the first of them"""
     idle_for: float = 0.0
     """s of being driven without moving"""
+
+    @property
+    def is_pushed(self) -> bool:
+        """Whether wheels that friction held are driven, whatever odometry makes of it."""
+        return self.pushed_for < (2.0**self.stalls - 1.0) * PUSH_TIME
 
     def distance(self, odometry: Odometry) -> float:
         """Metres to the goal."""
@@ -174,10 +184,9 @@ class GoalMotion:
     ) -> None:
         """`least_speed` (m/s): below it, friction may hold a wheel. `lag` (s) of the motors by the
         robot file. `turn_radius` (m): of the first turn."""
-        self.limits = limits
+        self.limits, self.wheels = limits, wheels
         self.least_speed, self.lag = least_speed, lag
         self.turn_radius, self.may_reverse = turn_radius, may_reverse
-        self.wheels = wheels
         self.half_track = 0.5 * limits.track
         self.coast = Coast(lag)
 
@@ -195,6 +204,8 @@ class GoalMotion:
             if planned is None:
                 return MotionStep(pursuit, has_arrived=True)
             pursuit = self._count_release(planned, pursuit, odometry)
+        seconds = inf if self.wheels.has_counted else view.seconds
+        pursuit = pursuit._replace(pushed_for=pursuit.pushed_for + seconds)
         if pursuit.phase is Phase.DRIVING:
             return self._drive(pursuit, view)
         return self._turn(pursuit, view)
@@ -217,9 +228,8 @@ class GoalMotion:
         """The next leg from this pose; None if the robot is there."""
         odometry, (tolerance, heading_tolerance) = view.odometry, view.tolerances
         distance, error = pursuit.distance(odometry), pursuit.final_error(odometry)
-        is_first = pursuit.rest_way == inf
         pursuit = pursuit._replace(still_since=None, is_released=False)
-        near = NEAR_RATIO * tolerance if is_first else tolerance
+        near = NEAR_RATIO * tolerance if pursuit.rest_way == inf else tolerance
         if pursuit.phase is Phase.DRIVING:  # the last turn holds the goal: it corrects some more
             near += min(PIVOT_GAIN_RATIO * self.half_track * abs(error), 0.5 * tolerance)
         has_turned = abs(error) <= ALIGN_TOLERANCE_RATIO * heading_tolerance
@@ -233,8 +243,7 @@ class GoalMotion:
         is_straight = abs(aside) <= ASIDE_RATIO * tolerance or (
             distance > STEERED_DISTANCE_MIN and abs(aside) <= STEERED_ERROR_MAX * distance
         )
-        gives_up_turning = pursuit.phase is Phase.TURNING and pursuit.releases >= RELEASES_MAX
-        if (is_straight and (ahead > 0.0 or may_back)) or gives_up_turning:
+        if is_straight and (ahead > 0.0 or may_back):
             line = odometry.heading
             if abs(ahead) > BEARING_DISTANCE_MIN:
                 line += bearing if ahead > 0.0 else shortest_turn(bearing + pi)
@@ -257,12 +266,11 @@ class GoalMotion:
 
     def _turning(self, pursuit: Pursuit, phase: Phase, error: float, odometry: Odometry) -> Pursuit:
         """A turn on the spot; the last one is about the goal, which it comes nearer to."""
-        goal = pursuit.goal
-        is_last = phase is Phase.ALIGNING
+        center = pursuit.goal if phase is Phase.ALIGNING else odometry
         return pursuit._replace(
             phase=phase,
             direction=copysign(1.0, error),
-            pivot=(goal.x, goal.y) if is_last else (odometry.x, odometry.y),
+            pivot=(center.x, center.y),
             turn_radius=0.0,
             turned=0.0,
             driven=0.0,
@@ -282,11 +290,11 @@ class GoalMotion:
         has_stalled = is_same and way * before.rest_way > STALL_RATIO * before.rest_way**2
         is_again = planned.phase is Phase.TURNING and not is_same
         is_again |= before.releases >= RELEASES_MAX
-        stalls = before.stalls + 1 if has_stalled else 0
         return planned._replace(
             attempts=before.attempts + is_again,
             releases=0 if is_again else before.releases + 1,
-            stalls=stalls,
+            stalls=before.stalls + 1 if has_stalled else 0,
+            pushed_for=0.0,
             rest_way=way,
         )
 
@@ -309,7 +317,7 @@ class GoalMotion:
         if pursuit.phase is Phase.TURNING:
             pursuit = pursuit.aimed(odometry)
         turned = pursuit.turned + abs(odometry.angular) * view.seconds
-        predicted = self._predicted(view)
+        predicted = self._predicted(pursuit, view)
         error = pursuit.heading_error(odometry) - predicted.turn
         if pursuit.turn_radius and abs(error) <= ROLLING_ERROR_MAX:
             pursuit = pursuit._replace(phase=Phase.DRIVING, direction=1.0, turn_radius=0.0)
@@ -339,7 +347,7 @@ class GoalMotion:
         """The velocity on the way to the goal; without one, the wheels are released."""
         odometry = view.odometry
         pursuit = pursuit.aimed(odometry)
-        predicted = self._predicted(view)
+        predicted = self._predicted(pursuit, view)
         bounds = self._bounds(pursuit, self.limits.speed)
         way = pursuit.along(odometry) - predicted.travel
         linear = self._approach(pursuit, way, predicted.linear, bounds, view)
@@ -351,9 +359,10 @@ class GoalMotion:
         linear = copysign(max(abs(linear) * cos(2.0 * error), bounds.minimum), linear)
         return MotionStep(pursuit, linear, self._steering(error, linear, view))
 
-    def _predicted(self, view: MotionView) -> Motion:
+    def _predicted(self, pursuit: Pursuit, view: MotionView) -> Motion:
         """The motion until a command takes effect: none while friction holds a wheel."""
-        return Motion(0.0, 0.0, 0.0, 0.0) if self.wheels.idle_for else view.predicted
+        is_held = pursuit.is_pushed or self.wheels.idle_for
+        return Motion(0.0, 0.0, 0.0, 0.0) if is_held else view.predicted
 
     def _steering(self, error: float, linear: float, view: MotionView) -> float:
         """Turn rate (rad/s) that steers against a heading `error` (rad) while driving.
@@ -372,6 +381,8 @@ class GoalMotion:
         self, pursuit: Pursuit, way: float, speed: float, bounds: SpeedBounds, view: MotionView
     ) -> float:
         """Speed (m/s) over the remaining `way` (m) at `speed`; 0 at its end, or beyond it."""
+        if pursuit.is_pushed:
+            return pursuit.direction * bounds.minimum
         if pursuit.direction * way <= 0.0:
             return 0.0
         coast_time = self.coast.expected(speed, view.odometry.coast_time)
@@ -399,9 +410,8 @@ class GoalMotion:
         """Update the coast time, at rest or nearly, by the remaining way of the leg."""
         if self.coast.release_speed < COAST_SPEED_MIN:
             return
-        rolling = odometry.linear
-        if pursuit.phase is not Phase.DRIVING:
-            rolling = odometry.angular * self._arm(pursuit)
+        is_drive = pursuit.phase is Phase.DRIVING
+        rolling = odometry.linear if is_drive else odometry.angular * self._arm(pursuit)
         remaining = pursuit.direction * self._way(pursuit, odometry)
         remaining -= abs(rolling) * self.coast.at(rolling)
         self.coast = self.coast.learn(remaining, self.lag)

@@ -308,6 +308,29 @@ def test_wheels_that_stick_at_low_speeds_reach_the_goal(hold, x, heading):
     assert course.drive(goal(x, 0.0, heading), 20.0) == "reached"
 
 
+class LateCourse(Course):
+    """A robot that moves when it has been driven for `kick` s; odometry takes it for moving."""
+
+    def __init__(self, kick, **values):
+        super().__init__(**values)
+        self.kick, self.driven = kick, 0.0
+
+    def step(self, goal, stop=None):
+        self.driven = self.driven + 0.02 if self.linear or self.angular else 0.0
+        before = self.x, self.y, self.heading
+        super().step(goal, stop)
+        if self.driven < self.kick:
+            self.x, self.y, self.heading = before
+        return self
+
+
+@pytest.mark.parametrize("angle", [2.0, 2.2, 2.5, 4.0])
+@pytest.mark.parametrize("kick", [0.1, 0.3, 0.6])
+def test_a_small_turn_of_motors_that_start_late_is_driven(kick, angle):
+    course = LateCourse(kick)
+    assert course.drive(goal(0.0, 0.0, angle), 20.0) == "reached"
+
+
 def test_a_long_wait_at_an_obstacle_ends_as_blocked():
     course = Course()
     for _ in range(50):
