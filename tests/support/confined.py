@@ -157,6 +157,8 @@ def _become_command(request: Request, output: int, complaints: int) -> None:
     if request.environment is not None:
         os.environ.clear()
         os.environ.update(request.environment)
+        places = os.environ.get("PYTHONPATH", "").split(os.pathsep)
+        sys.path[:0] = [place for place in places if place not in ("", *sys.path)]
     if request.folder is not None:
         os.chdir(request.folder)
     null = os.open(os.devnull, os.O_RDONLY)
