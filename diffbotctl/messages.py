@@ -129,6 +129,10 @@ class Encoders(NamedTuple):
         Field("", "Level of the left encoder's pin, 0 or 1; none if not sent."),
     ] = None
     right_level: Annotated[int | None, Field("", "The same, right.")] = None
+    left_duty: Annotated[
+        float | None, Field("", "Duty of the left motor, -1 to 1; none where it is not reported.")
+    ] = None
+    right_duty: Annotated[float | None, Field("", "The same, right.")] = None
 
 
 class Volts(NamedTuple):

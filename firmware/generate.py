@@ -77,8 +77,6 @@ def _c_frame(name: str, frame: Frame) -> list[str]:
     lines += [f"}} {name}_t;", f"enum {{ TYPE_{upper} = {frame['type']} }};"]
     check = f"sizeof({name}_t) == {size(frame)}"
     lines.append(f'_Static_assert({check}, "the structure is the payload");')
-    if "version_1" in frame:
-        lines.append(f"#define {upper}_BYTES_VERSION_1 {frame['version_1']}")
     if name == "settings":
         members = ", ".join(f"FIELD_{field.upper()}" for field, *_ in fields(frame))
         lines.append(f"enum {{ {members} }};")
@@ -132,14 +130,6 @@ def module(protocol: dict[str, Any]) -> str:
     for name, frame in protocol["frames"].items():
         lines += _python_frame(name, frame)
     lines += ["", "", "Frame = (", *_alternatives(list(names.values())), ")"]
-    lines += ["# Bytes of payload in version 1, where a board of that version must be understood."]
-    lines += ["VERSION_1_BYTES: dict[type[Frame], int] = {"]
-    lines += [
-        f"    {_frame_class(name)}: {frame['version_1']},"
-        for name, frame in protocol["frames"].items()
-        if "version_1" in frame
-    ]
-    lines += ["}"]
     lines += ["OF_TYPE: dict[int, type[Frame]] = {"]
     lines += [f"    {number}: {name}," for number, name in names.items()]
     return "\n".join([*lines, "}", ""])

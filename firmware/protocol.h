@@ -6,13 +6,14 @@
 
 #include "progmem.h"
 
-#define PROTOCOL_VERSION 2
+#define PROTOCOL_VERSION 3
 #define CHECK_POLYNOMIAL 0x5D6DCBUL
 #define CHECK_START 0xFEDCBAUL
 #define CHECK_BYTES 3
 #define TICK_NANOSECONDS 64000
 #define SPEED_ONE 256
 #define DUTY_ONE 32767
+#define REPORTED_DUTY_ONE 127
 #define GAIN_ONE 32768
 #define INTEGRAL_ONE 5243
 #define GAIN_MAXIMUM 24576
@@ -63,7 +64,7 @@ enum { REFUSAL_NONE = 0, REFUSAL_MOVING = 1, REFUSAL_PIN_MISSING = 2, REFUSAL_PI
 enum { ITEM_UPTIME = 0, ITEM_FLAGS = 1, ITEM_BATTERY = 2, ITEM_FREE_STACK = 3, ITEM_LOOP = 4, ITEM_LEFT_REJECTED = 5, ITEM_RIGHT_REJECTED = 6, ITEM_DAMAGED = 7, ITEM_FOREIGN = 8, ITEM_DROPPED = 9 };
 enum { ACTION_LIGHT = 0, ACTION_CLEAR = 1, ACTION_CAPTURE = 2 };
 enum { BOARD_UNKNOWN = 0, BOARD_MEGA2560 = 1, BOARD_ATMEGA328P = 2, BOARD_RP2040 = 3, BOARD_ESP32 = 4 };
-enum { CAPABILITY_EDGE_TIMES = 0, CAPABILITY_CAPTURE = 1, CAPABILITY_STORMS = 2, CAPABILITY_BATTERY_STOP = 3, CAPABILITY_QUADRATURE = 4, CAPABILITY_EVERY_EDGE = 5, CAPABILITY_LEVELS = 6, CAPABILITY_ENABLE_IN1_IN2 = 8, CAPABILITY_ENABLE_DIRECTION = 9, CAPABILITY_TWO_PWM = 10, CAPABILITY_STANDBY = 11, CAPABILITY_PULSED_INPUTS = 12, CAPABILITY_ANALOG_RANGE = 16, CAPABILITY_ECHO_RANGE = 17, CAPABILITY_SEVERAL_RANGES = 18, CAPABILITY_MPU6050 = 24, CAPABILITY_LSM6 = 25, CAPABILITY_GRAVITY = 26 };
+enum { CAPABILITY_EDGE_TIMES = 0, CAPABILITY_CAPTURE = 1, CAPABILITY_STORMS = 2, CAPABILITY_BATTERY_STOP = 3, CAPABILITY_QUADRATURE = 4, CAPABILITY_EVERY_EDGE = 5, CAPABILITY_ENABLE_IN1_IN2 = 8, CAPABILITY_ENABLE_DIRECTION = 9, CAPABILITY_TWO_PWM = 10, CAPABILITY_STANDBY = 11, CAPABILITY_PULSED_INPUTS = 12, CAPABILITY_ANALOG_RANGE = 16, CAPABILITY_ECHO_RANGE = 17, CAPABILITY_SEVERAL_RANGES = 18, CAPABILITY_MPU6050 = 24, CAPABILITY_LSM6 = 25, CAPABILITY_GRAVITY = 26 };
 enum { UPWARD_UNCHECKED = 0, UPWARD_UP = 1, UPWARD_DOWN = 2 };
 enum { DRIVER_ENABLE_IN1_IN2 = 0, DRIVER_ENABLE_DIRECTION = 1, DRIVER_TWO_PWM = 2, DRIVER_PULSED_INPUTS = 3 };
 enum { EDGE_BOTH = 1, EDGE_FALLING = 2, EDGE_RISING = 3 };
@@ -189,11 +190,12 @@ typedef struct __attribute__((packed)) {
     uint16_t right; /* low bits of the count */
     uint16_t range : 12; /* the analog sensor, mean of 16 readings */
     uint8_t command : 4; /* sequence number of the command in force */
+    int8_t duty; /* 1/127; of the left motor in frames of even sequence, else of the right */
     uint16_t left_age; /* 64 us */
     uint16_t right_age; /* 64 us */
 } state_t;
 enum { TYPE_STATE = 8 };
-_Static_assert(sizeof(state_t) == 16, "the structure is the payload");
+_Static_assert(sizeof(state_t) == 17, "the structure is the payload");
 
 /* a state frame with the turn that a gyro has measured */
 typedef struct __attribute__((packed)) {
@@ -209,14 +211,15 @@ typedef struct __attribute__((packed)) {
     uint16_t right; /* low bits of the count */
     uint16_t range : 12; /* the analog sensor, mean of 16 readings */
     uint8_t command : 4; /* sequence number of the command in force */
+    int8_t duty; /* 1/127; of the left motor in frames of even sequence, else of the right */
     uint16_t left_age; /* 64 us */
     uint16_t right_age; /* 64 us */
     uint16_t turn; /* about the axis of the settings since the start, TURN_NANODEGREES, low bits */
 } inertial_t;
 enum { TYPE_INERTIAL = 7 };
-_Static_assert(sizeof(inertial_t) == 18, "the structure is the payload");
+_Static_assert(sizeof(inertial_t) == 19, "the structure is the payload");
 
-/* a state frame without the ages, for 50 Hz */
+/* a state frame without the ages, for 48 Hz */
 typedef struct __attribute__((packed)) {
     uint8_t type : 4;
     uint8_t boot : 4; /* changes at each restart */
@@ -230,9 +233,10 @@ typedef struct __attribute__((packed)) {
     uint16_t right; /* low bits of the count */
     uint16_t range : 12; /* the analog sensor, mean of 16 readings */
     uint8_t command : 4; /* sequence number of the command in force */
+    int8_t duty; /* 1/127; of the left motor in frames of even sequence, else of the right */
 } counts_t;
 enum { TYPE_COUNTS = 9 };
-_Static_assert(sizeof(counts_t) == 12, "the structure is the payload");
+_Static_assert(sizeof(counts_t) == 13, "the structure is the payload");
 
 /* one of the slowly changing values, in turn, so that it delays no state frame much */
 typedef struct __attribute__((packed)) {
@@ -243,7 +247,7 @@ typedef struct __attribute__((packed)) {
 enum { TYPE_STATUS = 10 };
 _Static_assert(sizeof(status_t) == 3, "the structure is the payload");
 
-/* identity of the board and its state; to a host of version 1, as long as in that version */
+/* identity of the board and its state */
 typedef struct __attribute__((packed)) {
     uint8_t type : 4;
     uint8_t boot : 4; /* changes at each restart */
@@ -262,7 +266,6 @@ typedef struct __attribute__((packed)) {
 } hello_t;
 enum { TYPE_HELLO = 11 };
 _Static_assert(sizeof(hello_t) == 18, "the structure is the payload");
-#define HELLO_BYTES_VERSION_1 12
 
 /* reply to the settings */
 typedef struct __attribute__((packed)) {

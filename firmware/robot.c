@@ -27,7 +27,7 @@
      | BIT(CAPABILITY_ENABLE_DIRECTION) | BIT(CAPABILITY_TWO_PWM) | BIT(CAPABILITY_STANDBY) \
      | BIT(CAPABILITY_PULSED_INPUTS) \
      | BIT(CAPABILITY_ANALOG_RANGE) | BIT(CAPABILITY_ECHO_RANGE) | BIT(CAPABILITY_SEVERAL_RANGES) \
-     | BIT(CAPABILITY_LEVELS) | BIT(CAPABILITY_MPU6050) | BIT(CAPABILITY_LSM6) | BIT(CAPABILITY_GRAVITY) \
+     | BIT(CAPABILITY_MPU6050) | BIT(CAPABILITY_LSM6) | BIT(CAPABILITY_GRAVITY) \
      | (BOARD_EVERY_EDGE ? BIT(CAPABILITY_EVERY_EDGE) : 0))
 /* Loop periods without an edge after which the wheels stand still: 300 ms. */
 #define REST_PERIODS (300 / SPEED_PERIOD_MS)
@@ -156,8 +156,7 @@ static void answer(uint8_t link, const void *payload)
     link_send(link, &frame, sizeof frame);
 }
 
-/* `size`: that of the hello in the version of the host. */
-static void hello(uint8_t link, uint8_t size)
+static void hello(uint8_t link)
 {
     hello_t frame = {
         .type = TYPE_HELLO, .version = PROTOCOL_VERSION,
@@ -173,7 +172,7 @@ static void hello(uint8_t link, uint8_t size)
     frame.settings_size = sizeof(settings_t);
     frame.capabilities = CAPABILITIES;
     link_delimit(link);
-    link_send(link, &frame, size);
+    link_send(link, &frame, sizeof frame);
 }
 
 void robot_start(void)
@@ -184,7 +183,7 @@ void robot_start(void)
         use();
     link_tick(); /* the baud rate of the settings, before the first byte */
     for (uint8_t link = 0; link < LINKS; link++)
-        hello(link, sizeof(hello_t)); /* informs a host that was driving of the restart */
+        hello(link); /* informs a host that was driving of the restart */
 }
 
 static void drive_wheel(wheel_t *wheel, int16_t command)
@@ -247,11 +246,6 @@ static void act(uint8_t link, const action_t *frame)
         telemetry_capture(frame->value);
 }
 
-static bool version_1(const ask_t *frame)
-{
-    return frame->version == 1;
-}
-
 void robot_handle(uint8_t link, const void *payload)
 {
     const stop_t *frame = payload; /* every frame to the board has type and sequence here */
@@ -265,7 +259,7 @@ void robot_handle(uint8_t link, const void *payload)
         deadman_stop(&deadman, link, frame->sequence, board_now());
         break;
     case TYPE_ASK:
-        hello(link, version_1(payload) ? HELLO_BYTES_VERSION_1 : sizeof(hello_t));
+        hello(link);
         break;
     case TYPE_ACTION:
         act(link, payload);

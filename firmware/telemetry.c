@@ -13,7 +13,7 @@
 #include "wheel.h"
 
 #define COMMAND_UNIT_TICKS 32 /* 128 us */
-#define DEFAULT_RATE 40
+#define DEFAULT_RATE 38
 #define ANY_BACKLOG UINT8_MAX
 /* Status is sent only directly after a state frame, so that it never delays an answer. */
 #define STATE_BACKLOG (sizeof(inertial_t) + CHECK_BYTES + 2)
@@ -47,12 +47,18 @@ static void send(const void *payload, uint8_t size, uint8_t backlog)
             link_send(link, payload, size);
 }
 
+/* Full duty, 32767, becomes REPORTED_DUTY_ONE. */
+static int8_t reported_duty(int16_t duty)
+{
+    return (int8_t)((duty - (duty >> 7) + 128) >> 8);
+}
+
 /* One structure for three types of frame: a counts frame is the beginning of a state frame, and that of
    an inertial one, which has its turn_fault in the place of their level. */
 static void send_state(const deadman_t *deadman)
 {
     inertial_t frame = {.type = state_type, .turn_fault = gyro_faults() != 0, .turn = gyro_turn()};
-    const encoder_t *shown = sequence & 1 ? &RIGHT->encoder : &LEFT->encoder;
+    const wheel_t *shown = sequence & 1 ? RIGHT : LEFT;
     uint8_t drops = (uint8_t)status[ITEM_DROPPED];
     ticks_t now;
     ATOMIC
@@ -62,7 +68,7 @@ static void send_state(const deadman_t *deadman)
         frame.right = RIGHT->encoder.count;
         frame.left_age = encoders_age(&LEFT->encoder, now);
         frame.right_age = encoders_age(&RIGHT->encoder, now);
-        if (state_type != TYPE_INERTIAL && board_read(&shown->in))
+        if (state_type != TYPE_INERTIAL && board_read(&shown->encoder.in))
             frame.turn_fault = true;
     }
     ticks_t age = (now - deadman->since) / COMMAND_UNIT_TICKS;
@@ -75,6 +81,7 @@ static void send_state(const deadman_t *deadman)
     frame.time = (uint16_t)(now >> 4);
     frame.range = analog_mean(0);
     frame.command = deadman->sequence;
+    frame.duty = reported_duty(shown->speed.duty);
     send(&frame, payload_size(state_type), ANY_BACKLOG);
 }
 

@@ -204,9 +204,23 @@ class OdometryBlock(Block):
         self._take_levels(encoders, left, right)
         left.set_other_driven(bool(encoders.right_command))
         right.set_other_driven(bool(encoders.left_command))
-        left.update(time, encoders.left, encoders.left_edge, encoders.left_command, is_duty, since)
+        left.update(
+            time,
+            encoders.left,
+            encoders.left_edge,
+            encoders.left_command,
+            is_duty,
+            since,
+            encoders.left_duty,
+        )
         right.update(
-            time, encoders.right, encoders.right_edge, encoders.right_command, is_duty, since
+            time,
+            encoders.right,
+            encoders.right_edge,
+            encoders.right_command,
+            is_duty,
+            since,
+            encoders.right_duty,
         )
         if isinstance(left, WheelOdometer) and isinstance(right, WheelOdometer):
             share_response(left, right)

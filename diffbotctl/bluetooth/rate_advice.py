@@ -8,8 +8,8 @@ from diffbotctl.bluetooth.link_stats import LinkFigures
 from diffbotctl.links import link_protocol
 
 BAUD_RATES = (9600, 19200, 38400, 57600, 115200)  # of an HC-05 and of our firmware
-TELEMETRY_MIN_HZ, TELEMETRY_MAX_HZ = 20, 100  # the firmware sends at most 100
-TELEMETRY_STEP_HZ = 5
+TELEMETRY_GOOD_HZ, TELEMETRY_MAX_HZ = 36, 100  # the firmware sends at most 100
+TELEMETRY_STEP_HZ = 2
 COMMAND_PERIOD_S = 0.1  # between two commands of the same content
 DEADMAN_MIN_S, DEADMAN_MAX_S = 0.3, 0.5  # the default, and the maximum
 DEADMAN_MARGIN_S = 0.05
@@ -29,10 +29,8 @@ def advise_rate(figures: LinkFigures, baud: int, frame: int) -> RateAdvice:
     """Rates for a link of these figures, now at `baud`; one state frame takes `frame` bytes."""
     reasons = []
     telemetry, best_baud = max_telemetry_rate(baud, frame), baud
-    if telemetry < 2 * TELEMETRY_MIN_HZ and baud != BAUD_RATES[-1]:
-        fast = (
-            rate for rate in BAUD_RATES if max_telemetry_rate(rate, frame) >= 2 * TELEMETRY_MIN_HZ
-        )
+    if telemetry < TELEMETRY_GOOD_HZ and baud != BAUD_RATES[-1]:
+        fast = (rate for rate in BAUD_RATES if max_telemetry_rate(rate, frame) >= TELEMETRY_GOOD_HZ)
         best_baud = next(fast, baud)
         best_telemetry = max_telemetry_rate(best_baud, frame)
         reasons.append(

@@ -167,5 +167,4 @@ def blink(port: str, robot: str | None, times: int) -> None:
     host = diffbot_host(file.robot, device)
     for report in blink(device, host, times):
         click.echo(report.text)
-    if not host.has_older_pulses:  # else its description states it
-        click.echo(pulses_text(file.robot))
+    click.echo(pulses_text(file.robot))

@@ -55,7 +55,7 @@ class BoardSection(Section):
         "only in the simulator and all its pins are `none`.",
     )
     telemetry = Param(
-        float, unit="Hz", default=40.0, minimum=1.0, maximum=100.0, help="Telemetry frame rate."
+        float, unit="Hz", default=38.0, minimum=1.0, maximum=100.0, help="Telemetry frame rate."
     )
     edge_times = Param(
         bool, default=True, help="Report the time of each encoder's last edge besides its count."

@@ -1,9 +1,8 @@
 """The wheel-speed loop: feed-forward with dead band, and PI control of the speed from the edges.
 
 The only definition in Python; the firmware implements the same specification in C. The simulated
-board runs `WheelSpeedLoop`; odometry runs `SpeedLoopMirror` to know the duty that a real board
-applies; the block `wheel_speed` and calibration use the feed-forward. Speeds are rad/s, duty is -1
-to 1, times are integer nanoseconds.
+board runs `WheelSpeedLoop`; odometry, the block `wheel_speed` and calibration use the feed-forward.
+Speeds are rad/s, duty is -1 to 1, times are integer nanoseconds.
 
 The error of the speed compares two angles since the last edge: that of a reference model, which
 follows the target with the lag of a usual motor, and the pitches that the wheel has turned. A wheel
@@ -13,7 +12,6 @@ that is too slow or does not turn at all. The duty of a wheel that does not turn
 before the stall is reported, so that stiff gears and weak batteries are no stall.
 """
 
-from collections.abc import Iterable
 from math import copysign, pi
 from typing import NamedTuple, Protocol
 
@@ -130,8 +128,9 @@ def limit_integral(integral: float, limit: float) -> float:
     return copysign(limit, integral)
 
 
-class SpeedLoop:
-    """Target, reference model, error and integral of one wheel: common to board and mirror.
+class WheelSpeedLoop:
+    """The loop of one wheel on a board. `duty` goes to the motor; `direction` is the sign of the
+    counts.
 
     `error` (rad/s) and `integral` (duty) are in the direction of the target. `SpeedGains.duty` is
     written out where it is computed in each period, without calls.
@@ -141,6 +140,7 @@ class SpeedLoop:
         "_edges",
         "_hold",
         "_is_kicked",
+        "_is_slewing",
         "_last_edge",
         "_measured_edges",
         "_origin",
@@ -148,20 +148,39 @@ class SpeedLoop:
         "_overdue",
         "_reference",
         "_reference_angle",
+        "_stall_angle",
+        "_stall_excess",
+        "_stall_excess_most",
+        "_stall_lead",
+        "_stall_periods",
+        "_stall_periods_clear",
         "_target_angle",
         "_weight",
+        "direction",
+        "duty",
         "error",
+        "fault",
         "gains",
         "integral",
         "pitch",
         "target",
     )
 
-    def __init__(self, gains: SpeedGains, slots: int) -> None:
+    def __init__(self, gains: SpeedGains, slots: int, lag: float | None = None) -> None:
+        """`lag` (s) of the motor, for which a wheel that starts has more time to turn; None:
+        unknown."""
         self.gains = gains
         self.pitch = 2 * pi / slots
         self.target = 0.0
         self._begin(0)
+        periods = min(round((lag or 0.0) / LOOP_PERIOD_S), STALL_LAG_PERIODS_MAX)
+        self._stall_excess_most = STALL_EXCESS_PERIODS + periods
+        self._stall_periods_clear = STALL_PERIODS_CLEAR + (periods or STALL_LAG_PERIODS_MAX)
+        self._stall_lead = min(periods, STALL_LAG_TURNING_PERIODS)  # of a wheel that was turning
+        self.direction = 1
+        self.duty = 0.0
+        self.fault = self._is_slewing = False
+        self._reset_stall()
 
     def _begin(self, now: int) -> None:
         """Start from rest at `now`."""
@@ -177,20 +196,83 @@ class SpeedLoop:
         self._is_kicked = False
         self._weight = 1.0  # of a measurement
 
-    def set_target(self, target: float, now: int) -> bool:
-        """Set a new target (rad/s); True if it resets the loop: a stop or a change of direction."""
-        begins = target == 0.0 or target * self.target <= 0.0
-        if begins:
-            self._begin(now)
-        self.target = target
-        return begins
-
-    def add_edges(self, now: int, count: int = 1) -> None:
-        """Record `count` edges, the last of them at `now`."""
-        self._edges += count
+    def edge(self, now: int) -> None:
+        """Record an edge that passed the glitch filter."""
+        self._edges += 1
         self._last_edge = now
+        self._reset_stall()
 
-    def limited_duty(self) -> float:
+    def command(self, now: int, target: float) -> None:
+        """Set a new target (rad/s); its feed-forward is applied immediately.
+
+        A target that starts, stops or reverses the wheel resets the loop.
+        """
+        if target == 0.0 or target * self.target <= 0.0:
+            self._begin(now)
+            self._reset_stall()
+            self._is_slewing = target * self.duty < 0.0
+        self.target = target
+        if target:
+            self.direction = 1 if target > 0.0 else -1
+        self._apply(0.0)
+
+    @property
+    def is_at_rest(self) -> bool:
+        """True when `tick` and `tick_duty` would change nothing."""
+        return self.target == 0.0 and self.duty == 0.0
+
+    def set_duty(self, duty: float) -> None:
+        """Apply a raw duty instead of a target."""
+        self.duty = 0.0 if self.fault else duty
+        if duty:
+            self.direction = 1 if duty > 0.0 else -1
+
+    def tick(self, now: int) -> float:
+        """Run the loop once; call it each LOOP_PERIOD. Returns the duty."""
+        if self.target != 0.0 and not self.fault:
+            self._run_period(now)
+            self._add_to_stall(abs(self.target))
+            if self._stall_excess >= self._stall_excess_most:
+                has_turned = self._measured_edges == 2
+                is_clear = has_turned or self._stall_angle >= STALL_PITCHES_CLEAR * self.pitch
+                periods = self._stall_periods_clear - (self._stall_lead if has_turned else 0)
+                self._check_stall(periods if is_clear else STALL_PERIODS)
+        self._apply(SLEW_MAX)
+        return self.duty
+
+    def tick_duty(self) -> float:
+        """As `tick`, with a raw duty instead of a target."""
+        duty = abs(self.duty)
+        if duty <= STALL_DUTY_MIN:
+            self._reset_stall()
+        else:
+            speed = (duty - self.gains.static) / max(self.gains.slope, 1e-6)
+            self._add_to_stall(speed)
+            self._check_stall(STALL_PERIODS)
+        if self.fault:
+            self.duty = 0.0
+        return self.duty
+
+    def clear_fault(self) -> None:
+        """End a fault; the wheel stands until the next command."""
+        self.fault = False
+        self.target = 0.0  # the next target resets the loop
+        self._reset_stall()
+
+    def _apply(self, growth: float) -> None:
+        """Set the duty; in a reversal it grows by at most `growth`."""
+        if self.target == 0.0 or self.fault:
+            self.duty = 0.0
+            return
+        duty = self._limited_duty()
+        if self._is_slewing:
+            difference = self.direction * (duty - self.duty)
+            self._is_slewing = difference > growth
+            if self._is_slewing:
+                duty = self.duty + self.direction * growth
+        self.duty = duty
+
+    def _limited_duty(self) -> float:
         """The duty for the target, limited to 1 in its direction; 0 for target 0."""
         target, gains = self.target, self.gains
         size = target if target >= 0.0 else -target
@@ -201,7 +283,7 @@ class SpeedLoop:
             power = 1.0
         return power if target > 0.0 else -power
 
-    def run_period(self, now: int) -> None:
+    def _run_period(self, now: int) -> None:
         """Update error and integral at the end of a LOOP_PERIOD; the target is not 0."""
         target, reference = self.target, self._reference
         if target < 0.0:
@@ -285,97 +367,10 @@ class SpeedLoop:
         integral += change
         self.integral = integral if -1.0 <= integral <= 1.0 else copysign(1.0, integral)
 
-
-class WheelSpeedLoop(SpeedLoop):
-    """The loop of a board. `duty` goes to the motor; `direction` is the sign of the counts."""
-
-    __slots__ = (
-        "_is_slewing",
-        "_stall_angle",
-        "_stall_excess",
-        "_stall_excess_most",
-        "_stall_lead",
-        "_stall_periods",
-        "_stall_periods_clear",
-        "direction",
-        "duty",
-        "fault",
-    )
-
-    def __init__(self, gains: SpeedGains, slots: int, lag: float | None = None) -> None:
-        """`lag` (s) of the motor, for which a wheel that starts has more time to turn; None:
-        unknown."""
-        super().__init__(gains, slots)
-        periods = min(round((lag or 0.0) / LOOP_PERIOD_S), STALL_LAG_PERIODS_MAX)
-        self._stall_excess_most = STALL_EXCESS_PERIODS + periods
-        self._stall_periods_clear = STALL_PERIODS_CLEAR + (periods or STALL_LAG_PERIODS_MAX)
-        self._stall_lead = min(periods, STALL_LAG_TURNING_PERIODS)  # of a wheel that was turning
-        self.direction = 1
-        self.duty = 0.0
-        self.fault = self._is_slewing = False
-        self._reset_stall()
-
     def _reset_stall(self) -> None:
         self._stall_periods = 0  # with drive and without an edge
         self._stall_angle = 0.0  # rad that the wheel should have turned meanwhile
         self._stall_excess = 0  # periods since that was STALL_PITCHES
-
-    def edge(self, now: int) -> None:
-        """Record an edge that passed the glitch filter."""
-        self.add_edges(now)
-        self._reset_stall()
-
-    def command(self, now: int, target: float) -> None:
-        """Set a new target (rad/s); its feed-forward is applied immediately."""
-        if self.set_target(target, now):
-            self._reset_stall()
-            self._is_slewing = target * self.duty < 0.0
-        if target:
-            self.direction = 1 if target > 0.0 else -1
-        self._apply(0.0)
-
-    @property
-    def is_at_rest(self) -> bool:
-        """True when `tick` and `tick_duty` would change nothing."""
-        return self.target == 0.0 and self.duty == 0.0
-
-    def set_duty(self, duty: float) -> None:
-        """Apply a raw duty instead of a target."""
-        self.duty = 0.0 if self.fault else duty
-        if duty:
-            self.direction = 1 if duty > 0.0 else -1
-
-    def tick(self, now: int) -> float:
-        """Run the loop once; call it each LOOP_PERIOD. Returns the duty."""
-        if self.target != 0.0 and not self.fault:
-            self.run_period(now)
-            self._add_to_stall(abs(self.target))
-            if self._stall_excess >= self._stall_excess_most:
-                has_turned = self._measured_edges == 2
-                is_clear = has_turned or self._stall_angle >= STALL_PITCHES_CLEAR * self.pitch
-                periods = self._stall_periods_clear - (self._stall_lead if has_turned else 0)
-                self._check_stall(periods if is_clear else STALL_PERIODS)
-        self._apply(SLEW_MAX)
-        return self.duty
-
-    def tick_duty(self) -> float:
-        """As `tick`, with a raw duty instead of a target."""
-        duty = abs(self.duty)
-        if duty <= STALL_DUTY_MIN:
-            self._reset_stall()
-        else:
-            speed = (duty - self.gains.static) / max(self.gains.slope, 1e-6)
-            self._add_to_stall(speed)
-            self._check_stall(STALL_PERIODS)
-        if self.fault:
-            self.duty = 0.0
-        return self.duty
-
-    def clear_fault(self) -> None:
-        """End a fault; the wheel stands until the next command."""
-        self.fault = False
-        self.target = 0.0  # the next target resets the loop
-        self._reset_stall()
 
     def _add_to_stall(self, speed: float) -> None:
         """Count a period of a wheel that should turn at `speed` (rad/s) and gives no edge."""
@@ -389,95 +384,3 @@ class WheelSpeedLoop(SpeedLoop):
         """A stall that has lasted for `periods` is a fault."""
         if self._stall_periods >= periods and self._stall_excess >= self._stall_excess_most:
             self.fault = True
-
-    def _apply(self, growth: float) -> None:
-        """Set the duty; in a reversal it grows by at most `growth`."""
-        if self.target == 0.0 or self.fault:
-            self.duty = 0.0
-            return
-        duty = self.limited_duty()
-        if self._is_slewing:
-            difference = self.direction * (duty - self.duty)
-            self._is_slewing = difference > growth
-            if self._is_slewing:
-                duty = self.duty + self.direction * growth
-        self.duty = duty
-
-
-class EvenEdges:
-    """The edges of one frame, which are taken as evenly spaced. Times in ns."""
-
-    __slots__ = ("duration", "number", "remaining", "start")
-
-    def __init__(self, start: int, last: int, number: int) -> None:
-        """`number` edges after `start`, the last of them at `last`."""
-        self.start, self.duration = start, last - start
-        self.number = self.remaining = number
-
-    def pass_until(self, until: int) -> tuple[int, int]:
-        """How many of the remaining edges come until then, and the time of the last one."""
-        number, duration, age = self.number, self.duration, until - self.start
-        passed = number - self.remaining
-        if age >= duration:
-            index = number
-        elif age >= 0:
-            index = max(((age + 1) * number - 1) // duration, passed)
-        else:
-            index = passed
-        self.remaining = number - index
-        return index - passed, self.start + duration * index // number
-
-
-class SpeedLoopMirror(SpeedLoop):
-    """Reconstruction on the host of the duty that a board's loop applies.
-
-    The host knows every target and the time of nearly every edge, measured or estimated from the
-    counts, but no frame carries the duty. Without it the wheel filter would attribute the action of
-    the loop to friction. Slewing and stalls are not modelled.
-    """
-
-    __slots__ = ("time",)
-
-    def __init__(self, gains: SpeedGains, slots: int, time: int) -> None:
-        super().__init__(gains, slots)
-        self.time = time
-
-    def update(
-        self, time: int, steps: int, edge: int, changes: Iterable[tuple[int, float]]
-    ) -> list[float]:
-        """Apply one frame. Returns the duty after each change but the last, and that at the
-        frame's time.
-
-        `steps`: counts since the previous frame, the last of them at time `edge`; `changes`: the
-        targets (rad/s) that took effect in this order, each with its time.
-        """
-        edges = EvenEdges(min(self._last_edge, edge), edge, abs(steps))
-        duties: list[float] = []
-        for number, (since, target) in enumerate(changes):
-            if number:
-                duties.append(self.limited_duty())
-            if target != self.target:
-                self._run(since, edges)
-                self.set_target(target, since)
-        self._run(time, edges)
-        duties.append(self.limited_duty())
-        return duties
-
-    def _run(self, until: int, edges: EvenEdges) -> None:
-        """Run the loop each LOOP_PERIOD until then, past its edges. The phase of the board's timer
-        is unknown, but one period changes the duty by too little to matter."""
-        if self.target:
-            for time in range(self.time + LOOP_PERIOD, until + 1, LOOP_PERIOD):
-                self.time = time
-                if edges.remaining:
-                    self._pass_edges(time, edges)
-                self.run_period(time)
-        else:
-            self.time = max(until, self.time)
-        if edges.remaining:
-            self._pass_edges(until, edges)
-
-    def _pass_edges(self, until: int, edges: EvenEdges) -> None:
-        number, last = edges.pass_until(until)
-        if number:
-            self.add_edges(last, number)

@@ -7,7 +7,7 @@ from math import pi
 
 from diffbotctl.config.board_pins import BOARDS, BoardPins
 from diffbotctl.config.imu_chips import IMU_CHIPS
-from diffbotctl.config.motor_pulses import driver_code, pulse_fields
+from diffbotctl.config.motor_pulses import driver_code
 from diffbotctl.config.robot import (
     ImuSection,
     Robot,
@@ -55,7 +55,7 @@ def board_settings(robot: Robot, is_upward_checked: bool = True) -> BoardSetting
     """The settings that our firmware needs of this robot.
 
     `is_upward_checked`: the board compares the stated axis of the IMU with gravity. Calibration
-    reads axes across, too, and needs the pulses with whose name it stores its results.
+    reads axes across, too.
     Raises ConfigurationError for a board that it does not run on.
     """
     pins = BOARDS.get(robot.board.type)
@@ -81,7 +81,6 @@ def board_settings(robot: Robot, is_upward_checked: bool = True) -> BoardSetting
         lag=measured_lag(robot),
         edge_times=board.edge_times,
         driver=driver_code(robot),
-        has_calibrated_pulses=not is_upward_checked or bool(pulse_fields(robot)),
         standby=_number(pins, left.motor.standby),
         brake=left.motor.idle == "brake",
         range_channel=None if sensor is None else _analog_channel(pins, sensor.pin),

@@ -58,6 +58,7 @@ class CommandedWheelOdometer:
         command: float,
         is_duty: bool,
         command_since: int,
+        reported_duty: float | None = None,
     ) -> None:
         """Apply one frame. `command`, in effect since `command_since` (ns), is a duty or rad/s."""
         self._roll(min(command_since, time))

@@ -20,7 +20,6 @@ from diffbotctl.estimation.wheel_side import MotorConfig, known_decay
 LEAST, MOST = log(0.5), log(1.4)
 HEAVY_LOAD = 0.2  # duty that moving the robot takes of both motors
 EXPLAINED_MIN = 5.0  # edges
-UNTIMED_MAX = 0.5  # of the edges; the duty of a board's loop is not known from edges without times
 # Standard deviation of the log of a ratio by the friction, relative to the edges that it takes, and
 # the number of them by which a ratio has to exceed MOST.
 FRICTION_SD, SURE_SDS = 0.4, 0.3
@@ -62,8 +61,6 @@ class CountMismatch:
 
     def _seen(self, left: EdgeRatio, right: EdgeRatio) -> str:
         if min(left.explained, right.explained) < EXPLAINED_MIN:
-            return ""
-        if max(each.untimed / each.explained for each in (left, right)) > UNTIMED_MAX:
             return ""
         if self.is_linear and min(_beyond_most(left), _beyond_most(right)) > 0.0:
             return MANY

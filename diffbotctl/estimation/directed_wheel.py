@@ -21,8 +21,10 @@ class DirectedWheelOdometer(FineWheelOdometer):
         command: float,
         is_duty: bool,
         command_since: int,
+        reported_duty: float | None = None,
     ) -> None:
-        """Apply one frame. `command`, in effect since `command_since` (ns), is a duty or rad/s."""
+        """Apply one frame. `command`, in effect since `command_since` (ns), is a duty or rad/s;
+        `reported_duty`: that of the motor at its end, if the board reports it."""
         steps = count - self.count
         self.count = count
         span = (time - self.time) * 1e-9
@@ -39,7 +41,7 @@ class DirectedWheelOdometer(FineWheelOdometer):
             self.faults.add(edge_span, abs(steps), self.direction)
         commanded = speed * self.pitches_per_rad
         self.lost_since += self.gaps.update(span, abs(steps), commanded)
-        self._explain(time, steps, edge_time, span, command, is_duty, command_since)
+        self._explain(span, abs(steps), command, is_duty, reported_duty)
         self._update_speed(predicted, mean, steps, abs(steps), span, edge_span)
         self._place_between_edges(time, steps, span)
 

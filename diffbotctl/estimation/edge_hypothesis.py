@@ -194,17 +194,6 @@ class EdgeHypothesis:
         motion.is_dry, branch.motion.is_dry = False, True
         return [self, branch]
 
-    def estimated_edge_time(self, time: int, steps: int) -> int:
-        """Predicted time (ns) of the last of `steps` edges counted in the frame at `time`."""
-        span = (time - self.time) * 1e-9
-        speed = self.motion.speed
-        if not self.motion.is_rolling(ROLLING_CREEP_RATIO):
-            return time - int(0.5e9 * span)
-        direction = -1 if speed < 0.0 else 1
-        beyond = direction * (self.motion.z + speed * span - self.edge_place) - abs(steps)
-        age = min(max(beyond / abs(speed), 0.0), span, 1.0 / abs(speed))
-        return time - int(age * 1e9)
-
     def _update_bounds(self, is_moving: bool, has_edge: bool) -> list[EdgeHypothesis]:
         """Update by the knowledge that no further edge was passed. Splits when one is overdue."""
         if not self.edge_direction:

@@ -20,7 +20,6 @@ DUTY_RATIO_MIN = 1.3  # of the dead band; with a smaller duty a wheel may stick 
 # but the motor has one.
 STATIC_MIN = 0.08
 SHARE_MIN = 0.1  # of the edges explained, left by a load; less does not differ
-FEW_EDGES = 1.5  # in a frame; the times of more matter less, in inverse proportion
 STANDING_SPEED_RATIO = 0.05  # of the rated speed; a slower wheel without a duty stands
 
 
@@ -33,8 +32,6 @@ class EdgeRatio(NamedTuple):
     """edges that would be explained without friction, less `explained`"""
     load: float
     """edges by which a load that takes all of a duty of 1 reduces `explained`"""
-    untimed: float = 0.0
-    """edges explained by a board's loop whose edges had no times; less for many in a frame"""
 
     @property
     def log_ratio(self) -> float:
@@ -78,16 +75,15 @@ class ExplainedEdges:
         self.driven = 0.0
         """s, in which the sums have grown"""
         classes = range(len(CLASSES) + 1)
-        self.sums = [[[0.0] * 5 for _ in classes] for _ in self.curves]
+        self.sums = [[[0.0] * 4 for _ in classes] for _ in self.curves]
 
     @property
     def ratios(self) -> list[list[EdgeRatio]]:
         """The sums by curve and class."""
         return [[EdgeRatio(*sums) for sums in classes] for classes in self.sums]
 
-    def add(self, span: float, edges: int, duty: float, is_known: bool = True) -> None:
-        """Take a frame of `span` (s) with `edges`, whose motor had the signed `duty`. `is_known`:
-        whether that is more than what the loop of the board makes of edges without times."""
+    def add(self, span: float, edges: int, duty: float) -> None:
+        """Take a frame of `span` (s) with `edges`, whose motor had the signed `duty`."""
         before = self.speeds[0]
         travels = []
         for index, curve in enumerate(self.curves):
@@ -103,16 +99,14 @@ class ExplainedEdges:
             return
         size = abs(duty)
         if size > DUTY_RATIO_MIN * self.static and span < SPAN_MAX_S and before * duty > 0.0:
-            self._sum(span, edges, size, travels, is_known)
+            self._sum(span, edges, size, travels)
 
-    def _sum(
-        self, span: float, edges: int, duty: float, travels: list[float], is_known: bool
-    ) -> None:
+    def _sum(self, span: float, edges: int, duty: float, travels: list[float]) -> None:
         self.driven += span
         fade, of_duty = exp(-span / MEMORY_S), bisect(CLASSES, duty - self.static)
         for curve, travel, classes in zip(self.curves, travels, self.sums, strict=True):
             for sums in classes:
-                for index in range(5):
+                for index in range(4):
                     sums[index] *= fade
             steep = curve.steepness(duty) * span
             sums = classes[of_duty]
@@ -120,5 +114,3 @@ class ExplainedEdges:
             sums[1] += travel
             sums[2] += (1.0 - duty) * self.friction_rate * steep
             sums[3] += self.load_rate * steep
-            if not is_known:
-                sums[4] += travel * min(FEW_EDGES / max(edges, 1), 1.0)

@@ -11,11 +11,12 @@ from __future__ import annotations
 from math import exp, pi, radians, sqrt
 
 from diffbotctl.control.motor_curve import settled_speed
-from diffbotctl.control.speed_loop import SpeedLoopMirror, speed_gains
+from diffbotctl.control.speed_loop import speed_gains
 from diffbotctl.estimation.count_faults import CountFaults
 from diffbotctl.estimation.count_sign import CountSign
 from diffbotctl.estimation.edge_gaps import EdgeGaps
 from diffbotctl.estimation.explained_edges import ExplainedEdges
+from diffbotctl.estimation.motor_duty import MotorDuty
 from diffbotctl.estimation.undriven_edges import UndrivenEdges
 from diffbotctl.estimation.wheel_side import LinkTiming, SideConfig
 
@@ -71,8 +72,8 @@ class FineWheelOdometer:
         is_even = counts == side.encoder.slots
         self.faults = CountFaults(timing.has_edge_times and is_even, timing.frame_time)
         self.explained = ExplainedEdges(side)
-        self.mirror = SpeedLoopMirror(speed_gains(motor), counts, time)
-        self.skipped: tuple[int, float] | None = None  # command in the next frame: ns, value
+        self.duty = MotorDuty(speed_gains(motor))
+        self.skipped: float | None = None  # command in the next frame
         self.gaps = EdgeGaps(motor.rated * self.pitches_per_rad)
         self.lost_since = 0.0  # pitches2, in gaps, since the last report
         self.travel = self.start_correction = 0.0
@@ -132,7 +133,7 @@ class FineWheelOdometer:
 
     def skipped_command(self, command: float, is_duty: bool, since: int) -> None:
         """Take a command that was replaced in the next frame; in effect since `since` (ns)."""
-        self.skipped = since, command
+        self.skipped = command
 
     @property
     def coasting_travel(self) -> float:
@@ -147,8 +148,10 @@ class FineWheelOdometer:
         command: float,
         is_duty: bool,
         command_since: int,
+        reported_duty: float | None = None,
     ) -> None:
-        """Apply one frame. `command`, in effect since `command_since` (ns), is a duty or rad/s."""
+        """Apply one frame. `command`, in effect since `command_since` (ns), is a duty or rad/s;
+        `reported_duty`: that of the motor at its end, if the board reports it."""
         steps = count - self.count
         self.count = count
         span = (time - self.time) * 1e-9
@@ -170,36 +173,21 @@ class FineWheelOdometer:
             self.faults.add(edge_span, edges, self.direction if self.rolled_for == 0.0 else 0)
         commanded = 0.0 if self.rolled_for else speed * self.pitches_per_rad
         self.lost_since += self.gaps.update(span, edges, commanded)
-        self._explain(time, steps, edge_time, span, command, is_duty, command_since)
+        self._explain(span, abs(steps), command, is_duty, reported_duty)
         self._update_speed(predicted, mean, net, edges, span, edge_span)
         self._place_between_edges(time, edges, span)
         self.edges_before, self.rate_before = edges, self.rate
         self.rate = edges / span if span > 0.0 else self.rate
 
     def _explain(
-        self,
-        time: int,
-        steps: int,
-        edge_time: int | None,
-        span: float,
-        command: float,
-        is_duty: bool,
-        since: int,
+        self, span: float, edges: int, command: float, is_duty: bool, reported: float | None
     ) -> None:
         """Compare the edges of a frame with those that the duty of the motor explains."""
-        duty = command
-        if not is_duty:
-            changes = [(since, command)]
-            if self.skipped is not None:
-                changes.insert(0, self.skipped)
-            edge = edge_time
-            if edge is None:  # on average half of an interval ago
-                edge = time - int(0.5e9 * span / max(abs(steps), 1))
-            duty = self.mirror.update(time, steps, edge, changes)[-1]
+        commands = (command,) if self.skipped is None else (self.skipped, command)
+        duty = self.duty.update(commands, is_duty, reported)[-1]
         self.skipped = None
         if span > 0.0:
-            is_known = is_duty or edge_time is not None
-            self.explained.add(span, abs(steps), duty if command else 0.0, is_known)
+            self.explained.add(span, edges, duty if command else 0.0)
 
     def _hidden_edges(self, edges: int, expected: float, span: float) -> int:
         """Edges that cancel in the board's count of a frame in which it has changed the sign."""

@@ -5,10 +5,11 @@ from __future__ import annotations
 from math import copysign, pi
 
 from diffbotctl.control.motor_curve import settled_speed
-from diffbotctl.control.speed_loop import SpeedLoopMirror, speed_gains
+from diffbotctl.control.speed_loop import speed_gains
 from diffbotctl.estimation.count_sign import CountSign
 from diffbotctl.estimation.edge_gaps import EdgeGaps
 from diffbotctl.estimation.explained_edges import ExplainedEdges
+from diffbotctl.estimation.motor_duty import MotorDuty
 from diffbotctl.estimation.predicted_wheel import Response, no_load_speed
 from diffbotctl.estimation.priors import Priors
 from diffbotctl.estimation.slot_errors import EdgeErrors, SlotEstimate
@@ -47,7 +48,7 @@ class WheelOdometer:
             lag=motor.lag,
             friction=friction,
             dead_band=self.static,
-            breakaway=motor.breakaway if timing.has_duties else None,
+            breakaway=motor.breakaway,
             brakes=brakes,
             shorted_speed=motor.bridge_share * no_load_speed(motor.rated + friction)
             if brakes
@@ -64,7 +65,7 @@ class WheelOdometer:
             )
         edges = known_edges(side.encoder, priors)
         self.filter = WheelFilter(priors, time, count, slots, edges)
-        self.mirror = SpeedLoopMirror(speed_gains(motor), slots, time)
+        self.duty = MotorDuty(speed_gains(motor))
         self.explained = ExplainedEdges(side)
         self.count_sign = CountSign(timing.command_time, timing.is_published_firmware)
         self.undriven = UndrivenEdges(self.pitches_per_rad)
@@ -141,37 +142,28 @@ class WheelOdometer:
         command: float,
         is_duty: bool,
         command_since: int,
+        reported_duty: float | None = None,
     ) -> None:
-        """Apply one frame. `command`, in effect since `command_since` (ns), is a duty or rad/s."""
+        """Apply one frame. `command`, in effect since `command_since` (ns), is a duty or rad/s;
+        `reported_duty`: that of the motor at its end, if the board reports it."""
         steps, span = count - self.count, (time - self.time) * 1e-9
         is_mixed = self.count_sign.update(self.time, command, command_since, steps)
-        changes = [(command_since, command)]
-        if self.skipped is not None:
-            changes.insert(0, self.skipped)
-        if is_duty:
-            duties = [value for _, value in changes]
-        else:
-            edge = edge_time
-            if edge is None:
-                edge = self.filter.hypotheses[0].estimated_edge_time(time, steps)
-            duties = self.mirror.update(time, steps, edge, changes)
+        commands = (command,) if self.skipped is None else (self.skipped[1], command)
+        duties = self.duty.update(commands, is_duty, reported_duty)
         self.time, self.count = time, count
         skipped = None
         if self.skipped is not None:
             skipped = DriveChange(self.skipped[0], self._drive(duties[0]), duties[0])
             self.skipped = None
         drive, duty = self._drive(duties[-1]), duties[-1]
-        is_known = is_duty or edge_time is not None
-        self._note_drive(span, abs(steps), drive, duty if command else 0.0, is_known)
+        self._note_drive(span, abs(steps), drive, duty if command else 0.0)
         is_mixed = is_mixed and edge_time is None
         level, self.has_counted_level = self.has_counted_level, None
         self.filter.update(
             WheelFrame(time, count, edge_time, drive, command_since, duty, skipped, is_mixed, level)
         )
 
-    def _note_drive(
-        self, span: float, edges: int, drive: float, duty: float, is_known: bool
-    ) -> None:
+    def _note_drive(self, span: float, edges: int, drive: float, duty: float) -> None:
         """Compare the `edges` of a frame with its `drive` (pitches/s) and `duty`."""
         self.undriven.add(span, edges, is_driven=duty != 0.0)
         direction = (drive > 0.0) - (drive < 0.0)
@@ -180,7 +172,7 @@ class WheelOdometer:
             self.drive_direction = direction
         self.lost_variance += self.gaps.update(span, edges, drive)
         if span > 0.0:
-            self.explained.add(span, edges, duty, is_known)
+            self.explained.add(span, edges, duty)
 
     def _drive(self, duty: float) -> float:
         """Pitches/s at which the motor settles."""

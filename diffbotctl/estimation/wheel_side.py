@@ -59,11 +59,6 @@ class LinkTiming(NamedTuple):
     has_edge_times: bool
     is_published_firmware: bool = False
 
-    @property
-    def has_duties(self) -> bool:
-        """Whether each duty is known: that of a board's own loop only by the times of the edges."""
-        return self.has_edge_times or self.is_published_firmware
-
 
 def known_decay(motor: MotorConfig) -> str | None:
     """How the current decays between two pulses: as measured, or by what the driver does there;

@@ -25,10 +25,6 @@ LEAVE_REPLY = stk500_frames.message(2, bytes([stk500_frames.LEAVE, 0]))
 """the bootloader's reply to it"""
 TOPICS = rosserial_frames.encode(REQUEST)
 FLASH = "`diffbotctl flash firmware` installs our firmware over the USB cable"
-OLDER_PULSES = (
-    "its firmware does not know pulses that short the motors between them, as the new one does: "
-    "`diffbotctl flash firmware`"
-)
 
 
 class BaudSearch:
@@ -199,16 +195,6 @@ def wrong_version(version: int) -> Refusal:
         f"diffbotctl version {frames.VERSION}"
     )
     return Refusal("E-BOARD-VERSION", cause, fix)
-
-
-def other_pulses() -> Refusal:
-    """The motors were calibrated with pulses that this firmware does not know."""
-    cause = (
-        "the motors were calibrated with pulses on in1 and in2, and the board's firmware is older "
-        "than those"
-    )
-    fix = f"{FLASH}; or set drive.motor.pulses: enable, and run `diffbotctl calibrate motors`"
-    return Refusal("E-BOARD-PULSES", cause, fix)
 
 
 def other_board(code: int, expected: frames.BoardCode) -> Refusal:

@@ -13,7 +13,6 @@ from diffbotctl.links.diffbot_frames import (
     OF_TYPE,
     RECEIVE_MOST,
     TYPE_BITS,
-    VERSION_1_BYTES,
     Frame,
 )
 
@@ -60,14 +59,13 @@ def pack(frame: Frame) -> bytes:
 def unpack(payload: bytes) -> Frame | None:
     """Frame of a payload; None when its type is unknown or it is too short for its type.
 
-    A longer frame comes from a later firmware: the rest is ignored. A hello of version 1 has zeros
-    in the fields that it lacks.
+    A longer frame comes from a later firmware: the rest is ignored.
     """
     kind = OF_TYPE.get(payload[0] & (1 << TYPE_BITS) - 1)
     if kind is None:
         return None
     _, layout, repeated, size = _LAYOUTS[kind]
-    if len(payload) < VERSION_1_BYTES.get(kind, size):
+    if len(payload) < size:
         return None
     bits = int.from_bytes(payload, "little")
     values = [(bits >> shift & mask ^ sign) - sign for shift, mask, sign in layout]

@@ -4,7 +4,7 @@
 from enum import IntEnum
 from typing import Annotated, NamedTuple, Self
 
-VERSION = 2
+VERSION = 3
 CHECK_POLYNOMIAL = 0x5D6DCB
 CHECK_START = 0xFEDCBA
 CHECK_BYTES = 3
@@ -12,6 +12,7 @@ TYPE_BITS = 4
 TICK_NANOSECONDS = 64000  # unit of board time in frames and of edge ages
 SPEED_ONE = 256  # 1 rad/s in frames
 DUTY_ONE = 32767  # full duty in a `duty` frame
+REPORTED_DUTY_ONE = 127  # full duty in state, counts and inertial frames
 GAIN_ONE = 32768  # full duty in the gains: duty, duty per rad/s
 INTEGRAL_ONE = 5243  # a gain of 1 duty per rad: 16 * 32768 / 100 periods a second
 GAIN_MAXIMUM = 24576  # of every gain: 0.75 duty, or duty per rad/s; 4.69 duty per rad
@@ -57,6 +58,7 @@ CAPTURE_TIME = 16383  # mask of the time in an edge
 
 # Types of fields: bits on the wire, negative when signed; then the number of values.
 Int16 = Annotated[int, -16]
+Int8 = Annotated[int, -8]
 Uint1 = Annotated[int, 1]
 Uint2 = Annotated[int, 2]
 Uint4 = Annotated[int, 4]
@@ -169,7 +171,6 @@ class CapabilityCode(ProtocolCode):
     BATTERY_STOP = 3, "stops for a low battery"
     QUADRATURE = 4, "encoders with two channels"
     EVERY_EDGE = 5, "counts all four edges of two channels"
-    LEVELS = 6, "state and counts frames with the levels of the encoder pins"
     ENABLE_IN1_IN2 = 8, "motor driver with an enable input and two direction inputs, as an L298N"
     ENABLE_DIRECTION = 9, "with a PWM input and one direction input, as a DRV8838"
     TWO_PWM = 10, "with two PWM inputs, as a DRV8833"
@@ -325,6 +326,7 @@ class StateFrame(NamedTuple):
     right: Uint16  # low bits of the count
     range: Uint12  # the analog sensor, mean of 16 readings
     command: Uint4  # sequence number of the command in force
+    duty: Int8  # 1/127; of the left motor in frames of even sequence, else of the right
     left_age: Uint16  # 64 us
     right_age: Uint16  # 64 us
 
@@ -343,13 +345,14 @@ class InertialFrame(NamedTuple):
     right: Uint16  # low bits of the count
     range: Uint12  # the analog sensor, mean of 16 readings
     command: Uint4  # sequence number of the command in force
+    duty: Int8  # 1/127; of the left motor in frames of even sequence, else of the right
     left_age: Uint16  # 64 us
     right_age: Uint16  # 64 us
     turn: Uint16  # about the axis of the settings since the start, TURN_NANODEGREES, low bits
 
 
 class CountsFrame(NamedTuple):
-    """A state frame without the ages, for 50 Hz."""
+    """A state frame without the ages, for 48 Hz."""
 
     boot: Uint4  # changes at each restart
     sequence: Uint6  # sequence number of frames of this type
@@ -362,6 +365,7 @@ class CountsFrame(NamedTuple):
     right: Uint16  # low bits of the count
     range: Uint12  # the analog sensor, mean of 16 readings
     command: Uint4  # sequence number of the command in force
+    duty: Int8  # 1/127; of the left motor in frames of even sequence, else of the right
 
 
 class StatusFrame(NamedTuple):
@@ -372,7 +376,7 @@ class StatusFrame(NamedTuple):
 
 
 class HelloFrame(NamedTuple):
-    """Identity of the board and its state; to a host of version 1, as long as in that version."""
+    """Identity of the board and its state."""
 
     boot: Uint4  # changes at each restart
     version: Uint8  # of the protocol
@@ -432,10 +436,6 @@ Frame = (
     | RangeFrame
     | CaptureFrame
 )
-# Bytes of payload in version 1, where a board of that version must be understood.
-VERSION_1_BYTES: dict[type[Frame], int] = {
-    HelloFrame: 12,
-}
 OF_TYPE: dict[int, type[Frame]] = {
     1: CommandFrame,
     2: DutyFrame,

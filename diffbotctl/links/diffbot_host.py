@@ -11,10 +11,8 @@ from typing import assert_never
 
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.board_search import (
-    OLDER_PULSES,
     BaudSearch,
     other_board,
-    other_pulses,
     refused_setting,
     settings_timeout,
     wrong_version,
@@ -24,7 +22,6 @@ from diffbotctl.links.diffbot_commands import CommandSender
 from diffbotctl.links.diffbot_faults import BATTERY_STOP_TEXT, gyro_cause, gyro_fix, storm_text
 from diffbotctl.links.diffbot_frames import (
     ActionCode,
-    CapabilityCode,
     ItemCode,
     ModeCode,
     RefusalCode,
@@ -33,7 +30,7 @@ from diffbotctl.links.diffbot_frames import (
 from diffbotctl.links.diffbot_ranges import further_range, range_fault
 from diffbotctl.links.diffbot_settings import BAUDS, FIRST_BAUD, BoardSettings, settings_name
 from diffbotctl.links.diffbot_states import LINK_STATES, TRANSITIONS, HostEvent, HostState
-from diffbotctl.links.diffbot_telemetry import RawEdge, State, Telemetry, volts_of, with_level
+from diffbotctl.links.diffbot_telemetry import RawEdge, State, Telemetry, volts_of
 from diffbotctl.links.link_protocol import BITS_PER_BYTE, USB_BAUD, LinkOutput, Refusal
 from diffbotctl.messages import Battery, Duty, Encoders, Link, Text, Wheels
 from diffbotctl.time import MILLISECOND, NEVER, SECOND
@@ -206,12 +203,6 @@ class DiffbotHost:
         """State frames a second; nan before there were two."""
         return self._telemetry.rate
 
-    @property
-    def has_older_pulses(self) -> bool:
-        """True when the board's firmware cannot pulse the inputs that the settings ask for."""
-        hello, settings = self.hello, self.settings
-        return hello is not None and settings.for_firmware(hello.capabilities) is not settings
-
     def _enter(self, now: int, event: HostEvent, cause: str = "") -> LinkOutput:
         """Change the state; the message that shows it."""
         self.state, self.cause = TRANSITIONS[self.state][event], cause
@@ -314,13 +305,8 @@ class DiffbotHost:
             return self._refuse(now, HostEvent.VERSION_DIFFERS, refusal)
         self._ask_at = NEVER
         restart = self._on_restart(now, hello) if self._boot not in (None, hello.boot) else ""
-        used = self.settings.for_firmware(hello.capabilities)
-        if used is not self.settings and self.settings.has_calibrated_pulses:
-            self._search.begin(now, self.baud)
-            return self._refuse(now, HostEvent.VERSION_DIFFERS, other_pulses())
         self._boot, self.hello = hello.boot, hello
-        self._settings_frame = used.frame()
-        self._settings_mark = used.mark(hello.settings_size)
+        self._settings_mark = self.settings.mark(hello.settings_size)
         if hello.settings == self._settings_mark:
             self._settings_at = NEVER
             return self._link_up(now, hello, restart)
@@ -343,8 +329,7 @@ class DiffbotHost:
         self._was_up = True
         self._gyro_due = now + GYRO_START_TIMEOUT
         self._commands.claim(now)  # a board without settings keeps no claim
-        older = OLDER_PULSES if self.has_older_pulses else ""
-        text = "; ".join(filter(None, (restart, describe_board(hello), older)))
+        text = "; ".join(filter(None, (restart, describe_board(hello))))
         return [("text", Text(now, text)), *self._enter(now, HostEvent.SETTINGS_MATCH)]
 
     def _on_answer(
@@ -377,18 +362,10 @@ class DiffbotHost:
         encoders = self._telemetry.read(now, frame)
         if isinstance(frame, frames.InertialFrame):
             encoders = self._with_gyro(now, encoders, frame)
-        elif self._reports_levels:
-            encoders = with_level(encoders, frame)
         output.append(("encoders", encoders))
         if self.settings.range_channel is not None and frame.range != frames.ANALOG_NONE:
             output.append((self.settings.range_name, self._telemetry.volts(encoders, frame)))
         return output
-
-    @property
-    def _reports_levels(self) -> bool:
-        """Whether the board's state and counts frames have the levels of the encoder pins."""
-        levels = 1 << CapabilityCode.LEVELS
-        return self.hello is not None and bool(self.hello.capabilities & levels)
 
     def _with_gyro(self, now: int, encoders: Encoders, frame: frames.InertialFrame) -> Encoders:
         """Add sign, unit and fault of the turn. A gyro that has never worked is refused."""

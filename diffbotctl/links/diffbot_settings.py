@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import isfinite
 from typing import NamedTuple
 
@@ -119,7 +119,7 @@ class BoardSettings:
     """minimum duration (ns) of a level for the edge at its end to count"""
     deadman: int = 300_000_000
     """ns without a valid command after which the board stops the motors"""
-    telemetry: int = 40
+    telemetry: int = 38
     """state frames a second"""
     lag: float | None = None
     """time constant (s) of the slower motor; None: unknown"""
@@ -127,8 +127,6 @@ class BoardSettings:
     """whether frames carry the ages of the last edges"""
     driver: frames.DriverCode = frames.DriverCode.ENABLE_IN1_IN2
     """inputs of the motor driver"""
-    has_calibrated_pulses: bool = False
-    """true when the motors were calibrated with the pulses of `driver`, and need them"""
     standby: int | None = None
     """pin of its standby input"""
     brake: bool = False
@@ -159,20 +157,6 @@ class BoardSettings:
     """baud rate of UART1, or of the only UART"""
     shares_usb: bool = False
     """true when USB cable and radio module share the only UART, whose rate is `baud` then"""
-
-    def for_firmware(self, capabilities: int) -> BoardSettings:
-        """The settings for a firmware with these capabilities: an older one pulses other inputs."""
-        if (
-            self.driver is not frames.DriverCode.PULSED_INPUTS
-            or capabilities & 1 << frames.CapabilityCode.PULSED_INPUTS
-        ):
-            return self
-        has_enable = self.left.enable is not None and self.right.enable is not None
-        code = frames.DriverCode.ENABLE_IN1_IN2 if has_enable else frames.DriverCode.TWO_PWM
-        left, right = self.left, self.right
-        if not has_enable:
-            left, right = replace(left, enable=None), replace(right, enable=None)
-        return replace(self, driver=code, left=left, right=right)
 
     def frame(self) -> frames.SettingsFrame:
         """Settings frame, as it is sent and as the board stores it.

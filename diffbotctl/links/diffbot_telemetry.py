@@ -34,13 +34,6 @@ State = frames.StateFrame | frames.CountsFrame | frames.InertialFrame
 TURN = radians(frames.TURN_NANODEGREES * 1e-9)
 
 
-def with_level(encoders: Encoders, frame: frames.StateFrame | frames.CountsFrame) -> Encoders:
-    """`encoders` with the level of the pin of their frame: the left one in each second."""
-    if frame.sequence % 2:
-        return encoders._replace(right_level=frame.level)
-    return encoders._replace(left_level=frame.level)
-
-
 class SentCommand(NamedTuple):
     """A command in the values that the board receives."""
 
@@ -131,6 +124,12 @@ class Telemetry:
             right_edge = self._edge_time(1, board_time, frame.right_age)
         sent, since = self._command_in_force(board_time, frame)
         encoders = Encoders(time, left, right, left_edge, right_edge, *sent[1:], since, self.boots)
+        duty = frame.duty / frames.REPORTED_DUTY_ONE
+        level = None if isinstance(frame, frames.InertialFrame) else frame.level
+        if frame.sequence % 2:
+            encoders = encoders._replace(right_level=level, right_duty=duty)
+        else:
+            encoders = encoders._replace(left_level=level, left_duty=duty)
         skipped = self._skipped_command(frame, sent, since)
         self._shown_command, self._frame_time = frame.command, time
         if skipped is not None:

@@ -14,12 +14,11 @@ from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_commands import in_frame
 from diffbotctl.messages import Duty, Encoders, Wheels
 from diffbotctl.time import MILLISECOND as MS
-from diffbotctl.time import NEVER
+from diffbotctl.time import NEVER, SECOND
 
 COMMAND_WIRE_TIME = 10_400_000  # ns; ten bytes at 9600 baud with the Mega's divider
 RADIO_DELAY = 4_500_000  # ns each way through the Bluetooth modules: 35 ms in all for a count loop
 JITTER_MAX_SD = 2  # standard deviations of the arrival; keeps frames in order
-
 
 STALL_FLAGS = (frames.FLAG_LEFT_STALL, frames.FLAG_RIGHT_STALL)
 
@@ -44,11 +43,11 @@ BOARD_MODELS: dict[BoardKind, BoardModel] = {
         60_606_061, 17 * MS, 100 * MS, 8 * MS, 25 * MS, has_speed_loop=False, edge_times=False
     ),
     "counts": BoardModel(
-        20 * MS, 15_600_000 + RADIO_DELAY, COMMAND_WIRE_TIME + RADIO_DELAY, edge_times=False
+        SECOND // 48, 18_700_000 + RADIO_DELAY, COMMAND_WIRE_TIME + RADIO_DELAY, edge_times=False
     ),
     # No radio and no cable: a robot that exists in the simulator alone; its file has the period.
     "simulated": BoardModel(40 * MS, MS, MS),
-    "edges": BoardModel(25 * MS, 21_900_000 + RADIO_DELAY, COMMAND_WIRE_TIME + RADIO_DELAY),
+    "edges": BoardModel(SECOND // 38, 22_900_000 + RADIO_DELAY, COMMAND_WIRE_TIME + RADIO_DELAY),
 }
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from diffbotctl.config.robot import Robot
 from diffbotctl.config.simulation import Simulation
 from diffbotctl.links.diffbot_faults import GYRO_CAUSES
-from diffbotctl.links.diffbot_frames import FLAG_GYRO_GRAVITY
+from diffbotctl.links.diffbot_frames import FLAG_GYRO_GRAVITY, REPORTED_DUTY_ONE
 from diffbotctl.messages import Battery, Duty, Encoders, Message, Odometry, Volts, Wheels
 from diffbotctl.plant.battery import read_analog
 from diffbotctl.plant.chassis import Pose
@@ -460,7 +460,7 @@ class SimulatedRobot:
             deviation = self._rng.gauss(0.0, 1.0)
             late = int(min(max(deviation, -JITTER_MAX_SD), JITTER_MAX_SD) * model.stamp_jitter)
         arrival = now + model.frame_delay + late
-        frame = self._with_level(self._with_turn(self.board.sample(now)))
+        frame = self._with_shown_side(self._with_turn(self.board.sample(now)))
         if late:  # the driver dates a frame by its arrival, less the usual delay
             frame = frame._replace(time=now + late)
         self._arriving.append((arrival, "encoders", frame))
@@ -477,17 +477,18 @@ class SimulatedRobot:
             battery = Battery(now, volts, volts < self.parameters.low)
             self._arriving.append((arrival, "battery", battery))
 
-    def _with_level(self, frame: Encoders) -> Encoders:
-        """The frame with the level of one encoder's pin, in turn. The published firmware sends
-        none, nor do frames with the turn of a gyro."""
-        if self.gyro is not None or not self._model.has_speed_loop:
+    def _with_shown_side(self, frame: Encoders) -> Encoders:
+        """The frame with the duty of one motor and the level of its encoder's pin, in turn. The
+        published firmware reports neither, and frames with the turn of a gyro no level."""
+        if not self._model.has_speed_loop:
             return frame
         side = self._shown_side = 1 - self._shown_side
-        wheel = self._wiring.wheels_at[side]
-        if wheel is None:
-            return frame
-        level = self._pin_levels(wheel)[0]
-        return frame._replace(right_level=level) if side else frame._replace(left_level=level)
+        duty = round(self.board.sides[side].duty * REPORTED_DUTY_ONE) / REPORTED_DUTY_ONE
+        wheel = self._wiring.wheels_at[side] if self.gyro is None else None
+        level = None if wheel is None else self._pin_levels(wheel)[0]
+        if side:
+            return frame._replace(right_level=level, right_duty=duty)
+        return frame._replace(left_level=level, left_duty=duty)
 
     def _pin_levels(self, wheel: int) -> tuple[int, ...]:
         """Levels on the wires of a wheel's encoder; a wire that does not carry them begins at 0."""

@@ -61,10 +61,10 @@ GOOD = LinkFigures(400, 40.0, 0.0, 0, 0.04, 0.06, 0.03, 0.04, 0.08)
 @pytest.mark.parametrize(
     ("baud", "frame", "most"),
     [
-        (9600, 21, 40),  # 962 bytes a second, nine tenths of them: 41.2 frames
-        (9600, 17, 50),  # 50.9
-        (115200, 21, 100),  # the firmware's most
-        (9600, 36, 20),  # 24.0
+        (9600, 22, 38),  # 962 bytes a second, nine tenths of them: 39.3 frames
+        (9600, 18, 48),  # 48.1
+        (115200, 22, 100),  # the firmware's most
+        (9600, 36, 24),  # 24.0
     ],
 )
 def test_max_telemetry_rate(baud, frame, most):
@@ -74,14 +74,14 @@ def test_max_telemetry_rate(baud, frame, most):
 @pytest.mark.parametrize(
     ("figures", "baud", "frame", "expected"),
     [
-        (GOOD, 9600, 21, (40, 9600, 0.3)),
-        (GOOD, 115200, 21, (100, 115200, 0.3)),
+        (GOOD, 9600, 22, (38, 9600, 0.3)),
+        (GOOD, 115200, 22, (100, 115200, 0.3)),
         # 200 ms of two repeats, 150 of lateness, 50 in hand: 400.
-        (GOOD._replace(jitter_worst=0.15), 9600, 21, (40, 9600, 0.4)),
+        (GOOD._replace(jitter_worst=0.15), 9600, 22, (38, 9600, 0.4)),
         # Beyond the longest dead-man.
-        (GOOD._replace(jitter_worst=0.9), 9600, 21, (40, 9600, 0.5)),
-        # Frames of 27 bytes: 30 a second at 9600 baud, too few; 19200 baud carry 60.
-        (GOOD, 9600, 27, (60, 19200, 0.3)),
+        (GOOD._replace(jitter_worst=0.9), 9600, 22, (38, 9600, 0.5)),
+        # Frames of 27 bytes: 32 a second at 9600 baud, too few; 19200 baud carry 64.
+        (GOOD, 9600, 27, (64, 19200, 0.3)),
     ],
 )
 def test_rate_advice(figures, baud, frame, expected):
@@ -89,12 +89,12 @@ def test_rate_advice(figures, baud, frame, expected):
 
 
 def test_every_change_has_a_reason():
-    assert advise_rate(GOOD, 9600, 21).reasons == ()
+    assert advise_rate(GOOD, 9600, 22).reasons == ()
     assert "bluetooth baud 19200" in advise_rate(GOOD, 9600, 27).reasons[0]
-    (late,) = advise_rate(GOOD._replace(jitter_worst=0.15), 9600, 21).reasons
+    (late,) = advise_rate(GOOD._replace(jitter_worst=0.15), 9600, 22).reasons
     assert "150 ms late" in late
     assert any(
-        "lost" in reason for reason in advise_rate(GOOD._replace(lost=0.2), 9600, 21).reasons
+        "lost" in reason for reason in advise_rate(GOOD._replace(lost=0.2), 9600, 22).reasons
     )
 
 

@@ -69,8 +69,8 @@ def test_a_side_overrides_common_values(tmp_path):
 @pytest.mark.parametrize(
     "name, telemetry, edge_times, protocol, speed",
     [
-        ("book_2wd", 40.0, True, "diffbot", 0.3),
-        ("book_2wd_counts", 50.0, False, "diffbot", 0.3),
+        ("book_2wd", 38.0, True, "diffbot", 0.3),
+        ("book_2wd_counts", 48.0, False, "diffbot", 0.3),
         ("book_2wd_stock", 16.5, False, "rosserial", 0.25),
     ],
 )

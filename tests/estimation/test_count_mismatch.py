@@ -8,9 +8,9 @@ from diffbotctl.estimation.count_mismatch import FEW, MANY, CountMismatch, is_li
 from diffbotctl.estimation.explained_edges import EdgeRatio
 
 
-def sums(counted, load=1.2, untimed=0.0):
+def sums(counted, load=1.2):
     """Of a wheel whose duties explain 1,000 edges; the rest relative to them."""
-    return EdgeRatio(1000.0 * counted, 1000.0, 100.0, 1000.0 * load, 1000.0 * untimed)
+    return EdgeRatio(1000.0 * counted, 1000.0, 100.0, 1000.0 * load)
 
 
 @pytest.mark.parametrize(
@@ -20,7 +20,6 @@ def sums(counted, load=1.2, untimed=0.0):
         (sums(1.2), sums(1.25), ""),  # a full battery and good motors
         (sums(1.8), sums(2.0), MANY),  # half of the slots
         (sums(2.0), sums(1.0), ""),  # one wheel: not the slots of both
-        (sums(4.0, untimed=0.9), sums(4.0, untimed=0.9), ""),  # the duty is not known
         (sums(0.5), sums(0.5), ""),  # motors at half of their rated speed
         (sums(0.25), sums(0.25), FEW),  # four times the slots
         (sums(0.25, load=4.0), sums(0.25, load=4.0), ""),  # a heavy robot at a small duty

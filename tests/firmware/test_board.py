@@ -13,7 +13,7 @@ from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import FrameDecoder, encode_payload
 from diffbotctl.time import MILLISECOND as MS
 from tests.sampling import by_day, each_once
-from tests.support.board_bench import BOOK, RADIO, UNO, USB, BoardBench, speed
+from tests.support.board_bench import BOOK, PICO, RADIO, UNO, USB, BoardBench, speed
 from tests.support.trials import (
     board,
     board_faults,
@@ -271,13 +271,13 @@ def test_range_is_the_mean_of_the_readings():
             assert bench.state().range == pytest.approx(millivolts / 5000 * 4092, abs=4.1)
 
 
-def test_counts_frames_at_50_hz():
-    with BoardBench(settings=replace(BOOK, edge_times=False, telemetry=50)) as bench:
+def test_counts_frames_at_48_hz():
+    with BoardBench(settings=replace(BOOK, edge_times=False, telemetry=48)) as bench:
         bench.ready()
         bench.turn(5)
         arrived = [h for _ in range(40) for h in bench.wait(50)]
         counts = [h.frame for h in arrived if isinstance(h.frame, frames.CountsFrame)]
-        assert len(counts) >= 99
+        assert len(counts) >= 95
         steps = {(b.sequence - a.sequence) % 64 for a, b in pairwise(counts)}
         assert steps == {1}
 
@@ -287,7 +287,6 @@ def test_frames_tell_the_levels_of_the_pins_in_turn(edge_times):
     """The left pin in frames of even sequence, the right one in the others."""
     with BoardBench(settings=replace(BOOK, edge_times=edge_times)) as bench:
         bench.ready()
-        assert bench.ask().capabilities >> frames.CapabilityCode.LEVELS & 1
         for left, right in ((1, 0), (1, 1), (0, 1), (0, 0)):
             at = bench.now + MS
             bench.pins += [board.PinTransition(at, 2, left), board.PinTransition(at, 3, right)]
@@ -296,6 +295,37 @@ def test_frames_tell_the_levels_of_the_pins_in_turn(edge_times):
             reported = [f for f in arrived if isinstance(f, frames.StateFrame | frames.CountsFrame)]
             assert len(reported) > 4
             assert all(f.level == (right if f.sequence % 2 else left) for f in reported)
+
+
+@each_once(settings=(BOOK, UNO, PICO), edge_times=(True, False))
+def test_frames_have_the_duties_in_turn(settings, edge_times):
+    """The left motor's in frames of even sequence, the right one's in the others."""
+    one, least = frames.DUTY_ONE, 0.5 / 127 + 0.5 / 255  # rounding of the frame and of the pulses
+    commands = [
+        *(
+            frames.DutyFrame(0, left, right)
+            for left, right in ((one, -one), (-one // 3, one // 99))
+        ),
+        speed(0, 4.0, -7.0),
+        frames.StopFrame(0),
+    ]
+    with BoardBench(settings=replace(settings, edge_times=edge_times, telemetry=38)) as bench:
+        bench.ready()
+        for number, command in enumerate(commands):
+            bench.send(RADIO, command._replace(sequence=number))
+            bench.turn(0.2)
+            bench.wait(70)
+            duty = tuple(bench.duty)
+            arrived = [h.frame for h in bench.wait(100)]
+            reported = [f for f in arrived if isinstance(f, frames.StateFrame | frames.CountsFrame)]
+            assert {f.command for f in reported} == {number}
+            assert {f.sequence % 2 for f in reported} == {0, 1}
+            for frame in reported:
+                shown = frame.duty / frames.REPORTED_DUTY_ONE
+                assert abs(shown) <= 1.0
+                assert shown == pytest.approx(duty[frame.sequence % 2], abs=least)
+            bench.send(RADIO, frames.StopFrame(number))
+            bench.wait(30)
 
 
 def test_capture_has_every_edge():

@@ -53,7 +53,7 @@ def test_it_answers_with_its_link_and_takes_settings(emulator):
     assert of(frames.HelloFrame, arrived)[0].uart == USB
     (answer,) = of(frames.AnswerFrame, port.wait(60, PICO.frame()))
     assert answer.settings == PICO.mark()
-    assert len(of(frames.StateFrame, port.wait(1000))) in (39, 40, 41)
+    assert len(of(frames.StateFrame, port.wait(1000))) in (37, 38, 39)
     port.wait(20, frames.StopFrame(15))
     port.wait(20, speed(1, 5.0, 5.0))
     assert any(change.duty for change in port.result.changes)

@@ -146,8 +146,8 @@ def test_the_plant_models_the_speed_loop(seed, slots):
         now += 10_000_000
         if edges:
             last = now - TICK - int(angle / speed * 1e9) // TICK * TICK
-            model.add_edges(last, edges - 1)
-            model.edge(last)
+            for _ in range(edges):
+                model.edge(last)
         lines.append(f"step {now // TICK} {edges} {last // TICK}")
         model.tick(now)
         required.append((model.duty, model.fault))

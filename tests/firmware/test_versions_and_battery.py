@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from diffbotctl.emulator.process import Emulator
 from diffbotctl.links import diffbot_frames as frames
-from diffbotctl.links.diffbot_codec import WIRE_BYTES, encode, encode_payload, pack
+from diffbotctl.links.diffbot_codec import encode_payload, pack
 from diffbotctl.links.diffbot_frames import CapabilityCode, ModeCode, RefusalCode
 from tests.support.board_bench import BOOK, PICO, RADIO, BoardBench, speed
 
@@ -22,22 +21,11 @@ def test_the_hello_states_lengths_and_capabilities(settings, missing):
     with BoardBench(settings=settings) as bench:
         bench.wait(30)
         hello = bench.ask()
-        assert hello.version == frames.VERSION == 2
+        assert hello.version == frames.VERSION == 3
         assert hello.receive == frames.RECEIVE_MOST
         assert hello.settings_size == len(pack(BOOK.frame()))
         capabilities = {code for code in CapabilityCode if hello.capabilities >> code & 1}
         assert capabilities == set(CapabilityCode) - missing
-
-
-def test_a_host_of_version_1_gets_a_hello_that_it_can_read():
-    with Emulator([]) as emulator:
-        emulator.step(60_000_000)
-        ask = b"\0" + encode(frames.AskFrame(1))
-        answer = emulator.step(200_000_000, received=(b"", ask)).bytes_of(1)
-        hello = answer.split(b"\0")[1]
-        shorter = WIRE_BYTES[frames.HelloFrame] - 1 - len(hello)
-        assert frames.VERSION_1_BYTES[frames.HelloFrame] == 12
-        assert shorter == len(pack(frames.HelloFrame(*[0] * 13))) - 12
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,5 @@
 """The host side of our protocol: states of the link, with hand-written frames of a board."""
 
-from dataclasses import replace
-
 import pytest
 
 from diffbotctl.links import diffbot_frames as frames
@@ -13,19 +11,21 @@ from diffbotctl.time import MILLISECOND
 from tests.support.board_bench import BOOK
 
 
-def hello(settings, version=frames.VERSION, boot=1, capabilities=0):
-    more = (frames.RECEIVE_MOST, len(pack(BOOK.frame())), capabilities)
+def hello(settings, version=frames.VERSION, boot=1):
+    more = (frames.RECEIVE_MOST, len(pack(BOOK.frame())), 0)
     return encode(frames.HelloFrame(boot, version, 0, 1, 0, 1, 1, 1, 1, settings, *more))
 
 
 PERIOD = 25 * MILLISECOND
 
 
-def state(sequence, mode=frames.ModeCode.STOPPED, command=0, board=None, level=0):
+def state(sequence, mode=frames.ModeCode.STOPPED, command=0, board=None, level=0, duty=0):
     """State frame of a board at `board` ns, by default one period a number."""
     time = (sequence * PERIOD if board is None else board) // frames.TICK_NANOSECONDS % 65536
     return encode(
-        frames.StateFrame(1, sequence, 0, level, mode, 0, time, 0, 0, 4095, command, 65535, 65535)
+        frames.StateFrame(
+            1, sequence, 0, level, mode, 0, time, 0, 0, 4095, command, duty, 65535, 65535
+        )
     )
 
 
@@ -69,56 +69,30 @@ def test_a_board_with_other_settings_is_sent_ours(host):
     assert links(host.receive(2 * MILLISECOND, answer)) == ["up"]
 
 
-@pytest.mark.parametrize("is_calibrated", [False, True])
-@pytest.mark.parametrize("has_enable", [True, False])
-def test_older_firmware_pulses_other_inputs_unless_the_motors_are_calibrated(
-    has_enable, is_calibrated
-):
-    left, right = BOOK.left, BOOK.right
-    if not has_enable:
-        left, right = replace(left, enable=None), replace(right, enable=None)
-    code = frames.DriverCode
-    settings = replace(
-        BOOK,
-        left=left,
-        right=right,
-        driver=code.PULSED_INPUTS,
-        has_calibrated_pulses=is_calibrated,
-    )
-    new, old = DiffbotHost(settings), DiffbotHost(settings)
-    for host, capabilities in ((new, 1 << frames.CapabilityCode.PULSED_INPUTS), (old, 0)):
-        host.opened(0)
-        host.receive(MILLISECOND, hello(123, capabilities=capabilities))
-    assert FrameDecoder().feed(new.send(MILLISECOND)) == [settings.frame()]
-    if is_calibrated:
-        assert old.refusal.code == "E-BOARD-PULSES"
-        return
-    older = replace(settings, driver=code.ENABLE_IN1_IN2 if has_enable else code.TWO_PWM)
-    assert FrameDecoder().feed(old.send(MILLISECOND)) == [older.frame()]
-    answer = encode(frames.AnswerFrame(frames.RefusalCode.NONE, 0, older.mark()))
-    output = old.receive(2 * MILLISECOND, answer)
-    assert links(output) == ["up"]
-    assert any("flash firmware" in message.text for port, message in output if port == "text")
-
-
-def test_another_version_is_refused_while_searching(host):
-    host.receive(MILLISECOND, hello(0, version=frames.VERSION + 1))
+@pytest.mark.parametrize(
+    ("version", "fix"),
+    [(frames.VERSION - 1, "`diffbotctl flash firmware`"), (frames.VERSION + 1, "newer diffbotctl")],
+)
+def test_a_board_of_another_version_is_refused_and_nothing_moves(host, version, fix):
+    host.receive(MILLISECOND, hello(BOOK.mark(), version=version))
     assert host.state is HostState.SEARCHING
     assert host.refusal.code == "E-BOARD-VERSION"
+    assert fix in host.refusal.fix and "\n" not in host.refusal.fix
+    host.command(MILLISECOND, Wheels(MILLISECOND, 5.0, 5.0))
+    sent = b"".join(host.send(now * MILLISECOND) for now in range(2, 500))
+    assert {type(frame) for frame in FrameDecoder().feed(sent)} <= {frames.AskFrame}
 
 
-@pytest.mark.parametrize("has_levels", [True, False])
-def test_a_frame_has_the_level_of_one_pin_if_the_board_can(host, has_levels):
-    """Earlier firmware of this version has a zero there."""
-    capabilities = has_levels << frames.CapabilityCode.LEVELS
-    host.receive(MILLISECOND, hello(BOOK.mark(), capabilities=capabilities))
-    levels = []
-    for sequence, level in ((1, 1), (2, 0), (3, 0), (4, 1)):
-        output = host.receive(sequence * PERIOD, state(sequence, level=level))
+def test_a_frame_shows_duty_and_level_of_one_wheel(up):
+    shown = []
+    for sequence, level, duty in ((1, 1, -127), (2, 0, 0), (3, 0, 127), (4, 1, -1)):
+        output = up.receive(sequence * PERIOD, state(sequence, level=level, duty=duty))
         (encoders,) = (message for port, message in output if port == "encoders")
-        levels.append((encoders.left_level, encoders.right_level))
-    none = (None, None)
-    assert levels == ([(None, 1), (0, None), (None, 0), (1, None)] if has_levels else [none] * 4)
+        shown.append((encoders.left_level, encoders.right_level))
+        shown.append((encoders.left_duty, encoders.right_duty))
+    levels, duties = shown[::2], shown[1::2]
+    assert levels == [(None, 1), (0, None), (None, 0), (1, None)]
+    assert duties == [(None, -1.0), (0.0, None), (None, 1.0), (-1.0 / 127.0, None)]
 
 
 def test_silence_is_stale_then_lost(up):

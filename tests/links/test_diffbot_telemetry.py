@@ -29,6 +29,7 @@ def state(board, command, age, left=0):
         right=-left % 65536,
         range=0,
         command=command,
+        duty=0,
         left_age=0,
         right_age=0,
     )

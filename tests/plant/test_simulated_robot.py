@@ -15,7 +15,7 @@ from diffbotctl.plant.world import Wall, World
 from diffbotctl.time import MILLISECOND as MS
 from diffbotctl.time import SECOND
 
-FRAME = 25 * MS
+FRAME = round(SECOND / 38)
 GAINS = SpeedGains(0.1, 0.0859, 0.0, 0.02)
 MACHINE = PlantParameters(
     track=0.125,
@@ -117,31 +117,38 @@ def test_wiring_of_the_encoders(wiring, command, counting):
 
 
 @pytest.mark.parametrize("wiring", [{}, {"encoders": "swapped"}])
-def test_frames_tell_the_levels_of_the_pins_in_turn(wiring):
+def test_frames_have_duties_and_levels_of_the_pins_in_turn(wiring):
     made = robot(wiring=wiring)
-    reported = []
+    sampled = []
     for step in range(1, 81):
-        now = step * SECOND // 40  # the period of its frames
-        made.command(now - SECOND // 40, Wheels(now, 3.0, 5.0))
+        now = step * FRAME
+        made.command(now - FRAME, Wheels(now, 3.0, 5.0))
         made.advance(now)
         sockets = {edge.side: edge.level for edge in made.encoder_levels()}
-        reported.append((sockets[0], sockets[1]))
+        duties = tuple(side.duty for side in made.board.sides)
+        sampled.append((sockets[0], sockets[1], *duties))
     made.advance(3 * SECOND)
-    sent = [m for port, m in made.deliver() if port == "encoders"][: len(reported)]
-    assert len(sent) == len(reported)
-    for number, (frame, (left, right)) in enumerate(zip(sent, reported, strict=True)):
-        expected = (None, right) if number % 2 else (left, None)
-        assert (frame.left_level, frame.right_level) == expected
-    assert {left for left, _ in reported} == {right for _, right in reported} == {0, 1}
+    sent = [m for port, m in made.deliver() if port == "encoders"][: len(sampled)]
+    assert len(sent) == len(sampled)
+    for number, (frame, each) in enumerate(zip(sent, sampled, strict=True)):
+        left, right, left_duty, right_duty = each
+        shown = frame.left_level, frame.right_level, frame.left_duty, frame.right_duty
+        duty = pytest.approx(right_duty if number % 2 else left_duty, abs=0.5001 / 127)
+        assert shown == ((None, right, None, duty) if number % 2 else (left, None, duty, None))
+    assert {each[0] for each in sampled} == {each[1] for each in sampled} == {0, 1}
+    assert max(each[2] for each in sampled) > 0.3
 
 
 @pytest.mark.parametrize("kind", ["stock", "edges"])
-def test_the_published_firmware_sends_no_levels(kind):
+def test_the_published_firmware_sends_neither_levels_nor_duties(kind):
     made = robot(kind)
     made.advance(SECOND)
     frames = [m for port, m in made.deliver() if port == "encoders"]
-    none = [frame.left_level is None and frame.right_level is None for frame in frames]
-    assert len(none) > 10 and set(none) == {kind == "stock"}
+    shown = [
+        (frame.left_level, frame.right_level, frame.left_duty, frame.right_duty) for frame in frames
+    ]
+    missing = {each.count(None) for each in shown}
+    assert len(shown) > 10 and missing == {4 if kind == "stock" else 2}
 
 
 def test_exchanged_pins_in_the_settings_undo_exchanged_wires():
@@ -222,14 +229,14 @@ def test_counts_agree_with_the_angle_turned():
 
 def test_frames_come_on_time():
     received = [m for port, m in driven(robot(), 1.0, 5.0, 5.0) if port == "encoders"]
-    # Sampled each 25 ms, at the host 26.4 ms later: those up to 973.6 ms have come.
-    assert [m.time for m in received] == [FRAME * k for k in range(1, 39)]
+    # Sampled each 26.3 ms, at the host 27.4 ms later: those up to 972.6 ms have come.
+    assert [m.time for m in received] == [FRAME * k for k in range(1, 37)]
     assert all(isinstance(m, Encoders) for m in received)
 
 
 def test_due_is_when_a_message_comes():
     made = robot()
-    assert made.due() == FRAME + 26_400_000
+    assert made.due() == FRAME + 27_400_000
     made.advance(made.due() - 1)
     assert made.deliver() == []
     made.advance(made.due())

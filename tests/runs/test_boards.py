@@ -74,7 +74,7 @@ def test_the_check_and_the_board_agree_on_the_line_s_rate(tmp_path):
 
 
 def hello(board):
-    """What a board of this type answers, with a firmware that pulses the motors' inputs."""
+    """What a board of this type answers."""
     return frames.HelloFrame(
         boot=1,
         version=frames.VERSION,
@@ -88,7 +88,7 @@ def hello(board):
         settings=0,
         receive=96,
         settings_size=45,
-        capabilities=1 << frames.CapabilityCode.PULSED_INPUTS,
+        capabilities=0,
     )
 
 

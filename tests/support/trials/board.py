@@ -97,8 +97,8 @@ def telemetry(seconds: int) -> Iterator[Row]:
     yield Row(
         "state frames with edge ages at 9600 baud",
         f"{rate:.2f} Hz",
-        ">= 40 Hz",
-        len(states) >= int(40 * took),
+        ">= 38 Hz",
+        len(states) >= int(38 * took),
     )
     yield Row(
         "state frames lost, dropped, damaged",

@@ -63,7 +63,7 @@ def goals(seed: int, count: int) -> Iterator[Row]:
     yield Row("true heading, worst", f"{turned:.2f} deg", "<= 4 deg", turned <= 4)
     yield Row("checksum errors and state frames lost", f"{spoilt}", "0", spoilt == 0)
     # Frames leave at whole milliseconds of the board: a span of seconds resolves 0.005 Hz.
-    yield Row("state frames, slowest run", f"{rate:.2f} Hz", ">= 40 Hz", round(rate, 2) >= 40)
+    yield Row("state frames, slowest run", f"{rate:.2f} Hz", ">= 38 Hz", round(rate, 2) >= 38)
 
 
 def _trip(rng: Random, within: tuple[float, float], seed: int) -> Trip:

@@ -62,7 +62,7 @@ def damage(rng: Random, wire: bytes) -> bytes:
 
 def state(rng: Random) -> frames.StateFrame:
     """A state frame with random content."""
-    bits = [4, 6, 1, 0, 3, 12, 16, 16, 16, 12, 4, 16, 16]
+    bits = [4, 6, 1, 0, 3, 12, 16, 16, 16, 12, 4, 7, 16, 16]
     return frames.StateFrame(*(rng.getrandbits(width) if width else 0 for width in bits))
 
 

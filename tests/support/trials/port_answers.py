@@ -18,7 +18,7 @@ from diffbotctl.errors import RunError
 from diffbotctl.flash.board_jobs import identify
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links import stk500_frames
-from diffbotctl.links.diffbot_codec import encode, encode_payload, pack
+from diffbotctl.links.diffbot_codec import encode
 from tests.support.background import repeating
 from tests.support.book_board import BookBoard
 
@@ -78,10 +78,9 @@ def newer() -> Say:
 
 
 def older() -> Say:
-    """Our firmware of version 1 of the protocol, whose hello is shorter."""
-    hello = frames.HelloFrame(*(0 for _ in frames.HelloFrame._fields))._replace(version=1)
-    wire = encode_payload(pack(hello)[: frames.VERSION_1_BYTES[frames.HelloFrame]])
-    return lambda received: wire if received else b""
+    """Our firmware of version 2 of the protocol."""
+    hello = frames.HelloFrame(*(0 for _ in frames.HelloFrame._fields))._replace(version=2)
+    return lambda received: encode(hello) if received else b""
 
 
 POLL_PERIOD_S = 0.02  # s between two answers
@@ -91,7 +90,7 @@ ANSWERS = [
     Answer("garbage: wrong baud rate", "rfcomm0", noise, "E-BOARD-UNKNOWN", "baud rate"),
     Answer("bootloader, no program", "ttyACM0", blank, "E-BOARD-BLANK", "flash firmware"),
     Answer("the book's rosserial", "rfcomm0", book, "E-BOARD-ROSSERIAL", "book_2wd_stock"),
-    Answer("a firmware of version 1", "rfcomm0", older, "E-BOARD-VERSION", "flash firmware"),
+    Answer("a firmware of version 2", "rfcomm0", older, "E-BOARD-VERSION", "flash firmware"),
     Answer("a later firmware", "rfcomm0", newer, "E-BOARD-VERSION", "install the newer diffbotctl"),
 ]
 
