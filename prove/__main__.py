@@ -70,7 +70,12 @@ SECTIONS = (
     Section("kit-sensors", kit_sensors.rows, {}, {"sensors": 1}),
     Section("umbmark", chain.umbmark_rows, {"robots": 50}, {"robots": 1}, True),
     Section("chain", chain.rows, {"robots": 30}, {"robots": 1, "steps": 3}, True),
-    Section("chain-emulated", chain.emulated_rows, {"robots": 5}, {"robots": 1, "steps": 2}, True),
+    Section(
+        "chain-emulated",
+        chain.emulated_rows,
+        {"robots": 5},
+        "the shortest chain takes 20 s on an emulated board; `chain` runs it on a simulated one",
+    ),
     Section("chain-drives", chain.driving_rows, {"robots": 150}, {"robots": 1, "steps": 3}, True),
     Section(
         "calibrated-values",
@@ -149,7 +154,12 @@ SECTIONS = (
         {"repeats": 1, "simulated_s": 2},
         True,
     ),
-    Section("cut-links", several_robots.cut_rows, {"trials": 5}, {"trials": 1, "observed_s": 1}),
+    Section(
+        "cut-links",
+        several_robots.cut_rows,
+        {"trials": 5},
+        "a cut and what is looked at after it take half a minute",
+    ),
     Section("far-operator", far_operator.rows, {"trials": 6}, {"trials": 1}),
     Section(
         "mutations",
