@@ -5,7 +5,7 @@ from math import radians
 
 import pytest
 
-from tests.support.running import PlainClient, cli, moves, running, stands
+from tests.support.running import PlainClient, cli, moves, release, running, stands
 
 
 @pytest.fixture(scope="module")
@@ -15,6 +15,11 @@ def folder(tmp_path_factory):
         client = PlainClient(runtime_folder)
         client.until(lambda status: status["time"] > 200_000_000)  # ns: rates need some frames
         yield runtime_folder
+
+
+@pytest.fixture(autouse=True)
+def released(folder):
+    release(folder)
 
 
 def test_topics_are_listed_with_types_and_rates(folder):

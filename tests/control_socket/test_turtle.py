@@ -8,7 +8,7 @@ from math import pi
 import pytest
 
 from tests.support.background import repeating
-from tests.support.running import REPLY_TIMEOUT_S, PlainClient, cli, running
+from tests.support.running import REPLY_TIMEOUT_S, PlainClient, cli, release, running
 
 
 @pytest.fixture(scope="module")
@@ -17,6 +17,11 @@ def folder(tmp_path_factory):
     there = tmp_path_factory.mktemp("turtle")
     with running(there, "turtle"):
         yield there
+
+
+@pytest.fixture(autouse=True)
+def released(folder):
+    release(folder)
 
 
 def done(folder, *words):

@@ -102,3 +102,12 @@ def moves(status):
 
 def stands(status):
     return not moves(status)
+
+
+def release(folder, name="test"):
+    """Resume what a busy machine has stopped in the test before, of the same engine."""
+    client = PlainClient(folder, name)
+    if client.request("status")["held"]:
+        client.request("resume")
+        client.until(lambda status: not status["held"])
+    client.close()
