@@ -4,9 +4,9 @@ import re
 from pathlib import Path
 
 import pytest
-from diffbotctl.cli.kits import KITS
 
 from diffbotctl.cli.main import program
+from diffbotctl.cli.new import kits
 from diffbotctl.cli.topic import _field_texts
 from diffbotctl.config.load import check
 from diffbotctl.errors import UserError
@@ -106,7 +106,7 @@ def test_a_new_pipeline_fits_the_kits_and_the_fix_of_a_wrong_sensor_works(tmp_pa
     monkeypatch.chdir(tmp_path)
     invoke(program, "new", "pipeline", "mine")
     path = tmp_path / "pipelines" / "mine.yaml"
-    for kit in KITS:
+    for kit in kits():
         invoke(program, "new", "robot", "--kit", kit)
         assert not [each for each in check(str(path), kit, ()) if each.severity == "error"], kit
     text = path.read_text()
