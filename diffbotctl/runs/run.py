@@ -7,7 +7,8 @@ import json
 from collections import defaultdict
 from collections.abc import Callable
 from contextlib import nullcontext
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
 
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.drivers.device_sources import open_sources
@@ -76,6 +77,15 @@ def _simulated(configuration: Configuration, seed: int) -> PortRobot:
     return PortRobot(simulated, simulated.robot)
 
 
+class GoalEnds(NamedTuple):
+    """Goals reached, reached unsurely, and given; the one at which the first robot stands."""
+
+    reached: int
+    unsure: int
+    goals: int
+    last: Goal | None
+
+
 class Run:
     """Everything of one run, connected; `go` runs it to its end."""
 
@@ -101,6 +111,7 @@ class Run:
         if self.assembly.parts:
             end_with_last(self.robots, self._end)
         self.operator = self.robots[0].operator
+        self.at_limit: GoalEnds | None = None
         self._set_levels()
         _check_programs(configuration, options)
         _check_sources(configuration, options)
@@ -124,7 +135,7 @@ class Run:
     ) -> RunOutputs:
         reports = RunReports(
             run_facts(self.configuration, self.options, self._goals()),
-            self._progress,
+            partial(all_goals, self.robots),
             self._take_snapshot,
             self.tell,
             self._report_loss,
@@ -176,16 +187,16 @@ class Run:
         with preferred_engine() if self.is_real else nullcontext():
             ending = self.engine.run(until, self._limit_code)
         self._close_after(ending)
-        outputs, (reached, goals) = self.outputs, self._progress()
         is_alone = not self.assembly.parts  # the poses of several robots have no sum
+        outputs, ends = self.outputs, self.at_limit or self._goal_ends()
         robot = self.robots[0]
         return RunResult(
             ending=ending,
             failure=self.engine.failure,
-            reached=reached,
-            goals=goals,
-            unsure=self._unsure(),
-            goal=robot.operator.goal_reached if is_alone else None,
+            reached=ends.reached,
+            goals=ends.goals,
+            unsure=ends.unsure,
+            goal=ends.last if is_alone else None,
             stops=stops_of(self.robots),
             odometry=robot.monitor.odometry if is_alone else None,
             truth=robot.truth() if is_alone else None,
@@ -197,17 +208,21 @@ class Run:
         )
 
     def _limit_code(self) -> int:
-        """Exit code at the time limit: 1 when a goal of the run was not reached."""
-        (reached, goals), unsure = self._progress(), self._unsure()
+        """Exit code at the time limit: 1 when a goal of the run was not reached.
+
+        What is reached while the robot is stopped after it does not count.
+        """
+        self.at_limit = ends = self._goal_ends()
         if self.options.stay:
             return 0
-        return int(reached + unsure < goals) or (REACHED_UNSURE if unsure else 0)
+        return int(ends.reached + ends.unsure < ends.goals) or (
+            REACHED_UNSURE if ends.unsure else 0
+        )
 
-    def _unsure(self) -> int:
-        return sum(robot.operator.reached_unsure for robot in self.robots)
-
-    def _progress(self) -> tuple[int, int]:
-        return all_goals(self.robots)
+    def _goal_ends(self) -> GoalEnds:
+        reached, goals = all_goals(self.robots)
+        unsure = sum(robot.operator.reached_unsure for robot in self.robots)
+        return GoalEnds(reached, unsure, goals, self.operator.goal_reached)
 
     def _goals(self) -> list[Goal]:
         return [goal for robot in self.robots for goal in robot.goals]
