@@ -177,7 +177,7 @@ class Checkout:
 
     def failing(self, *words: str) -> str | None:
         """The first test that fails; None when all pass."""
-        options = ["-n", "3", "--dist", "loadgroup", "-x", "-q", "-p", "no:cacheprovider"]
+        options = ["-n", "3", "--dist", "loadscope", "-x", "-q", "-p", "no:cacheprovider"]
         options += [f"--deselect={test}" for test in self.left_out]
         done = subprocess.run(
             [sys.executable, "-m", "pytest", *options, *words],

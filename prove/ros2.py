@@ -48,7 +48,7 @@ def publish(node: RosNode, linear: float, **options: float) -> None:
 
 
 def load_row(seconds: float) -> Row:
-    """Processor time of the bridge at 40 Hz of telemetry, with one watching node."""
+    """Processor time of the bridge at 38 Hz of telemetry, with one watching node."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         with (
@@ -62,7 +62,7 @@ def load_row(seconds: float) -> Row:
             time.sleep(seconds)
             load = (processor_s(process.process.pid) - before) / seconds
     return Row(
-        "bridge: processor load at 40 Hz", f"{load:.1%}", "<= 5 % of a core", load <= CPU_MAX
+        "bridge: processor load at 38 Hz", f"{load:.1%}", "<= 5 % of a core", load <= CPU_MAX
     )
 
 
