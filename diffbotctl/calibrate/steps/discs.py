@@ -1,8 +1,9 @@
 """`calibrate discs`: the positions of the slots of both encoder discs, learned from lifted wheels.
 
 The learner is odometry (`estimation/slot_errors.py`) with two differences: the edges seen in
-backward motion are learned slot by slot too, and learning never ends. Any recording in which the
-wheels turn a few times in each direction is enough; lifted wheels are best.
+backward motion are learned slot by slot too, and learning never ends. The motors turn with a
+constant duty: a speed loop answers each slot that is cut unevenly, which looks like another place
+of the slot.
 """
 
 from __future__ import annotations
@@ -18,11 +19,12 @@ from diffbotctl.calibrate.result import Finding
 from diffbotctl.calibrate.session import RobotSession, drive_sides
 from diffbotctl.calibrate.step import Outcome, StepProgress, StepRun
 from diffbotctl.config.robot import SIDES, Robot
+from diffbotctl.control.speed_loop import speed_gains
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.estimation.slot_errors import SlotErrors
 from diffbotctl.estimation.wheel_odometer import WheelOdometer
 from diffbotctl.estimation.wheel_side import LinkTiming
-from diffbotctl.messages import Battery, Encoders, Wheels
+from diffbotctl.messages import Battery, Duty, Encoders
 from diffbotctl.prompts.question import ExpectedQuestion, MotionNotice, motion_consent
 from diffbotctl.runs.build_graph import build_block
 
@@ -163,8 +165,8 @@ class DiscStep:
         for number, sign in enumerate((1.0, -1.0)):
             yield StepProgress("turning", number, 2)
             for seconds, ratio in (*RAMP, (self.seconds, 1.0)):
-                target = sign * ratio * speed
-                received = session.run_for(Wheels(session.now, target, target), seconds)
+                duty = turning_duty(session.now, robot, sign * ratio * speed)
+                received = session.run_for(duty, seconds)
                 frames += received.encoders
                 volts = next((battery.volts for battery in received.of(Battery)), volts)
             frames += session.stop_and_wait().encoders
@@ -188,6 +190,12 @@ def turning_speed(robot: Robot) -> float:
     motor_limit = RATED_SPEED_RATIO * min(side.motor.rated for side in sides)
     slots = max(side.encoder.slots for side in sides)
     return float(min(motor_limit, EDGES_PER_FRAME_MAX * robot.board.telemetry * 2 * pi / slots))
+
+
+def turning_duty(time: int, robot: Robot, speed: float) -> Duty:
+    """The duties at which both wheels turn at about `speed` (rad/s, not 0)."""
+    left, right = (speed_gains(side.motor).duty(speed) for side in drive_sides(robot).values())
+    return Duty(time, left, right)
 
 
 def _findings(discs: dict[str, LearnedDisc]) -> Iterator[Finding]:
