@@ -5,7 +5,6 @@ from __future__ import annotations
 from math import hypot, pi
 
 from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, TRACK
-from diffbotctl.config.motor_drivers import driver_facts
 from diffbotctl.config.robot import Calibrated, Robot
 from diffbotctl.units import quantity
 
@@ -19,10 +18,9 @@ UNMEASURED_SCALE_SD = 0.02
 # No tape finds the mean diameter as well. Former versions wrote less where it was not measured.
 MEASURED_SCALE_SD_MIN = 0.0002
 # Systematic error of odometry from rest to rest, in pitches of the encoder: the way before the
-# first edge and after the last one is predicted by the motor model. Of simulated drives of a metre:
-# 0.01 in the mean where the speed is linear in the duty down to rest, and 0.2 of other motors: with
-# fast decay, and where the driver takes a voltage of its own, or the kind is not known.
-LINEAR_REST_SD_PITCHES, REST_SD_PITCHES = 0.03, 0.2
+# first edge and after the last one is predicted by the motor model. Of simulated drives of a metre,
+# 0.2 with fast decay or where the driver takes a voltage of its own, 0.01 where neither is so.
+REST_SD_PITCHES = 0.2
 MEAN_ONLY_METHODS = ("distance",)
 
 
@@ -47,13 +45,8 @@ def known_difference_sd(robot: Robot, field: str) -> float:
 
 def rest_sd(robot: Robot) -> float:
     """Standard deviation (m) of the way of odometry from rest to rest that all drives share."""
-    sds = []
-    for side in (robot.drive.left, robot.drive.right):
-        pitch = pi * side.wheel.diameter / side.encoder.counts
-        bridge = driver_facts(side.motor.driver).bridge
-        is_linear = side.motor.decay == "slow" and not bridge.threshold
-        sds.append(pitch * (LINEAR_REST_SD_PITCHES if is_linear else REST_SD_PITCHES))
-    return max(sds)
+    sides = (robot.drive.left, robot.drive.right)
+    return REST_SD_PITCHES * max(pi * side.wheel.diameter / side.encoder.counts for side in sides)
 
 
 def known_scale_sd(robot: Robot) -> float:
