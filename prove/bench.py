@@ -58,7 +58,7 @@ def direct(blocks: list[Block]) -> Callable[[int, Any, Any], Any]:
 
     def step(now: int, encoders: Any, goal: Any) -> Any:
         pose, _ = odometry(now, encoders)  # without a gyro no message of the IMU
-        twist, _ = follower(now, pose, goal, None, None)  # neither encoders nor stops are connected
+        twist, _ = follower(now, pose, goal, encoders, None)  # no block that stops is before it
         return kinematics(now, limiter(now, mux(now, None, twist)))
 
     return step

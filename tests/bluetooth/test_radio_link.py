@@ -100,4 +100,4 @@ def test_after_an_outage_nothing_moves_until_the_user_resumes(tmp_path, how):
 def test_the_figures_in_virtual_time():
     """No outage, out of reach, hung up: goals, and no stop for a silence of less than 100 ms."""
     for row in radio.rows(seed=5, trials=3):
-        assert row.met, row.line()
+        assert row.met, row

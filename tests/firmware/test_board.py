@@ -58,13 +58,13 @@ NIGHT = {
 @pytest.mark.parametrize("name", by_day(len(DAY), DAY | NIGHT))
 def test_figures(name):
     for row in (DAY | NIGHT)[name]():
-        assert row.met, row.line()
+        assert row.met, row
 
 
 def test_a_goal_is_reached():
     for row in board_runs.goals(1, 1):
         if "median" not in row.what:  # one robot has no median
-            assert row.met, row.line()
+            assert row.met, row
 
 
 def test_nothing_moves_before_settings():

@@ -54,4 +54,4 @@ def test_the_shipped_image_is_the_build_of_the_source(rebuilt, name):
 
 def test_it_fits():
     for row in board.image():
-        assert row.met, row.line()
+        assert row.met, row

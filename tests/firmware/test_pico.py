@@ -52,7 +52,7 @@ NIGHT = {
 def test_figures(name):
     with trials_on(PICO_BOARD):
         for row in (DAY | NIGHT)[name]():
-            assert row.met, row.line()
+            assert row.met, row
 
 
 @pytest.mark.nightly
@@ -60,7 +60,7 @@ def test_a_goal_is_reached():
     with trials_on(PICO_BOARD):
         for row in board_runs.goals(3, 1):
             if "median" not in row.what:  # one robot has no median
-                assert row.met, row.line()
+                assert row.met, row
 
 
 def test_each_driver_is_driven():

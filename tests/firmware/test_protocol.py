@@ -192,4 +192,4 @@ def test_a_type_that_does_not_exist_is_refused():
 @pytest.mark.parametrize("seed", [1, 2])
 def test_damaged_frames_are_refused_and_the_next_is_read(seed):
     for row in (*frame_damage.to_board(seed, 200_000), *frame_damage.to_host(seed, 5_000)):
-        assert row.met, row.line()
+        assert row.met, row

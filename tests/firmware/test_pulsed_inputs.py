@@ -145,4 +145,4 @@ def test_what_the_firmware_refuses(settings):
 def test_figures(rows):
     with trials_on(BenchBoard(pulsed(BOOK), "book_2wd")):
         for row in rows():
-            assert row.met, row.line()
+            assert row.met, row

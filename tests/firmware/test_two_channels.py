@@ -42,7 +42,7 @@ def test_no_count_is_lost_at_full_speed(board, slots_per_second):
         assert two_channels.slot_rate() == slots_per_second
         rows = list(two_channels.full_speed(seconds=0.2))
     for row in rows:
-        assert row.met, row.line()
+        assert row.met, row
 
 
 @BOARDS
@@ -70,7 +70,7 @@ def test_a_robot_with_very_fine_encoders_drives_to_its_goal():
 def test_a_rocking_wheel_adds_nothing(board):
     with trials_on(board):
         (row,) = two_channels.rocking()
-    assert row.met, row.line()
+    assert row.met, row
 
 
 @each_once(

@@ -40,7 +40,7 @@ def blank():
 @each_once(programmer=flash_module.PROGRAMMERS, case=flash_module.CASES)
 def test_it_is_written_verified_and_answers(programmer, case):
     row = flash_module.row(programmer, case)
-    assert row.figure.endswith("equal, dirty 0, answers"), row.line()
+    assert row.figure.endswith("equal, dirty 0, answers"), row
 
 
 def test_events_show_the_progress(blank):

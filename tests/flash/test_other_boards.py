@@ -19,13 +19,13 @@ UNO, MEGA = BoardCode.ATMEGA328P, BoardCode.MEGA2560
 @each_once(kind=flash_trials.UNO_BOOTLOADERS, case=flash_trials.CASES)
 def test_the_bootloader_is_found_and_the_program_verified(kind, case):
     row = flash_trials.uno_row("built-in", kind, case)
-    assert row.figure.endswith("equal, dirty 0, answers"), row.line()
+    assert row.figure.endswith("equal, dirty 0, answers"), row
     assert kind in row.figure
 
 
 def test_avrdude_writes_through_optiboot():
     row = flash_trials.uno_row("avrdude", "optiboot", "blank")
-    assert row.figure.endswith("equal, dirty 0, answers"), row.line()
+    assert row.figure.endswith("equal, dirty 0, answers"), row
 
 
 @pytest.mark.parametrize(

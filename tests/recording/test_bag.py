@@ -37,7 +37,7 @@ def test_info_in_words(goal):
     for words in ("goal.yaml", "book_2wd", "sim (seed 3)", "all goals reached", "complete"):
         assert words in text
     assert any(line.split()[:2] == ["robot.encoders", "Encoders"] for line in text.splitlines())
-    assert "40.00 Hz" in text
+    assert "38.00 Hz" in text
 
 
 def test_export_reads_back_as_the_messages(goal):

@@ -21,7 +21,7 @@ ROBOT = """\
 format: 1
 kind: robot
 include: {include}
-board: {{telemetry: 30 Hz}}
+board: {{telemetry: 29 Hz}}
 imu: {{type: {type}, axes: {axes}}}
 drive: {{polarity: checked_by_hand}}
 simulation:
@@ -187,14 +187,14 @@ def test_a_frame_has_the_length_that_the_check_counts():
     assert link_protocol.frame_bytes("diffbot", False, True) == WIRE_BYTES[InertialFrame]
 
 
-def test_an_imu_and_two_distance_sensors_have_30_hz_at_9600_baud(tmp_path):
-    """The check computes what fits, and 30 Hz do."""
+def test_an_imu_and_two_distance_sensors_have_29_hz_at_9600_baud(tmp_path):
+    """The check computes what fits, and 29 Hz do."""
     file = tmp_path / "robot.yaml"
     sensors = "sensors: {side: {type: hc_sr04, trigger: 24, echo: 50, at: {heading: 90 deg}}}\n"
     values = {"include": "book_2wd", "axes": "z", "fault": "plain", "start": 0, "true": "none"}
     text = ROBOT.format(type="mpu6050", **values) + sensors
     file.write_text(text)
     assert not [problem for problem in check(str(file)) if "LINK" in problem.code]
-    file.write_text(text.replace("30 Hz", "40 Hz"))
+    file.write_text(text.replace("29 Hz", "40 Hz"))
     (problem,) = (problem for problem in check(str(file)) if "LINK" in problem.code)
-    assert "set telemetry to at most 30 Hz" in problem.fix
+    assert "set telemetry to at most 29 Hz" in problem.fix
