@@ -15,7 +15,7 @@ from tests.stalled_computer import StalledComputer
 # In real time, or with a compiler or a browser.
 LONGEST = (
     "tests/test_types.py",
-    *(f"tests/{name}/" for name in ("runs", "web", "ui", "ros2", "start", "firmware", "flash")),
+    *(f"tests/{name}/" for name in ("start", "runs", "web", "ui", "ros2", "firmware", "flash")),
     *(f"tests/{name}/" for name in ("control_socket", "calibrate", "foxglove", "cli")),
 )
 
