@@ -215,9 +215,9 @@ class Run:
         self.at_limit = ends = self._goal_ends()
         if self.options.stay:
             return 0
-        return int(ends.reached + ends.unsure < ends.goals) or (
-            REACHED_UNSURE if ends.unsure else 0
-        )
+        if ends.reached + ends.unsure < ends.goals:
+            return 1
+        return REACHED_UNSURE if ends.unsure else 0
 
     def _goal_ends(self) -> GoalEnds:
         reached, goals = all_goals(self.robots)

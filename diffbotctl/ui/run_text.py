@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from math import ceil, degrees, hypot, pi
+from math import ceil, degrees, hypot
 from operator import itemgetter
 from typing import NamedTuple, TypeVar
 
 from diffbotctl.config.checks.calibration import uncalibrated_pose
 from diffbotctl.config.robot import Robot
+from diffbotctl.control.motion_profile import shortest_turn
 from diffbotctl.control.pose_sd import PoseSd
 from diffbotctl.engine.stop_places import stops_in_force
 from diffbotctl.errors import WIDTH, join_words
@@ -191,7 +192,7 @@ class PoseError(NamedTuple):
         distance = hypot(goal.x - x, goal.y - y)
         if goal.heading is None:
             return cls(distance)
-        return cls(distance, abs((heading - goal.heading + pi) % (2.0 * pi) - pi))
+        return cls(distance, abs(shortest_turn(heading - goal.heading)))
 
     def text(self) -> str:
         """`2.8 mm, 1.4 deg`."""
