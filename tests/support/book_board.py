@@ -24,6 +24,7 @@ PUBLISHERS = [(125, "left_ticks", "i"), (126, "right_ticks", "i"), (127, "obstac
 SUBSCRIBERS = [(100, "set_left_speed", "i"), (101, "set_right_speed", "i"), (102, "reset", "b")]
 PERIOD = 0.0606  # s between two reports
 FASTEST = 33.3  # counts a second at full PWM
+DISTANCE_STEP = 0.15  # cm, one step of the converter at 20 cm
 # Options of a run on it; unproven motors would drive slowly.
 STOCK = ("--robot", "book_2wd_stock", "--set", "robot.drive.polarity=checked_by_hand")
 
@@ -47,6 +48,7 @@ class BookBoard:
     def __init__(self, distance=20.0, lag=0.1):
         self.now = 0.0
         self.distance, self.lag = distance, lag
+        self.is_step_up = False
         self.pwm = {"left": 0, "right": 0}
         self.speed = {"left": 0.0, "right": 0.0}  # counts a second, forward positive
         self.place = {"left": 0.3, "right": 0.6}
@@ -142,7 +144,10 @@ class BookBoard:
     def report(self):
         self.send(frame(125, struct.pack("<i", self.count("left"))), "ticks")
         self.send(frame(126, struct.pack("<i", self.count("right"))), "ticks")
-        self.send(frame(127, struct.pack("<f", self.distance)), "range")
+        # The converter of the board steps to and fro by one; a constant voltage is a faulty sensor.
+        self.is_step_up = not self.is_step_up
+        distance = self.distance + DISTANCE_STEP * self.is_step_up
+        self.send(frame(127, struct.pack("<f", distance)), "range")
 
     def arrived(self, now):
         """Everything whose last byte has arrived by `now`."""
