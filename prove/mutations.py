@@ -18,7 +18,7 @@ from pathlib import Path
 from random import Random
 from typing import NamedTuple
 
-from tests.support.trials.row import Row
+from tests.support.trials.row import NoData, Row
 
 ROOT = Path(__file__).parents[1]
 # What is mutated, and the tests that are most likely to notice it: they run first.
@@ -239,6 +239,9 @@ def rows(seed: int, mutations: int) -> Iterator[Row]:
             yield Row(f"{what} [{found.test or 'no test'}]", how, "(none)", True)
         for test in checkout.left_out:
             yield Row(f"{test} passes without a mutation", "fails", "passes", False)
-    share = short / noticed if noticed else 1.0
-    figure = f"{short} of {noticed}, {share:.0%}"
-    yield Row(f"of {mutations} mutations, noticed by make test", figure, ">= 90 %", share >= 0.9)
+    what = f"of {mutations} mutations, noticed by make test"
+    if not noticed:
+        yield NoData(what, "no test noticed one", ">= 90 %", False)
+        return
+    share = short / noticed
+    yield Row(what, f"{short} of {noticed}, {share:.0%}", ">= 90 %", share >= 0.9)

@@ -20,8 +20,8 @@ def run(tmp_path, monkeypatch, capsys):
     """Run a proof of these sections: its exit code, and the lines that it prints."""
     monkeypatch.setattr(proof, "cache", lambda: tmp_path)
 
-    def run_once(*sections, brief=False, only=None):
-        options = Namespace(list=False, brief=brief, section=only, seed=5, scale=1.0)
+    def run_once(*sections, brief=False, only=None, scale=1.0):
+        options = Namespace(list=False, brief=brief, section=only, seed=5, scale=scale)
         code = proof.prove("prove", sections, options)
         return code, capsys.readouterr().out.splitlines()
 
@@ -40,6 +40,12 @@ def test_a_row_is_one_line_with_its_section(run):
             "MET    motion: stops: 9 of 9, seed 5 (all)",
             "prove: 0 rows missed, 0 sections broken off",
         ],
+    )
+
+
+def test_a_smaller_share_measures_at_least_one_case(run):
+    assert run(Section("motion", figures, {"trials": 2}), scale=0.1)[1][0] == (
+        "MISSED motion: stops: 1 of 1, seed 5 (all)"
     )
 
 

@@ -34,11 +34,16 @@ class Section(NamedTuple):
         """
         sizes = self.brief
         if not is_brief:
-            sizes = {name: type(size)(size * scale) for name, size in self.full.items()}
+            sizes = {name: scaled(size, scale) for name, size in self.full.items()}
         if isinstance(sizes, str):
             raise ValueError(f"{self.name} is only measured in full: {sizes}")
         given = {"seed": seed} if "seed" in signature(self.rows).parameters else {}
         return self.rows(**given, **sizes)
+
+
+def scaled(size: float, scale: float) -> float:
+    """A size times a factor; a whole one stays whole, and at least 1."""
+    return max(1, int(size * scale)) if isinstance(size, int) else size * scale
 
 
 def drawn(cases: Iterable[Kind], number: int, seed: int) -> list[Kind]:
