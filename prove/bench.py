@@ -310,7 +310,7 @@ def main() -> int:
     parser.add_argument("--against", metavar="COMMIT", help="compare the simulation's speed")
     parser.add_argument("--pairs", type=int, default=7, help="runs of each version (default 7)")
     options = parser.parse_args()
-    sections = SECTIONS
+    sections: tuple[Section, ...] = SECTIONS
     if options.against:
         speed = partial(speed_against, options.against, options.pairs)
         sections = (Section("against", speed),)

@@ -176,6 +176,7 @@ def _errors(calibrated: Chained) -> tuple[float, float, float]:
             duty = 0.5
             for _ in range(50):  # both wheels at about the same duty share the battery's sag
                 duty = (motor.keep + wheel * (1 - motor.keep) / motor.speed) / (1 - SAG * duty)
+            assert side.motor.loop.speed is not None
             commanded = side.motor.loop.static + side.motor.loop.speed * wheel
             ahead.append(abs(commanded / duty - 1))
     return scale, max(ahead), max(lag)

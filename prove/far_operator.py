@@ -12,6 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
+from diffbotctl.messages import Wheels
 from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.time import SECOND
 from tests.support.far_host import far_host
@@ -99,7 +100,7 @@ def _lost_link(
     moving = [
         item.time
         for item in RecordingReader(file).messages()
-        if item.wire == "gate.wheels" and item.message.left
+        if isinstance(item.message, Wheels) and item.wire == "gate.wheels" and item.message.left
     ]
     return LostLink(
         (max(moving) - lost_at) / SECOND,

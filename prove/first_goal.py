@@ -38,7 +38,7 @@ class Newcomer:
         self.environment = os.environ | homes
         self.environment.pop("PYTHONPATH", None)
 
-    def run(self, *words: str | Path, at: Path | None = None) -> str:
+    def run(self, *words: object, at: Path | None = None) -> str:
         """The output of a command, whether it fails or not; a failure shows in the figures."""
         process = subprocess.Popen(
             [str(word) for word in words],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from math import inf, sqrt
 from pathlib import Path
@@ -11,6 +11,7 @@ from tempfile import TemporaryDirectory
 from diffbotctl.config.load import load
 from diffbotctl.emulator.process import FIRST_SONAR
 from diffbotctl.geometry.distance_sensors import SHARPS
+from diffbotctl.graph import Sink
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_settings import RangeInput
 from diffbotctl.messages import Goal, Imu, Odometry
@@ -51,7 +52,7 @@ ASIDE = Goal(0, 1, 0.6, 0.3, 1.0)
 class ObservedRun(Run):
     """A run that keeps the poses of its odometry and the states of its IMU."""
 
-    def _sinks(self) -> dict[str, list[Callable[[int, object], object]]]:
+    def _sinks(self) -> dict[str, list[Sink]]:
         self.poses: list[Odometry] = []
         self.imus: list[Imu] = []
         sinks = super()._sinks()

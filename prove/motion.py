@@ -12,6 +12,7 @@ from typing import NamedTuple
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.config.load import load
 from diffbotctl.control.motion_profile import MotionLimits, rest_to_rest_time
+from diffbotctl.graph import Sink
 from diffbotctl.messages import GOAL_EXIT_CODES, Goal, GoalState
 from diffbotctl.runs.build_graph import wires_of
 from diffbotctl.runs.options import RunOptions
@@ -64,23 +65,23 @@ class TimedRun(Run):
     reached_at = 0
     output = ""
 
-    def _sinks(self):
+    def _sinks(self) -> dict[str, list[Sink]]:
         sinks = super()._sinks()
         sinks["log"].append(lambda now, line: self._on_text(line.text))
         for wire in wires_of(self.assembly, GoalState):
             sinks[wire].append(self._on_goal_state)
         return sinks
 
-    def _on_text(self, text):
+    def _on_text(self, text: str) -> None:
         self.output += f"{text}\n"
 
-    def _on_goal_state(self, now, state):
+    def _on_goal_state(self, now: int, state: GoalState) -> None:
         if state.state in GOAL_EXIT_CODES:
             self._on_text(f"{state.state} {state.cause}")
         if state.state in ("reached", "reached_unsure") and not self.reached_at:
             self.reached_at = now
 
-    def seconds_of_goal(self):
+    def seconds_of_goal(self) -> float:
         """How long the goal was under way: from the first frame to its end at the goal."""
         return (self.reached_at or self.engine.last_instant) / 1e9
 
@@ -91,6 +92,7 @@ def trip(setup: Configuration, goal: Goal, seed: int, reverse: bool = False) -> 
     start = hypot(goal.x, goal.y)
     farthest = [0.0]
     plant = run.plant
+    assert plant is not None
     wire = run.engine.compiled  # the truth is looked at after each turn of the loop
     assert wire is not None
 
@@ -100,6 +102,7 @@ def trip(setup: Configuration, goal: Goal, seed: int, reverse: bool = False) -> 
 
     run.engine.idle = look
     result = run.go()
+    assert result.odometry is not None and result.truth is not None
     pose, at = result.odometry, result.truth.pose
     heading = goal.heading or 0.0
     assert setup.robot is not None

@@ -11,6 +11,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -28,20 +29,20 @@ os.setgroups([]); os.setgid(65534); os.setuid(65534)
 try: socket.socket(socket.AF_UNIX).connect(sys.argv[1])
 except PermissionError: sys.exit(7)
 """
-Loss = Callable[[subprocess.Popen[bytes], int], None]
+Loss = Callable[[subprocess.Popen[str], int], None]
 
 
-def kill(process: subprocess.Popen[bytes], terminal: int) -> None:
+def kill(process: subprocess.Popen[str], terminal: int) -> None:
     """SIGKILL."""
     process.kill()
 
 
-def freeze(process: subprocess.Popen[bytes], terminal: int) -> None:
+def freeze(process: subprocess.Popen[str], terminal: int) -> None:
     """SIGSTOP: it keeps its connection open and sends nothing more."""
     process.send_signal(signal.SIGSTOP)
 
 
-def hang_up(process: subprocess.Popen[bytes], terminal: int) -> None:
+def hang_up(process: subprocess.Popen[str], terminal: int) -> None:
     """Close its terminal."""
     os.close(terminal)
 
@@ -95,10 +96,17 @@ def lost(folder: Path, what: str, lose: Loss, trials: int, rng: Random) -> Row:
     )
 
 
+def is_later(time_ns: float, status: dict[str, Any]) -> bool:
+    """Whether the time of the run is past `time_ns`."""
+    is_past: bool = status["time"] > time_ns
+    return is_past
+
+
 def is_driven(status: dict[str, Any]) -> bool:
     """Whether the goal is cancelled and the wheels follow the driver, backwards."""
     wheels = status["gate.wheels"]
-    return status["operator.goal"]["number"] == 0 and wheels["left"] < 0 and wheels["right"] < 0
+    is_backwards: bool = wheels["left"] < 0 and wheels["right"] < 0
+    return is_backwards and status["operator.goal"]["number"] == 0
 
 
 def drive(folder: Path) -> tuple[subprocess.Popen[str], int]:
@@ -121,7 +129,7 @@ def watchers(folder: Path, trials: int) -> Row:
         watcher.stdout.readline()
         watcher.send_signal(signal.SIGKILL if trial % 2 else signal.SIGSTOP)
         began = client.request("status")["time"]
-        client.until(lambda status, began=began: status["time"] > began + STOP_TIME_MAX_S * 1e9)
+        client.until(partial(is_later, began + STOP_TIME_MAX_S * 1e9))
         good += is_undisturbed(client, began)
         watcher.kill()
         watcher.communicate()

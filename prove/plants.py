@@ -8,7 +8,7 @@ from pathlib import Path
 from random import Random
 from statistics import median
 from tempfile import TemporaryDirectory
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from diffbotctl.config.load import load
 from diffbotctl.engine.driver import Delivery
@@ -59,7 +59,9 @@ def robot_file(folder: Path, base: str, plant: int, changes: dict[str, object]) 
     return str(file)
 
 
-def trips(folder: Path, base: str, plant: int, seed: int, number: int, **changes) -> list[Trip]:
+def trips(
+    folder: Path, base: str, plant: int, seed: int, number: int, **changes: Any
+) -> list[Trip]:
     """`number` goals within 2 m, each of another robot."""
     file = robot_file(folder, base, plant, changes)
     kind = "stock" if base.endswith("stock") else "edges"
@@ -75,6 +77,7 @@ def hand_drive(file: str, seed: int) -> DriveResult:
     run = HandDriver(setup, options)
     run.hold()
     result = run.go()
+    assert run.plant is not None and result.odometry is not None and result.truth is not None
     body = run.plant.chassis
     ratio = abs(body.left_radius - body.right_radius) / (body.left_radius + body.right_radius)
     return DriveResult(

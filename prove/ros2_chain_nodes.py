@@ -12,6 +12,7 @@ import threading
 import tty
 from contextlib import suppress
 from math import atan2, cos, hypot, pi, sin
+from typing import Any
 
 import rclpy
 from geometry_msgs.msg import Twist
@@ -32,14 +33,14 @@ CODES = 8  # each PWM carries a digit of the number of the tick that it answers
 LEFT_TICKS, RIGHT_TICKS, LEFT_PWM, RIGHT_PWM = 125, 126, 100, 101
 
 
-def limited(value, limit):
+def limited(value: float, limit: float) -> float:
     return max(-limit, min(value, limit))
 
 
-class Driver(Node):
+class Driver(Node):  # type: ignore[misc]  # rclpy is not installed here
     """The serial port: ticks in, PWM out."""
 
-    def __init__(self, port):
+    def __init__(self, port: str) -> None:
         super().__init__("driver")
         self.port = os.open(port, os.O_RDWR | os.O_NOCTTY)
         tty.setraw(self.port)
@@ -49,7 +50,7 @@ class Driver(Node):
         self.create_subscription(Float64MultiArray, "wheels", self.command, QUEUE_DEPTH)
         threading.Thread(target=self.read, daemon=True).start()
 
-    def read(self):
+    def read(self) -> None:
         data = b""
         while True:
             data += os.read(self.port, 4096)
@@ -61,7 +62,7 @@ class Driver(Node):
                 if topic == RIGHT_TICKS:
                     self.tick()
 
-    def tick(self):
+    def tick(self) -> None:
         message = JointState(name=["left", "right"])
         message.header.stamp = self.get_clock().now().to_msg()
         self.number += 1
@@ -69,7 +70,7 @@ class Driver(Node):
         message.position = [2 * pi * count / SLOTS for count in self.counts.values()]
         self.publisher.publish(message)
 
-    def command(self, message):
+    def command(self, message: Any) -> None:
         *speeds, number = message.data
         data, rest = b"", int(number)
         for topic, speed in zip((LEFT_PWM, RIGHT_PWM), speeds, strict=True):
@@ -81,17 +82,17 @@ class Driver(Node):
         os.write(self.port, data)
 
 
-class Reckoning(Node):
+class Reckoning(Node):  # type: ignore[misc]  # rclpy is not installed here
     """Odometry by dead reckoning."""
 
-    def __init__(self, port):
+    def __init__(self, port: str) -> None:
         super().__init__("odometry")
-        self.last = None
+        self.last: tuple[float, float] | None = None
         self.x = self.y = self.heading = 0.0
         self.publisher = self.create_publisher(Odometry, "odom", QUEUE_DEPTH)
         self.create_subscription(JointState, "joint_states", self.turned, QUEUE_DEPTH)
 
-    def turned(self, message):
+    def turned(self, message: Any) -> None:
         left, right = (angle * RADIUS for angle in message.position)
         if self.last is not None:
             way = 0.5 * (left - self.last[0] + right - self.last[1])
@@ -109,15 +110,15 @@ class Reckoning(Node):
         self.publisher.publish(odometry)
 
 
-class Follower(Node):
+class Follower(Node):  # type: ignore[misc]  # rclpy is not installed here
     """Drives to the goal."""
 
-    def __init__(self, port):
+    def __init__(self, port: str) -> None:
         super().__init__("follower")
         self.publisher = self.create_publisher(Twist, "goal_vel", QUEUE_DEPTH)
         self.create_subscription(Odometry, "odom", self.moved, QUEUE_DEPTH)
 
-    def moved(self, message):
+    def moved(self, message: Any) -> None:
         pose = message.pose.pose
         ahead, left = GOAL[0] - pose.position.x, GOAL[1] - pose.position.y
         heading = 2 * atan2(pose.orientation.z, pose.orientation.w)
@@ -129,32 +130,32 @@ class Follower(Node):
         self.publisher.publish(twist)
 
 
-class Limiter(Node):
+class Limiter(Node):  # type: ignore[misc]  # rclpy is not installed here
     """Keeps the acceleration small."""
 
     STEP = 0.02  # m/s, for each message
 
-    def __init__(self, port):
+    def __init__(self, port: str) -> None:
         super().__init__("limiter")
         self.linear = 0.0
         self.publisher = self.create_publisher(Twist, "cmd_vel", QUEUE_DEPTH)
         self.create_subscription(Twist, "goal_vel", self.take_goal_velocity, QUEUE_DEPTH)
 
-    def take_goal_velocity(self, message):
+    def take_goal_velocity(self, message: Any) -> None:
         self.linear += limited(message.linear.x - self.linear, self.STEP)
         message.linear.x = self.linear
         self.publisher.publish(message)
 
 
-class Kinematics(Node):
+class Kinematics(Node):  # type: ignore[misc]  # rclpy is not installed here
     """Wheel speeds from the velocity of the body."""
 
-    def __init__(self, port):
+    def __init__(self, port: str) -> None:
         super().__init__("kinematics")
         self.publisher = self.create_publisher(Float64MultiArray, "wheels", QUEUE_DEPTH)
         self.create_subscription(Twist, "cmd_vel", self.commanded, QUEUE_DEPTH)
 
-    def commanded(self, message):
+    def commanded(self, message: Any) -> None:
         turn = 0.5 * TRACK * message.angular.z
         speeds = [(message.linear.x + sign * turn) / RADIUS for sign in (-1.0, 1.0)]
         self.publisher.publish(Float64MultiArray(data=[*speeds, message.linear.z]))
@@ -169,7 +170,7 @@ NODES = {
 }
 
 
-def main():
+def main() -> None:
     rclpy.init()
     executor = SingleThreadedExecutor()
     for name in sys.argv[2:]:

@@ -11,6 +11,8 @@ import struct
 import threading
 import time
 import tty
+from collections.abc import Callable
+from typing import Any
 
 from tests.support.background import BackgroundDevice
 
@@ -29,7 +31,7 @@ DISTANCE_STEP = 0.15  # cm, one step of the converter at 20 cm
 STOCK = ("--robot", "book_2wd_stock", "--set", "robot.drive.polarity=checked_by_hand")
 
 
-def frame(topic, payload):
+def frame(topic: int, payload: bytes) -> bytes:
     size = len(payload)
     check = 255 - (size % 256 + size // 256) % 256
     total = 255 - (topic % 256 + topic // 256 + sum(payload)) % 256
@@ -38,36 +40,37 @@ def frame(topic, payload):
     )
 
 
-def text(words):
+def text(words: str) -> bytes:
     return struct.pack("<I", len(words)) + words.encode()
 
 
 class BookBoard:
     """A board, its two wheels and its half of the line."""
 
-    def __init__(self, distance=20.0, lag=0.1):
+    def __init__(self, distance: float = 20.0, lag: float = 0.1) -> None:
         self.now = 0.0
         self.distance, self.lag = distance, lag
         self.is_step_up = False
         self.pwm = {"left": 0, "right": 0}
         self.speed = {"left": 0.0, "right": 0.0}  # counts a second, forward positive
         self.place = {"left": 0.3, "right": 0.6}
-        self.commands = []  # (time, wheel, value) as accepted
+        self.commands: list[tuple[float, str, int]] = []  # (time, wheel, value) as accepted
         self.configured = False
         self.time_answered = 0.0
         self.next_report = self.next_sync = 0.0
         self.line_free = 0.0
-        self.out = []  # (time when its last byte has arrived, bytes, kind)
+        # (time when its last byte has arrived, bytes, kind)
+        self.out: list[tuple[float, bytes, str]] = []
         self.inbox = bytearray()
 
-    def restart(self):
+    def restart(self) -> None:
         """The board loses its power for a moment: everything it knew is gone."""
         self.pwm = {"left": 0, "right": 0}
         self.place = {"left": 0.5, "right": 0.5}
         self.configured = False
         self.inbox.clear()
 
-    def take(self, data):
+    def take(self, data: bytes) -> None:
         """Bytes from the host have arrived."""
         self.inbox += data
         while len(self.inbox) >= 8:
@@ -87,7 +90,7 @@ class BookBoard:
             del self.inbox[: size + 8]
             self.handle(body[0] + 256 * body[1], body[2:])
 
-    def handle(self, topic, payload):
+    def handle(self, topic: int, payload: bytes) -> None:
         if topic == 0:
             self.negotiate()
         elif topic == 10:
@@ -98,7 +101,7 @@ class BookBoard:
             self.commands.append((self.now, wheel, value))
             self.pwm[wheel] = max(-255, min(255, value))
 
-    def negotiate(self):
+    def negotiate(self) -> None:
         self.send(frame(10, bytes(8)), "time")
         for kind, topics in ((0, PUBLISHERS), (1, SUBSCRIBERS)):
             for number, name, code in topics:
@@ -109,11 +112,11 @@ class BookBoard:
         self.time_answered = self.next_report = self.now
         self.next_sync = self.now + 2.5
 
-    def send(self, data, kind):
+    def send(self, data: bytes, kind: str) -> None:
         self.line_free = max(self.line_free, self.now) + len(data) * BYTE
         self.out.append((self.line_free, data, kind))
 
-    def run(self, until):
+    def run(self, until: float) -> None:
         """Let time pass."""
         while self.now < until - 1e-12:
             step = min(0.005, until - self.now)
@@ -131,17 +134,17 @@ class BookBoard:
                 self.next_report = max(self.next_report + PERIOD, self.now)
                 self.report()
 
-    def turn(self, step):
+    def turn(self, step: float) -> None:
         fade = math.exp(-step / self.lag)
         for wheel, pwm in self.pwm.items():
             goal = 0.0 if abs(pwm) < 25 else pwm / 255 * FASTEST
             self.speed[wheel] = goal + (self.speed[wheel] - goal) * fade
             self.place[wheel] += self.speed[wheel] * step
 
-    def count(self, wheel):
+    def count(self, wheel: str) -> int:
         return (math.floor(self.place[wheel]) + 32768) % 65536 - 32768
 
-    def report(self):
+    def report(self) -> None:
         self.send(frame(125, struct.pack("<i", self.count("left"))), "ticks")
         self.send(frame(126, struct.pack("<i", self.count("right"))), "ticks")
         # The converter of the board steps to and fro by one; a constant voltage is a faulty sensor.
@@ -149,7 +152,7 @@ class BookBoard:
         distance = self.distance + DISTANCE_STEP * self.is_step_up
         self.send(frame(127, struct.pack("<f", distance)), "range")
 
-    def arrived(self, now):
+    def arrived(self, now: float) -> list[tuple[float, bytes, str]]:
         """Everything whose last byte has arrived by `now`."""
         ready = [item for item in self.out if item[0] <= now]
         self.out = self.out[len(ready) :]
@@ -159,7 +162,7 @@ class BookBoard:
 class BookBoardPort(BackgroundDevice):
     """The device on a pseudo-terminal, in real time. `device` is its name for the host."""
 
-    def __init__(self, device=None):
+    def __init__(self, device: BookBoard | None = None) -> None:
         self.board = device or BookBoard()
         self.master, slave = os.openpty()
         tty.setraw(slave)
@@ -170,7 +173,7 @@ class BookBoardPort(BackgroundDevice):
         self.changed = threading.Condition()
         self.begin()
 
-    def live(self):
+    def live(self) -> None:
         began = time.monotonic()
         while not self.over.wait(0.002):
             with self.changed:
@@ -186,11 +189,11 @@ class BookBoardPort(BackgroundDevice):
                         os.write(self.master, sent)
                 self.changed.notify_all()
 
-    def wait_for(self, holds, seconds):
+    def wait_for(self, holds: Callable[[Any], object], seconds: float) -> None:
         """Wait until `holds(board)`; fail when it has not come true in time."""
         with self.changed:
             assert self.changed.wait_for(lambda: holds(self.board), seconds), "it never came true"
 
-    def let_go(self):
+    def let_go(self) -> None:
         os.close(self.master)
         os.close(self.slave)

@@ -7,6 +7,7 @@ whoever runs this; /etc/group calls that user's group what the case wants.
 
 import os
 from pathlib import Path
+from typing import Any
 
 CH340 = (0x1A86, 0x7523)
 MEGA = (0x2341, 0x0042)
@@ -25,7 +26,7 @@ FOLDERS = (
 class FakeMachine:
     """Build it up call by call; `root` is handed to what reads it."""
 
-    def __init__(self, root, group="dialout", members=""):
+    def __init__(self, root: Path | str, group: str = "dialout", members: str = "") -> None:
         self.root = Path(root)
         for folder in FOLDERS:
             (self.root / folder).mkdir(parents=True)
@@ -33,23 +34,30 @@ class FakeMachine:
         self.minors = 0
         self.processes = 300
 
-    def group(self, name, members=""):
+    def group(self, name: str, members: str = "") -> None:
         """What the group that owns the ports is called, and who is in it."""
         self.write("etc/group", f"root:x:99999:\n{name}:x:{os.getgid()}:{members}\n")
 
-    def write(self, path, content):
+    def write(self, path: str, content: str) -> None:
         """One file."""
         file = self.root / path
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(content)
 
-    def link(self, path, target):
+    def link(self, path: str, target: str) -> None:
         """One symbolic link, its target as seen from inside."""
         file = self.root / path
         file.parent.mkdir(parents=True, exist_ok=True)
         file.symlink_to(os.path.relpath(self.root / target.lstrip("/"), file.parent))
 
-    def usb(self, place, identity, product="", serial="", driver=""):
+    def usb(
+        self,
+        place: str,
+        identity: tuple[int, int],
+        product: str = "",
+        serial: str = "",
+        driver: str = "",
+    ) -> str:
         """A USB device with one interface."""
         folder = f"sys/devices/pci0000:00/usb1/{place}"
         self.write(f"{folder}/idVendor", f"{identity[0]:04x}\n")
@@ -68,17 +76,17 @@ class FakeMachine:
 
     def port(
         self,
-        name,
-        identity=CH340,
+        name: str,
+        identity: tuple[int, int] | None = CH340,
         *,
-        place="1-1",
-        product="",
-        serial="",
-        mode=0o660,
-        by_id="",
-        no_modem=False,
-        uart="4",
-    ):
+        place: str = "1-1",
+        product: str = "",
+        serial: str = "",
+        mode: int = 0o660,
+        by_id: str = "",
+        no_modem: bool = False,
+        uart: str = "4",
+    ) -> str:
         """A serial port; of a USB device unless `identity` is None. Returns its name."""
         self.minors += 1
         number = f"188:{self.minors}"
@@ -101,13 +109,15 @@ class FakeMachine:
             self.write(f"run/udev/data/c{number}", "E:ID_MM_DEVICE_IGNORE=1\n")
         return f"/dev/{name}"
 
-    def rfcomm(self, name="rfcomm0", address="98:D3:31:FC:12:34", **options):
+    def rfcomm(
+        self, name: str = "rfcomm0", address: str = "98:D3:31:FC:12:34", **options: Any
+    ) -> str:
         """A port that the rfcomm command has bound to a Bluetooth module."""
         device = self.port(name, None, **options)
         self.write(f"sys/class/tty/{name}/address", address + "\n")
         return device
 
-    def program(self, name, *devices):
+    def program(self, name: str, *devices: str) -> int:
         """A running program that has these open."""
         self.processes += 1
         self.write(f"proc/{self.processes}/comm", name + "\n")
@@ -116,7 +126,7 @@ class FakeMachine:
             (self.root / f"proc/{self.processes}/fd/{number}").symlink_to(device)
         return self.processes
 
-    def lock(self, device, process):
+    def lock(self, device: str, process: int) -> None:
         """Somebody has locked the device, as /proc/locks shows it."""
         about = (self.root / device[1:]).stat()
         number = f"{os.major(about.st_dev):02x}:{os.minor(about.st_dev):02x}:{about.st_ino}"

@@ -9,8 +9,10 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import asyncssh
 
@@ -28,7 +30,7 @@ Host {host}
 """
 
 
-async def serve_one(client):
+async def serve_one(client: Any) -> None:
     """One session: the command that the client asks for, with its own input and output."""
     command = await asyncio.create_subprocess_shell(
         client.command, stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE
@@ -41,7 +43,7 @@ async def serve_one(client):
     feeding.cancel()
 
 
-async def _feed(client, stdin):
+async def _feed(client: Any, stdin: Any) -> None:
     """What the client sends, until it ends."""
     with suppress(asyncssh.Error, OSError):
         while data := await client.stdin.read(1 << 16):
@@ -50,7 +52,7 @@ async def _feed(client, stdin):
     stdin.close()
 
 
-async def serve(folder, host, address):
+async def serve(folder: Path, host: str, address: str) -> None:
     """For ever."""
     key = asyncssh.generate_private_key("ssh-ed25519")
     listener = await asyncssh.create_server(
@@ -69,7 +71,9 @@ async def serve(folder, host, address):
     await asyncio.Event().wait()
 
 
-def start_server(folder, runtime, host, address, prefix=()):
+def start_server(
+    folder: Path, runtime: Path, host: str, address: str, prefix: Sequence[str] = ()
+) -> subprocess.Popen[bytes]:
     """The server as a process of the command `prefix`, with a key of its own in `folder`.
 
     Engines of `runtime` are those of that computer.
@@ -85,7 +89,7 @@ def start_server(folder, runtime, host, address, prefix=()):
     )
 
 
-def ssh_path(folder, servers):
+def ssh_path(folder: Path, servers: dict[Path, subprocess.Popen[bytes]]) -> str:
     """The PATH on which `ssh HOST` reaches the servers, which map their folders to processes."""
     deadline = time.monotonic() + START_TIMEOUT_S
     configuration = ""
@@ -102,7 +106,7 @@ def ssh_path(folder, servers):
 
 
 @contextmanager
-def far_host(folder, runtime):
+def far_host(folder: Path, runtime: Path) -> Iterator[tuple[subprocess.Popen[bytes], str]]:
     """The server's process, and the PATH on which `ssh robot` reaches it.
 
     Engines of `runtime` are those of that computer.

@@ -7,6 +7,7 @@ mode and ignores what it receives.
 import os
 import select
 import tty
+from collections.abc import Sequence
 
 from tests.support.background import BackgroundDevice
 
@@ -14,19 +15,27 @@ from tests.support.background import BackgroundDevice
 class Hc05(BackgroundDevice):
     """`at_mode` is what the button does; `rate` what the module would use in data mode."""
 
-    def __init__(self, port, rate=9600, at_mode=True, first_errors=0, failing=()):
+    def __init__(
+        self,
+        port: str,
+        rate: int = 9600,
+        at_mode: bool = True,
+        first_errors: int = 0,
+        failing: Sequence[str] = (),
+    ) -> None:
         """`first_errors`: commands answered with an error first; `failing`: those that fail."""
         self.rate, self.at_mode = rate, at_mode
         self.first_errors, self.failing = first_errors, failing
-        self.commands, self.restarted = [], False
+        self.commands: list[str] = []
+        self.restarted = False
         self.end = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         tty.setraw(self.end)
         self.begin()
 
-    def let_go(self):
+    def let_go(self) -> None:
         os.close(self.end)
 
-    def live(self):
+    def live(self) -> None:
         part = b""
         while not self.over.is_set():
             if not select.select([self.end], [], [], 0.02)[0]:
@@ -43,7 +52,7 @@ class Hc05(BackgroundDevice):
                 self.commands.append(command)
                 os.write(self.end, self._answer(command).encode())
 
-    def _answer(self, command):
+    def _answer(self, command: str) -> str:
         if self.first_errors:
             self.first_errors -= 1
             return "ERROR:(0)\r\n"

@@ -30,7 +30,7 @@ IPV4_DESTINATION = slice(16, 20)
 IPV4_BYTES_MIN = 20
 
 
-def can_make_namespaces():
+def can_make_namespaces() -> bool:
     """Whether this process may create a namespace with its device, and run a program in it."""
     try:
         with LossyNetwork({"one": "10.77.0.1"}, 0.0, 0.0, 0) as network:
@@ -46,17 +46,19 @@ class LossyNetwork(BackgroundDevice):
     `cut` are lost, too.
     """
 
-    def __init__(self, addresses, delay, loss, seed):
+    def __init__(self, addresses: dict[str, str], delay: float, loss: float, seed: int) -> None:
         self.delay, self.loss = delay, loss
         self.random = random.Random(seed)
         self.cut: frozenset[str] = frozenset()
-        self.holders, self.sockets, self.devices = {}, [], {}
+        self.holders: dict[str, subprocess.Popen[bytes]] = {}
+        self.sockets: list[socket.socket] = []
+        self.devices: dict[str, int] = {}
         self.names = {socket.inet_aton(address): name for name, address in addresses.items()}
         for name, address in addresses.items():
             self._make_namespace(name, address)
         self.begin()
 
-    def _make_namespace(self, name, address):
+    def _make_namespace(self, name: str, address: str) -> None:
         ours, theirs = socket.socketpair()
         self.holders[name] = subprocess.Popen(
             ["unshare", "--net", sys.executable, "-m", __name__, address, str(theirs.fileno())],
@@ -72,11 +74,11 @@ class LossyNetwork(BackgroundDevice):
         os.set_blocking(device, False)
         self.devices[name] = device
 
-    def inside(self, name):
+    def inside(self, name: str) -> list[str]:
         """The words that run a command in the namespace called `name`."""
         return ["nsenter", "--target", str(self.holders[name].pid), "--net"]
 
-    def live(self):
+    def live(self) -> None:
         """Pass packets on until the end."""
         sources = {device: name for name, device in self.devices.items()}
         # When it arrives, number, name of the target, packet.
@@ -99,7 +101,7 @@ class LossyNetwork(BackgroundDevice):
                     with suppress(OSError):  # the device's queue is full: lost, as on a real link
                         os.write(self.devices[target], packet)
 
-    def _target(self, source, packet):
+    def _target(self, source: str, packet: bytes) -> str | None:
         """To whom a packet goes; None when it is lost or not IPv4."""
         if len(packet) < IPV4_BYTES_MIN or packet[0] >> 4 != 4:
             return None
@@ -108,7 +110,7 @@ class LossyNetwork(BackgroundDevice):
             return None
         return target
 
-    def let_go(self):
+    def let_go(self) -> None:
         """End the namespaces, with all that still runs in them."""
         for each in self.sockets:
             each.close()
@@ -118,7 +120,7 @@ class LossyNetwork(BackgroundDevice):
             os.close(device)
 
 
-def hold(address, descriptor):
+def hold(address: str, descriptor: int) -> None:
     """Make the device of this namespace, send it, and wait for the end."""
     device = os.open("/dev/net/tun", os.O_RDWR)
     name = struct.pack("16sH22x", DEVICE.encode(), IFF_TUN | IFF_NO_PI)

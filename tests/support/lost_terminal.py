@@ -5,12 +5,14 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.time import NEVER
-from tests.support.running import command, moves
-from tests.support.terminal import SCREEN_TIMEOUT_S
+from tests.support.running import PlainClient, command, moves
+from tests.support.terminal import SCREEN_TIMEOUT_S, Terminal
 
 SSH = [
     "-o",
@@ -24,7 +26,7 @@ REPEAT = 0.03  # s between two repeats of a key that is held
 
 
 @contextmanager
-def ssh_server(folder, *words):
+def ssh_server(folder: Path, *words: object) -> Iterator[list[str]]:
     """An ssh server that gives `diffbotctl words` to whoever connects: the client's command."""
     line, environment = command(folder, *words)
     place = folder / "port"
@@ -41,7 +43,7 @@ def ssh_server(folder, *words):
         server.wait()
 
 
-def drive(terminal, watcher, mode):
+def drive(terminal: Terminal, watcher: PlainClient, mode: str) -> None:
     """Hold or press the key for forward until the robot drives."""
     if mode == "latched":
         terminal.until(lambda text: re.search(r"terminal +\d+ ms", text), "the first answer")
@@ -57,7 +59,7 @@ def drive(terminal, watcher, mode):
         status = watcher.request("status")
 
 
-def lose(terminal, how):
+def lose(terminal: Terminal, how: str) -> None:
     """Lose the person; the logical time is that of the last word before."""
     if how == "SIGKILL":
         terminal.process.kill()
@@ -67,7 +69,7 @@ def lose(terminal, how):
         terminal.hang_up()
 
 
-def last_command_and_motion(path, end=NEVER):
+def last_command_and_motion(path: Path, end: int = NEVER) -> tuple[int, int]:
     """Times until `end` of the last command of an operator, and of the last one to turn a wheel."""
     commands, motions = [0], [0]
     for item in RecordingReader(path).messages():

@@ -13,8 +13,10 @@ import socket
 import threading
 import time
 import tty
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from itertools import pairwise
+from pathlib import Path
 from random import Random
 from typing import NamedTuple
 
@@ -38,14 +40,14 @@ class DeliveredFrame(NamedTuple):
 class RadioDirection:
     """One direction: what is on its way, in order."""
 
-    def __init__(self, rng, delay, loss):
+    def __init__(self, rng: Random, delay: tuple[float, float], loss: float) -> None:
         self.rng, self.delay, self.loss = rng, delay, loss
         self.part = b""
-        self.queue = []  # (due, number, frame)
+        self.queue: list[tuple[float, int, bytes]] = []  # (due, number, frame)
         self.last = 0.0
         self.count = self.lost = 0
 
-    def take(self, now, data, full):
+    def take(self, now: float, data: bytes, full: Callable[[int], bool]) -> None:
         """Bytes have come; `full`: nothing more fits while the radio is away."""
         *whole, self.part = (self.part + data).split(END)
         if whole:
@@ -61,11 +63,11 @@ class RadioDirection:
             heapq.heappush(self.queue, (due, self.count, frame + END))
 
     @property
-    def size(self):
+    def size(self) -> int:
         """Bytes on their way."""
         return sum(len(frame) for _, _, frame in self.queue)
 
-    def due(self, now):
+    def due(self, now: float) -> Iterator[bytes]:
         """What is to be delivered."""
         while self.queue and self.queue[0][0] <= now:
             yield heapq.heappop(self.queue)[2]
@@ -74,7 +76,14 @@ class RadioDirection:
 class RadioModule(BackgroundDevice):
     """`device` is its name for --port. Listens until closed."""
 
-    def __init__(self, port, path, seed=1, delay=(0.010, 0.050), loss=0.01):
+    def __init__(
+        self,
+        port: str,
+        path: Path | str,
+        seed: int = 1,
+        delay: tuple[float, float] = (0.010, 0.050),
+        loss: float = 0.01,
+    ) -> None:
         rng = Random(seed)
         self.device = f"socket:{path}"
         self.board = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
@@ -83,45 +92,47 @@ class RadioModule(BackgroundDevice):
         self.server.bind(str(path))
         self.server.listen(1)
         self.server.setblocking(False)
-        self.host = None
+        self.host: socket.socket | None = None
         self.up, self.down = (RadioDirection(rng, delay, loss) for _ in range(2))
         self.away_until = 0.0
         self.refusing = False
         self.broken = threading.Event()
-        self.passed = []
-        self.outages = []  # (begin, end)
+        self.passed: list[DeliveredFrame] = []
+        self.outages: list[tuple[float, float]] = []  # (begin, end)
         self.begin()
 
-    def go_away(self, seconds):
+    def go_away(self, seconds: float) -> None:
         """Out of reach for so long; the connection stays."""
         now = time.monotonic()
         self.outages.append((now, now + seconds))
         self.away_until = now + seconds
 
-    def hang_up(self):
+    def hang_up(self) -> None:
         """Break the connection and take no other. Returns once it is broken."""
         self.refusing = True
         assert self.broken.wait(TIMEOUT_S)
 
-    def come_back(self):
+    def come_back(self) -> None:
         """The module may be called again."""
         self.broken.clear()
         self.refusing = False
 
-    def silences(self, to_host):
+    def silences(self, to_host: bool) -> list[tuple[float, float]]:
         """(begin, end) of each time without a frame in one direction."""
         times = [each.at for each in self.passed if each.to_host == to_host]
         return list(pairwise(times))
 
-    def let_go(self):
+    def let_go(self) -> None:
         for end in (self.server, self.host):
             if end is not None:
                 end.close()
         os.close(self.board)
 
-    def live(self):
+    def live(self) -> None:
         while not self.over.is_set():
-            files = [self.board, self.server, *([self.host] if self.host else [])]
+            files: list[int | socket.socket] = [self.board, self.server]
+            if self.host is not None:
+                files.append(self.host)
             select.select(files, [], [], POLL_PERIOD_S)
             if self.refusing:
                 self._drop()
@@ -129,7 +140,7 @@ class RadioModule(BackgroundDevice):
                 self._answer()
             self._once(time.monotonic())
 
-    def _answer(self):
+    def _answer(self) -> None:
         with suppress(BlockingIOError):
             caller, _ = self.server.accept()
             if self.host is not None:
@@ -138,7 +149,7 @@ class RadioModule(BackgroundDevice):
             caller.setblocking(False)
             self.host = caller
 
-    def _drop(self):
+    def _drop(self) -> None:
         if self.host is not None:
             self.host.close()
             self.host = None
@@ -146,11 +157,11 @@ class RadioModule(BackgroundDevice):
             self.server.accept()[0].close()
         self.broken.set()
 
-    def _once(self, now):
+    def _once(self, now: float) -> None:
         away = now < self.away_until
         payload = self._host_bytes()
 
-        def full(size):
+        def full(size: int) -> bool:
             return (away and size > BUFFER) or self.host is None
 
         self.up.take(now, read_available(self.board), full)
@@ -162,7 +173,7 @@ class RadioModule(BackgroundDevice):
         for frame in self.down.due(now):
             self._deliver(now, False, frame)
 
-    def _host_bytes(self):
+    def _host_bytes(self) -> bytes:
         if self.host is None:
             return b""
         try:
@@ -176,7 +187,7 @@ class RadioModule(BackgroundDevice):
             self.host = None
         return payload
 
-    def _deliver(self, now, to_host, frame):
+    def _deliver(self, now: float, to_host: bool, frame: bytes) -> None:
         with suppress(BlockingIOError, BrokenPipeError):
             if not to_host:
                 os.write(self.board, frame)

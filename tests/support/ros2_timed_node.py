@@ -12,6 +12,7 @@ what it was (m/s).
 import json
 import sys
 import time
+from typing import Any
 
 import rclpy
 from geometry_msgs.msg import Twist
@@ -22,7 +23,7 @@ DISCOVERY_TIMEOUT_S = 30.0
 QUEUE_DEPTH = 10
 
 
-def echo(node):
+def echo(node: Any) -> None:
     publisher = node.create_publisher(Odometry, "/pong", QUEUE_DEPTH)
     node.create_subscription(Odometry, "/ping", publisher.publish, QUEUE_DEPTH)
     print(json.dumps({"ready": True}), flush=True)
@@ -30,10 +31,10 @@ def echo(node):
 
 
 class TimerNode:
-    def __init__(self, node):
+    def __init__(self, node: Any) -> None:
         self.node = node
 
-    def publisher(self, kind, topic):
+    def publisher(self, kind: Any, topic: str) -> Any:
         publisher = self.node.create_publisher(kind, topic, QUEUE_DEPTH)
         deadline = time.monotonic() + DISCOVERY_TIMEOUT_S
         while not publisher.get_subscription_count():
@@ -41,11 +42,11 @@ class TimerNode:
             rclpy.spin_once(self.node, timeout_sec=0.02)
         return publisher
 
-    def spin_until(self, due):
+    def spin_until(self, due: float) -> None:
         while (remaining := due - time.monotonic()) > 0.0:
             rclpy.spin_once(self.node, timeout_sec=remaining)
 
-    def arrivals_of(self, topic):
+    def arrivals_of(self, topic: str) -> list[float]:
         """A list to which the time of each arrival is added."""
         times = []
         self.node.create_subscription(
@@ -53,7 +54,7 @@ class TimerNode:
         )
         return times
 
-    def echo(self, count):
+    def echo(self, count: int) -> dict[str, list[float]]:
         came = self.arrivals_of("/pong")
         publisher, left = self.publisher(Odometry, "/ping"), []
         self.spin_until(time.monotonic() + 1.0)  # the way back is found as well
@@ -63,13 +64,13 @@ class TimerNode:
             self.spin_until(left[-1] + PERIOD_S)
         return {"left": left, "came": came}
 
-    def arrivals(self, count, topic):
+    def arrivals(self, count: int, topic: str) -> dict[str, list[float]]:
         came = self.arrivals_of(topic)
         while len(came) < count:
             rclpy.spin_once(self.node, timeout_sec=1.0)
         return {"came": came[:count]}
 
-    def drive(self, count):
+    def drive(self, count: int) -> dict[str, list[tuple[float, float]]]:
         publisher, left = self.publisher(Twist, "/cmd_vel"), []
         velocity = Twist()
         for number in range(count):
@@ -82,7 +83,7 @@ class TimerNode:
         return {"left": left}
 
 
-def main():
+def main() -> None:
     rclpy.init()
     node = rclpy.create_node(f"latency_{sys.argv[1]}")
     if sys.argv[1] == "echo":
@@ -92,6 +93,7 @@ def main():
     print(json.dumps({"ready": True}), flush=True)
     for line in sys.stdin:
         command = json.loads(line)
+        done: dict[str, Any]
         if "echo" in command:
             done = timer.echo(command["echo"])
         elif "drive" in command:

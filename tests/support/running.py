@@ -4,10 +4,13 @@ import json
 import os
 import re
 import socket
+import subprocess
 import time
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from tests.support.command_process import command_line, start_in_pipe
 from tests.support.confined import ForkedCommands
@@ -18,19 +21,19 @@ LONGEST_WAIT = 60  # s that a test waits for a state of the run
 REPLY_TIMEOUT_S = 60  # s that a test waits for what must come; it fails by itself afterwards
 
 
-def command(folder, *words):
+def command(folder: Path, *words: object) -> tuple[list[str], dict[str, str]]:
     """How to start `diffbotctl words` with its sockets in `folder`."""
     environment = {"DIFFBOTCTL_RUN": str(folder), **os.environ, "XDG_RUNTIME_DIR": str(folder)}
     return command_line(*words), environment
 
 
 @cache
-def forked_commands():
+def forked_commands() -> ForkedCommands:
     """The server of commands of this process, which ends with it."""
     return ForkedCommands(Path.cwd(), os.environ)
 
 
-def cli(folder, *words, cwd=None):
+def cli(folder: Path, *words: str | Path, cwd: Path | None = None) -> tuple[int, str, str]:
     """Run `diffbotctl words` to its end: (exit code, what it printed, complaints)."""
     _, environment = command(folder)
     done = forked_commands().run(*words, folder=cwd or Path.cwd(), environment=environment)
@@ -38,14 +41,20 @@ def cli(folder, *words, cwd=None):
 
 
 @contextmanager
-def running(folder, *words, name="test", prefix=(), sets=OPEN_FIELD):
+def running(
+    folder: Path,
+    *words: object,
+    name: str = "test",
+    prefix: Sequence[str] = (),
+    sets: Sequence[str] = OPEN_FIELD,
+) -> Iterator[subprocess.Popen[str]]:
     """`diffbotctl run words` as a process of the command `prefix`, once its socket answers."""
     line, environment = command(folder, "run", *words, *sets, "--name", name)
     process = start_in_pipe([*prefix, *line], env=environment)
     try:
         assert process.stdout is not None
-        for line in process.stdout:
-            if LIVE_LINE.match(line):  # the first one after the headline: the socket is there
+        for printed in process.stdout:
+            if LIVE_LINE.match(printed):  # the first one after the headline: the socket is there
                 break
         yield process
     finally:
@@ -56,7 +65,9 @@ def running(folder, *words, name="test", prefix=(), sets=OPEN_FIELD):
 class PlainClient:
     """A client as any language would write it: a socket and lines of JSON."""
 
-    def __init__(self, folder, name="test", hello='{"hello": 2, "name": "plain"}'):
+    def __init__(
+        self, folder: Path, name: str = "test", hello: str = '{"hello": 2, "name": "plain"}'
+    ) -> None:
         self.socket = socket.socket(socket.AF_UNIX)
         self.socket.connect(str(folder / "diffbotctl" / f"{name}.socket"))
         self.socket.settimeout(REPLY_TIMEOUT_S)
@@ -65,14 +76,14 @@ class PlainClient:
         if hello:
             self.send(hello)
 
-    def send(self, text):
+    def send(self, text: str | bytes) -> None:
         self.socket.sendall(text if isinstance(text, bytes) else text.encode() + b"\n")
 
-    def read(self):
+    def read(self) -> Any:
         line = self.lines.readline()
         return json.loads(line) if line else None
 
-    def request(self, method, **fields):
+    def request(self, method: str, **fields: object) -> Any:
         """The reply to one request; streamed lines before it are dropped."""
         self.send(json.dumps({"id": method, "method": method, **fields}))
         while (reply := self.read()) is not None:
@@ -80,31 +91,31 @@ class PlainClient:
                 return reply
         return None
 
-    def until(self, seen):
+    def until(self, seen: Callable[[dict[str, Any]], object]) -> dict[str, Any]:
         """Ask for the status again and again until `seen(status)`; fails after a minute."""
         deadline = time.monotonic() + LONGEST_WAIT
         while True:
-            status = self.request("status")
+            status: dict[str, Any] | None = self.request("status")
             assert status is not None, "the run has ended"
             if seen(status):
                 return status
             assert time.monotonic() < deadline, f"it never came; the status is {status}"
 
-    def close(self):
+    def close(self) -> None:
         self.lines.close()
         self.socket.close()
 
 
-def moves(status):
+def moves(status: dict[str, Any]) -> bool:
     wheels = status["gate.wheels"]
     return wheels is not None and (wheels["left"] != 0 or wheels["right"] != 0)
 
 
-def stands(status):
+def stands(status: dict[str, Any]) -> bool:
     return not moves(status)
 
 
-def release(folder, name="test"):
+def release(folder: Path, name: str = "test") -> None:
     """Resume what a busy machine has stopped in the test before, of the same engine."""
     client = PlainClient(folder, name)
     if client.request("status")["held"]:

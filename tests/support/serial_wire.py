@@ -9,6 +9,7 @@ import termios
 import threading
 import tty
 from contextlib import suppress
+from pathlib import Path
 
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import FrameDecoder
@@ -17,14 +18,14 @@ from tests.support.background import BackgroundDevice
 RATES = {getattr(termios, f"B{rate}"): rate for rate in (9600, 19200, 38400, 57600, 115200)}
 
 
-def read_at(rate, data, sent_at):
+def read_at(rate: int, data: bytes, sent_at: int) -> bytes:
     """What a UART at `rate` makes of `data` sent back to back at another rate."""
     if rate == sent_at:
         return data
     levels = [level for byte in data for level in (0, *((byte >> i) & 1 for i in range(8)), 1)]
     length = sent_at / rate  # of one of the reader's bits, in the sender's
 
-    def level(at):
+    def level(at: float) -> int:
         place = int(at)
         return levels[place] if place < len(levels) else 1
 
@@ -46,7 +47,7 @@ class SerialWire(BackgroundDevice):
     `to_board` has all that the host has sent since it was plugged in last.
     """
 
-    def __init__(self, port, name, rate=None):
+    def __init__(self, port: str, name: Path, rate: int | None = None) -> None:
         self.name, self.rate = name, rate
         self.board = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         tty.setraw(self.board)
@@ -56,7 +57,7 @@ class SerialWire(BackgroundDevice):
         self.plug()
         self.begin()
 
-    def plug(self):
+    def plug(self) -> None:
         """Connect it; the port appears."""
         with self.lock:
             master, slave = os.openpty()
@@ -65,11 +66,11 @@ class SerialWire(BackgroundDevice):
             self.ends, self.to_board = (master, slave), b""
             self.name.symlink_to(os.ttyname(slave))
 
-    def follow(self, rate):
+    def follow(self, rate: int) -> None:
         """The board will run at `rate` once it has taken settings."""
         self.decoder, self.settled_rate = FrameDecoder(), rate
 
-    def pull(self):
+    def pull(self) -> None:
         """Cut it; the port vanishes, and whoever has it open is hung up on."""
         with self.lock:
             self.name.unlink()
@@ -77,23 +78,23 @@ class SerialWire(BackgroundDevice):
                 os.close(end)
             self.ends = None
 
-    def let_go(self):
+    def let_go(self) -> None:
         if self.ends:
             self.pull()
         os.close(self.board)
 
-    def host_rate(self):
+    def host_rate(self) -> int:
         """The rate to which the host has set its port."""
         assert self.ends is not None
-        return RATES.get(termios.tcgetattr(self.ends[0])[4])
+        return RATES[termios.tcgetattr(self.ends[0])[4]]
 
-    def live(self):
+    def live(self) -> None:
         while not self.over.is_set():
             select.select([self.board], [], [], 0.002)
             with self.lock:
                 self._carry_once()
 
-    def _carry_once(self):
+    def _carry_once(self) -> None:
         up = read_available(self.board)
         if self.ends is None:
             return
@@ -107,16 +108,16 @@ class SerialWire(BackgroundDevice):
             self.rate, self.decoder = self.settled_rate, None
 
 
-def _taken(frame):
+def _taken(frame: object) -> bool:
     return isinstance(frame, frames.AnswerFrame) and frame.refusal == 0
 
 
-def _write(file, data):
+def _write(file: int, data: bytes) -> None:
     with suppress(BlockingIOError):  # no reader there: what is sent is lost, as on a real line
         os.write(file, data)
 
 
-def read_available(file):
+def read_available(file: int) -> bytes:
     """What can be read at once from `file`."""
     try:
         return os.read(file, 4096)

@@ -10,6 +10,7 @@ import sys
 from fcntl import ioctl
 from pathlib import Path
 from termios import TIOCSCTTY, TIOCSWINSZ
+from typing import Any
 
 import asyncssh
 
@@ -17,11 +18,11 @@ import asyncssh
 class OpenServer(asyncssh.SSHServer):
     """Lets anybody of this machine in."""
 
-    def begin_auth(self, username):
+    def begin_auth(self, username: str) -> bool:
         return False
 
 
-async def serve_one(client):
+async def serve_one(client: Any) -> None:
     """One session: a pseudo-terminal between the client and the command."""
     columns, lines, *_ = client.term_size
     master, slave = os.openpty()
@@ -39,7 +40,7 @@ async def serve_one(client):
     loop = asyncio.get_running_loop()
     gone = asyncio.Event()
 
-    def from_command():
+    def from_command() -> None:
         try:
             client.stdout.write(os.read(master, 1 << 16))
         except (OSError, BrokenPipeError):
@@ -56,7 +57,7 @@ async def serve_one(client):
     client.exit(0)
 
 
-async def _type(client, master):
+async def _type(client: Any, master: int) -> None:
     """From the client's keys to the command, until the client is gone."""
     while True:
         try:
@@ -68,7 +69,7 @@ async def _type(client, master):
         os.write(master, data)
 
 
-async def serve():
+async def serve() -> None:
     """For ever."""
     key = asyncssh.generate_private_key("ssh-ed25519")
     listener = await asyncssh.create_server(

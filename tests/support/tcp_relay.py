@@ -5,6 +5,7 @@ from __future__ import annotations
 import selectors
 import socket
 from contextlib import suppress
+from typing import cast
 
 from tests.support.background import BackgroundDevice
 
@@ -40,7 +41,7 @@ class TcpRelay(BackgroundDevice):
                 if key.data is None:
                     self._accept()
                 else:
-                    self._relay(key.fileobj, key.data)
+                    self._relay(cast(socket.socket, key.fileobj), key.data)
 
     def _accept(self) -> None:
         near, _ = self.listener.accept()
@@ -55,7 +56,7 @@ class TcpRelay(BackgroundDevice):
         self.selector.register(near, selectors.EVENT_READ, far)
         self.selector.register(far, selectors.EVENT_READ, near)
 
-    def _relay(self, source, sink) -> None:
+    def _relay(self, source: socket.socket, sink: socket.socket) -> None:
         data = b""
         with suppress(OSError):
             data = source.recv(READ_BYTES)

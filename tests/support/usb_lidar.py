@@ -7,6 +7,7 @@ import select
 import struct
 import threading
 import tty
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 
 from diffbotctl.links.lidar_frames import (
@@ -21,7 +22,7 @@ TURN_PERIOD_S = 0.18  # 5.5 turns a second
 START = {"lds01": b"b", "rplidar_a1": b"\xa5\x20"}
 
 
-def lds_turn(distances):
+def lds_turn(distances: Sequence[float]) -> bytes:
     """One turn of the LDS-01: `distances` in m, clockwise by degree; 0 where nothing was seen."""
     packets = []
     for number in range(LDS_PACKETS):
@@ -33,7 +34,7 @@ def lds_turn(distances):
     return b"".join(packets)
 
 
-def rplidar_turn(distances):
+def rplidar_turn(distances: Sequence[float]) -> bytes:
     """One turn of the RPLIDAR A1, as `lds_turn`."""
     samples = []
     for degree, distance in enumerate(distances):
@@ -57,7 +58,9 @@ class UsbLidar:
     `distances` may be a function, which is called for each turn.
     """
 
-    def __init__(self, model, distances=(2.0,) * RAYS):
+    def __init__(
+        self, model: str, distances: Sequence[float] | Callable[[], Sequence[float]] = (2.0,) * RAYS
+    ) -> None:
         self.model, self.distances = model, distances
         self.master, slave = os.openpty()
         tty.setraw(slave)
@@ -69,14 +72,14 @@ class UsbLidar:
         self.thread = threading.Thread(target=self._run, daemon=True)
         self.thread.start()
 
-    def unplug(self):
+    def unplug(self) -> None:
         """End it, and hang up."""
         self.over.set()
         self.thread.join()
         os.close(self.slave)
         os.close(self.master)
 
-    def _run(self):
+    def _run(self) -> None:
         is_started = False
         while not self.over.wait(TURN_PERIOD_S):
             if select.select([self.master], [], [], 0)[0]:
@@ -88,7 +91,7 @@ class UsbLidar:
                 seen = self.distances() if callable(self.distances) else self.distances
                 self._send(TURNS[self.model](seen))
 
-    def _send(self, data):
+    def _send(self, data: bytes) -> None:
         while data and not self.over.is_set():
             if select.select([], [self.master], [], TURN_PERIOD_S)[1]:
                 with suppress(OSError):

@@ -8,10 +8,13 @@ import os
 import subprocess
 import threading
 import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Literal
 
 from diffbotctl.config.load import load_robot
-from diffbotctl.emulator.virtual_board import virtual_board
+from diffbotctl.emulator.virtual_board import VirtualBoard, virtual_board
 from diffbotctl.processes.real_time import ENGINE_PRIORITY, prefer
 from tests.support.command_process import command_line, start_in_pipe
 
@@ -29,7 +32,9 @@ STALLS = ("host_frozen", "block_overrun", "link_lost", "reconnect")
 
 
 @contextmanager
-def board(image="ours", robot="book_2wd"):
+def board(
+    image: Path | Literal["ours"] | None = "ours", robot: Path | str = "book_2wd"
+) -> Iterator[VirtualBoard]:
     """A board with this program on it, in this robot; with None, nothing but its bootloader."""
     ends, end = os.pipe()
     failures: list[BaseException] = []
@@ -57,7 +62,7 @@ def board(image="ours", robot="book_2wd"):
         raise failures[0]
 
 
-def start(*words, **options):
+def start(*words: object, **options: Any) -> subprocess.Popen[str]:
     """Start a command; both its outputs are one pipe.
 
     A host that waits too long for a processor stops its robot until a person resumes. This is about
@@ -68,12 +73,12 @@ def start(*words, **options):
     return process
 
 
-def diffbotctl(*words, **options):
+def diffbotctl(*words: object, **options: Any) -> tuple[int, str]:
     """Run a command to its end; (exit code, output)."""
     return outcome(start(*words, **options), **options)
 
 
-def outcome(process, **options):
+def outcome(process: subprocess.Popen[str], **options: Any) -> tuple[int, str]:
     """Exit code and output of a command that was started.
 
     A computer that gives a run no processor for 0.3 s, or its board none for a second, has the
@@ -102,32 +107,32 @@ def outcome(process, **options):
     return process.returncode, output
 
 
-def _explanation(options):
+def _explanation(options: dict[str, Any]) -> str:
     """Why the only run is stopped."""
-    reported = subprocess.run(
+    reported: subprocess.CompletedProcess[str] = subprocess.run(
         command_line("why"), capture_output=True, text=True, check=False, **options
     )
     return reported.stdout
 
 
-def flat(output):
+def flat(output: str) -> str:
     """The output without the line breaks that fold it."""
     return " ".join(output.split())
 
 
-def run(port, *words):
+def run(port: str, *words: object) -> tuple[object, ...]:
     """The words of a run of the book's robot on a port."""
     return ("run", "goal", "--robot", "book_2wd", "--port", port, "--quiet", *words)
 
 
-def flash(virtual, *words):
+def flash(virtual: VirtualBoard, *words: object) -> tuple[int, str]:
     """Flash our firmware onto the board."""
     return diffbotctl(
         "flash", "firmware", "--port", virtual.usb, "--robot", "book_2wd", "--yes", *words
     )
 
 
-def wait_until(holds):
+def wait_until(holds: Callable[[], object]) -> None:
     """Wait until it holds; fail when it never does."""
     until = time.monotonic() + LONGEST
     while not holds():
@@ -135,6 +140,6 @@ def wait_until(holds):
         time.sleep(0.005)
 
 
-def moving(virtual):
+def moving(virtual: VirtualBoard) -> bool:
     """Whether the board gives its motors power."""
     return max(virtual.board.duty) > 0.1

@@ -2,6 +2,7 @@
 
 import threading
 import time
+from pathlib import Path
 
 from diffbotctl.processes.real_time import prefer
 from tests.support.running import PlainClient
@@ -15,7 +16,7 @@ class WheelWatcher:
     `moved_at` is when they were last commanded to turn (monotonic, s).
     """
 
-    def __init__(self, folder, name="test"):
+    def __init__(self, folder: Path, name: str = "test") -> None:
         self.client = PlainClient(folder, name)
         self.client.request("subscribe", topic="gate.wheels")
         self.news = threading.Condition()
@@ -24,7 +25,7 @@ class WheelWatcher:
         self.moved_at = 0.0
         threading.Thread(target=self._read, daemon=True).start()
 
-    def _read(self):
+    def _read(self) -> None:
         prefer()
         while (line := self.client.read()) is not None:
             message = line.get("message")
@@ -38,7 +39,7 @@ class WheelWatcher:
                     self.is_zero, self.changed = is_zero, time.monotonic()
                     self.news.notify_all()
 
-    def wait(self, is_zero):
+    def wait(self, is_zero: bool) -> float:
         """Wait until the wheels are commanded to zero, or to turn; returns when that began."""
         with self.news:
             came = self.news.wait_for(lambda: self.is_zero == is_zero, WAIT_S)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from diffbotctl.errors import Problem
 from diffbotctl.ports.access import SystemUser
@@ -38,18 +38,16 @@ class Situation(NamedTuple):
     group: tuple[str, str] = ("dialout", ANA)  # that owns the ports, and its members
 
 
-def mega(machine: FakeMachine, **options: object) -> str:
+def mega(machine: FakeMachine, **options: Any) -> str:
     """A genuine Mega as ttyACM0."""
-    made: str = machine.port(
+    return machine.port(
         "ttyACM0", MEGA, product="Mega 2560", serial="75330303", by_id=MEGA_NAME, **options
     )
-    return made
 
 
-def clone(machine: FakeMachine, name: str = "ttyUSB0", **options: object) -> str:
+def clone(machine: FakeMachine, name: str = "ttyUSB0", **options: Any) -> str:
     """A clone with a CH340."""
-    made: str = machine.port(name, CH340, **{"product": "USB Serial", **options})
-    return made
+    return machine.port(name, CH340, **{"product": "USB Serial", **options})
 
 
 def held(by: str) -> Callable[[FakeMachine], object]:
