@@ -61,11 +61,11 @@ SOURCES = sorted((ROOT / "diffbotctl").rglob("*.py"))
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
 
 BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the folders
-    ".": 2_850,
+    ".": 2_950,
     "blocks": 2_650,
     "bluetooth": 800,
     "calibrate": 9_050,
-    "cli": 8_400,
+    "cli": 8_430,
     "config": 7_780,
     "control": 1_750,
     "control_socket": 3_550,
@@ -93,7 +93,7 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "ui": 4_200,
     "web": 1_850,
 }
-PACKAGE_BUDGET = 77_550  # lines of all of them
+PACKAGE_BUDGET = 77_650  # lines of all of them
 
 SMALL_MODULE_LINES = 25
 SMALL_MODULES = {  # module: why it stands alone

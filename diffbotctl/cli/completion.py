@@ -89,6 +89,12 @@ def _blocks(ctx: click.Context) -> list[str]:
     return names()
 
 
+def _message_types(ctx: click.Context) -> list[str]:
+    from diffbotctl.config.registry import message_names
+
+    return message_names()
+
+
 def _both(ctx: click.Context) -> list[str]:
     return sorted({*_files("pipelines")(ctx), *_files("robots")(ctx)})
 
@@ -122,6 +128,7 @@ KNOWN: dict[str, Values] = {
     "kit": _kits,
     "sensor": live_names.sensors,
     "show name": _blocks,
+    "types name": _message_types,
     "call arguments": live_names.action_arguments,
     "dash fields": live_names.plotted_fields,
     "plot fields": live_names.recorded_fields,

@@ -72,7 +72,11 @@ GROUPS = {
         HelpRow(
             "engines, why", "List the running engines; explain why one stopped", "engines, stop"
         ),
-        HelpRow("topic, log", "Print messages; follow the log"),
+        HelpRow(
+            "topic, types, log",
+            "Print messages; list message types; follow the log",
+            "topic, topic, log",
+        ),
         HelpRow("blocks, graph", "List blocks; draw a pipeline"),
         HelpRow("param, call", "Change parameters; call an action of a block", "param"),
     ),
@@ -154,7 +158,7 @@ class LazyGroup(click.Group):
         for group, rows in GROUPS.items():
             for number, row in enumerate(rows):
                 title = "" if number else group
-                formatter.write(f"{title:<10} {row.commands:<15} {row.help}\n")
+                formatter.write(f"{title:<9} {row.commands:<17} {row.help}\n")
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         """As click does; names the closest command when there is none."""

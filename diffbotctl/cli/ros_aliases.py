@@ -107,6 +107,8 @@ def _filled(command: str, typed: list[str]) -> str:
             words += map(shlex.quote, rest)
         elif word == "PARAMETER":
             words.append(shlex.quote(next(rest, word).strip("/").replace("/", ".")))
+        elif word == "TYPE":  # geometry_msgs/msg/Twist is Twist here
+            words.append(shlex.quote(next(rest, word).rpartition("/")[2]))
         elif word.isalpha() and word.isupper():
             words.append(shlex.quote(next(rest, word)))
         else:

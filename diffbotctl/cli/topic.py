@@ -173,10 +173,53 @@ def type_(topic: str, as_json: bool, engine: str | None) -> int:
     if as_json:
         print_json({name: reply[name] for name in ("topic", "type", "schema")})
         return 0
-    click.echo(f"{reply['topic']}  {reply['type']}  {reply['schema']['description']}")
-    for name, field in reply["schema"]["properties"].items():
-        click.echo(f"  {name:14} {field['x-unit'] or '-':8} {field['description']}")
+    _print_type(f"{reply['topic']}  {reply['type']}", reply["schema"])
     return 0
+
+
+@click.command()
+@click.argument("name", required=False)
+@json_option
+def types(name: str | None, as_json: bool) -> int:
+    """List the types of messages, or show the fields of NAME with their units and meaning.
+
+    NAME is one such as Twist, Int32 or my_package/Face. No engine needs to run.
+    """
+    from diffbotctl.config import registry
+    from diffbotctl.errors import Problem, UsageError
+    from diffbotctl.message_types import type_name
+    from diffbotctl.recording.message_schema import json_schema
+    from diffbotctl.ui.text import fold_text
+
+    for each in registry.message_names() if name is None else [name]:
+        try:
+            kind = registry.message_type(each)
+        except registry.RegistryError as error:
+            if name is not None:
+                raise UsageError(Problem(error.code, "types", str(error), error.fix)) from None
+            click.echo(f"{each}: {error}; {error.fix}", err=True)
+            continue
+        schema = json_schema(kind)
+        if as_json:
+            print_json({"type": type_name(kind), "schema": schema})
+        elif name is None:
+            click.echo(fold_text(f"{type_name(kind):16} {schema['description']}", hang=17))
+        else:
+            _print_type(type_name(kind), schema)
+    return 0
+
+
+def _print_type(head: str, schema: dict[str, Any]) -> None:
+    from diffbotctl.ui.text import fold_text
+
+    click.echo(fold_text(f"{head}  {schema['description']}"))
+    width = max(map(len, schema["properties"]))
+    for name, field in schema["properties"].items():
+        bounds = ""
+        if {"minimum", "maximum"} <= field.keys():
+            bounds = f" {field['minimum']} to {field['maximum']}."
+        text = f"  {name:{width}} {field['x-unit'] or '-':8} {field['description']}{bounds}"
+        click.echo(fold_text(text.rstrip(), hang=width + 10))
 
 
 @command.command()

@@ -114,7 +114,7 @@ def _timeout(whose: str) -> float:
 class InputEntry(Section):
     """A wire on which a client of the control socket publishes: `input.NAME`."""
 
-    type = Param(str, help="Message type, such as Range or my_package/Face.")
+    type = Param(str, help="Message type, such as Range, Int32 or my_package/Face.")
     timeout = _timeout("the")
     neutral: Any = Param(
         dict,

@@ -16,7 +16,7 @@ from diffbotctl.block import Block
 from diffbotctl.device import DeviceDriver
 from diffbotctl.errors import closest_match
 from diffbotctl.message_types import type_name, type_problem
-from diffbotctl.messages import BUILT_IN
+from diffbotctl.messages import BUILT_IN, STD_MSGS
 
 ENTRY_POINT_GROUP = "diffbotctl.blocks"
 MESSAGES_GROUP = "diffbotctl.messages"
@@ -81,21 +81,33 @@ def clashes() -> list[RegistryError]:
     return [_clash(name, packages) for name, packages in owners.items() if len(packages) > 1]
 
 
+def message_names() -> list[str]:
+    """Every message type that a file may name, built in or from other packages."""
+    return sorted([*BUILT_IN, *_message_points()], key=lambda name: ("/" in name, name))
+
+
 def message_type(name: str) -> type:
     """The message class with this identity: `Range`, `my_package/Face`. Raises RegistryError.
 
-    A class of another package is found by the entry point `diffbotctl.messages`: a file never names
-    a module to import.
+    The types of std_msgs may be written as in ROS: `Int32` or `std_msgs/Int32`. A class of another
+    package is found by the entry point `diffbotctl.messages`: a file never names a module to
+    import.
     """
+    short = name.removeprefix("std_msgs/")
+    if short in STD_MSGS:
+        return STD_MSGS[short]
     if name in BUILT_IN:
         return BUILT_IN[name]
-    points = {
-        f"{point.value.partition('.')[0]}/{point.name}": point.value
-        for point in _entry_points(MESSAGES_GROUP)
-    }
+    points = _message_points()
     if name not in points:
-        near = closest_match(name, [*BUILT_IN, *points])
-        fix = f"did you mean {near}?" if near else "install the package that declares it"
+        names = message_names()
+        known = [*names, "String"]
+        near = closest_match(name, known) or closest_match(name.rpartition("/")[2], known)
+        fix = (
+            f"did you mean {near}?"
+            if near
+            else f"`diffbotctl types` lists them: {', '.join(names)}"
+        )
         raise RegistryError("E-MESSAGE-TYPE", f"there is no message type '{name}'", fix)
     kind = _attribute(name, points[name])
     problem = type_problem(kind) if isinstance(kind, type) else ("it is no class", "correct it")
@@ -103,6 +115,14 @@ def message_type(name: str) -> type:
         cause, fix = problem or (f"its class is {type_name(kind)}", "correct the entry point")
         raise RegistryError("E-MESSAGE-TYPE", f"{name} is no message: {cause}", fix)
     return cast(type, kind)
+
+
+def _message_points() -> dict[str, str]:
+    """The message types of other packages, each with `module:Class`."""
+    return {
+        f"{point.value.partition('.')[0]}/{point.name}": point.value
+        for point in _entry_points(MESSAGES_GROUP)
+    }
 
 
 def _attribute(name: str, path: str) -> Any:

@@ -64,6 +64,7 @@ CASES = [
     ("diffbotctl run goal --port em", ["emulated"]),
     ("diffbotctl explain E-PIN-PW", ["E-PIN-PWM"]),
     ("diffbotctl blocks show odo", ["odometry"]),
+    ("diffbotctl types TurtleP", ["TurtlePlacement", "TurtlePose"]),
     ("diffbotctl wiring book_2wd_c", ["book_2wd_counts"]),
     ("diffbotctl run goal --rec", ["--record"]),
     ("diffbotctl blocks sho", ["show"]),

@@ -3,10 +3,14 @@
 import sys
 
 import pytest
+from click.testing import CliRunner
 
+from diffbotctl import messages
+from diffbotctl.cli.topic import types
 from diffbotctl.config import registry
 from diffbotctl.config.load import check
 from diffbotctl.config.registry import RegistryError
+from diffbotctl.message_types import type_name
 
 MODULE = '''
 from diffbotctl.block import Block, In
@@ -78,3 +82,53 @@ def test_a_block_that_cannot_be_loaded_is_reported(package, tmp_path, entry, mod
     assert [problem.code for problem in problems] == ["E-BLOCK-IMPORT"]
     assert words in problems[0].cause
     assert problems[0].line == 3
+
+
+def test_every_class_of_message_has_a_name_that_a_file_may_use():
+    """`topic list` shows these names."""
+    kinds = [
+        kind
+        for kind in vars(messages).values()
+        if isinstance(kind, type) and getattr(kind, "_fields", ())[:1] == ("time",)
+    ]
+    kinds.remove(messages.Scalar)
+    assert len(kinds) > 30
+    for kind in kinds:
+        assert registry.message_type(type_name(kind)) is kind
+    assert sorted(map(type_name, kinds)) == registry.message_names()
+
+
+def test_the_types_of_std_msgs_have_their_names_of_ros():
+    assert registry.message_type("Int32") is messages.Int32
+    assert registry.message_type("std_msgs/Int32") is messages.Int32
+    assert registry.message_type("std_msgs/String") is registry.message_type("String")
+    assert registry.message_type("String") is messages.Text
+    assert messages.fields(messages.Int16)["data"][1].minimum == -32768
+    assert messages.fields(messages.UInt8)["data"][1].maximum == 255
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("Twyst", "did you mean Twist?"),
+        ("geometry_msgs/Twist", "did you mean Twist?"),
+        ("int32", "did you mean Int32?"),
+        ("std_msgs/Strin", "did you mean String?"),
+        ("std_msgs/Twist", "did you mean Twist?"),
+        ("Smell", "`diffbotctl types` lists them: Battery, Bool, "),
+        ("nose/Smell", "`diffbotctl types` lists them: Battery, Bool, "),
+    ],
+)
+def test_an_unknown_type_lists_what_there_is(name, words):
+    with pytest.raises(RegistryError) as caught:
+        registry.message_type(name)
+    assert words in caught.value.fix
+
+
+def test_types_are_shown_without_an_engine():
+    listed = CliRunner().invoke(types, []).output
+    assert "\nTwist            Desired velocity of base_link.\n" in listed
+    shown = CliRunner().invoke(types, ["std_msgs/Int8"]).output.splitlines()
+    assert shown[0].startswith("Int8  ") and shown[2] == "  data -        The number. -128 to 127."
+    shown = CliRunner().invoke(types, ["Twist"]).output
+    assert "\n  angular rad/s    Turn rate.\n" in shown

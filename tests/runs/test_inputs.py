@@ -22,7 +22,8 @@ goals: []
 inputs:
   twist: {type: Twist, timeout: 0.3 s}
   gap: {type: Range, timeout: 0.2 s, neutral: {distance: 200 cm, state: clear}}
-  words: {type: Text, timeout: 0.2 s}
+  words: {type: String, timeout: 0.2 s}
+  count: {type: Int8}
 blocks:
   mux: {in: {autonomous: input.twist}}
   listener: {block: listener, in: {text: input.words}}
@@ -119,6 +120,8 @@ def test_an_input_that_feeds_no_motion_only_expires(tmp_path, pipeline):
         ("input.twist", {"linear": True, "angular": 0}, "must be a number"),
         ("input.twist", {"linear": 0, "angular": 0, "z": 0}, "no field 'z'"),
         ("input.gap", {"distance": 1, "state": "open"}, "one of clear"),
+        ("input.count", {"data": 128}, "data must be -128 to 127; it is 128"),
+        ("input.count", {"data": 1.5}, "data must be a whole number"),
         ("input.words", {"text": 5}, "must be a text"),
         ("input.words", {"text": "x" * 20_000}, "characters"),
         ("input.nose", {}, "no topic"),
@@ -157,6 +160,13 @@ def test_the_neutral_message_comes_at_the_start(tmp_path_factory):
     assert (last["distance"], last["state"]) == (2.0, "clear")
 
 
+def test_a_number_of_ros_is_published(tmp_path_factory):
+    client = PlainClient(shared_run(tmp_path_factory))
+    assert client.request("publish", topic="input.count", message={"data": -128})["ok"]
+    described = client.request("describe_topic", topic="input.count")
+    assert (described["type"], described["last"]["data"]) == ("Int8", -128)
+
+
 def leases(pipeline):
     uses = load(str(pipeline)).inputs
     return InputLeases(uses, Operator([], lambda code, cause: None, stay=True))
@@ -185,7 +195,12 @@ def test_leases_in_logical_time(pipeline):
 
 def test_only_what_motion_depends_on_stops_it(pipeline):
     feeds = {use.wire: use.feeds_motion for use in load(str(pipeline)).inputs}
-    assert feeds == {"input.twist": True, "input.gap": False, "input.words": False}
+    assert feeds == {
+        "input.twist": True,
+        "input.gap": False,
+        "input.words": False,
+        "input.count": False,
+    }
 
 
 def test_blocks_get_no_message_that_has_expired(pipeline):
