@@ -19,12 +19,21 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
+from types import FunctionType
 from typing import Any, TypeVar, overload
 
 from diffbotctl.log import QUIET, Log
 from diffbotctl.params import Declaration, FromRobot, RobotField, declared, members
 
 Method = TypeVar("Method", bound=Callable[..., Any])
+
+
+class DeclarationError(TypeError):
+    """A class of blocks is declared wrongly; `fix` is the remedy."""
+
+    def __init__(self, cause: str, fix: str) -> None:
+        super().__init__(cause)
+        self.fix = fix
 
 
 class Port:
@@ -116,8 +125,8 @@ class Block:
 
     `log` takes one line for each event: `self.log.warning("...")`; see `diffbotctl.log`.
     `connected` are the inputs that have a wire in this pipeline.
-    Raises TypeError at class creation if the arguments of `react` are not the inputs in declared
-    order, or if the class has an attribute of its own called `log`.
+    Raises DeclarationError at class creation if the arguments of `react` are not the inputs in
+    declared order, or if the class has an `__init__` or an attribute called `log` of its own.
     """
 
     log: Log = QUIET
@@ -125,14 +134,20 @@ class Block:
 
     def __init_subclass__(cls) -> None:
         if "log" in vars(cls):
-            raise TypeError(f"{cls.__name__}.log: the name `log` is reserved for the block's log")
+            cause = f"{cls.__name__}.log: the name `log` is reserved for the block's log"
+            raise DeclarationError(cause, "choose another name")
+        if isinstance(vars(cls).get("__init__"), FunctionType):
+            cause = f"{cls.__name__} has an `__init__`, which would replace that of Block"
+            fix = "create the state in `def reset(self):`, where the parameters are set already"
+            raise DeclarationError(cause, fix)
         expected = ["self", "now", *inputs(cls)]
         actual = list(inspect.signature(cls.react).parameters)
         if actual != expected:
-            raise TypeError(
+            cause = (
                 f"{cls.__name__}.react must take ({', '.join(expected)}), "
                 f"the inputs in the order of their declaration; it takes ({', '.join(actual)})"
             )
+            raise DeclarationError(cause, f"write def react({', '.join(expected)}):")
 
     def __init__(self, **values: Any) -> None:
         for name, declaration in declared(type(self)).items():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from linecache import getlines
 from typing import Literal
 from unicodedata import east_asian_width
 
@@ -122,6 +123,22 @@ def rendered(problems: Sequence[Problem]) -> Iterator[str]:
     more = len(problems) - PROBLEMS_SHOWN_MAX
     if more > 0:
         yield f"and {more} more; `diffbotctl check --json` lists all of them"
+
+
+def place_in_code(error: BaseException, file: str) -> Place | None:
+    """The innermost place in the Python file `file` from which `error` came; None if none is."""
+    lines = Source(file, "".join(getlines(file)))
+    if isinstance(error, SyntaxError) and error.filename == file and error.lineno:
+        return Place(lines, error.lineno, max(1, error.offset or 1))
+    trace, found = error.__traceback__, None
+    while trace is not None:
+        code = trace.tb_frame.f_code
+        if code.co_filename == file:
+            line, end_line, begin, end = list(code.co_positions())[trace.tb_lasti // 2]
+            length = (end or 1) - (begin or 0) if line == end_line else 1
+            found = Place(lines, line or trace.tb_lineno, (begin or 0) + 1, length)
+        trace = trace.tb_next
+    return found
 
 
 def closest_match(word: str, words: Iterable[str], cutoff: float = 0.6) -> str | None:

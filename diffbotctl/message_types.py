@@ -18,9 +18,13 @@ PLAIN_TYPES = (int, float, bool, str)
 
 
 def type_name(kind: type) -> str:
-    """The identity of a message class: `Range`, or `my_package/Range` of another package."""
+    """The identity of a message class: `Range`, or `my_package/Range` of another package.
+
+    The package of a class in a block's own file, whose module is `my_block~HASH`, is `my_block`.
+    """
     name = kind.__name__
-    return name if BUILT_IN.get(name) is kind else f"{kind.__module__.partition('.')[0]}/{name}"
+    package = kind.__module__.partition(".")[0].partition("~")[0]
+    return name if BUILT_IN.get(name) is kind else f"{package}/{name}"
 
 
 def full_name(kind: type) -> str:

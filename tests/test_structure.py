@@ -61,18 +61,18 @@ SOURCES = sorted((ROOT / "diffbotctl").rglob("*.py"))
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
 
 BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the folders
-    ".": 2_950,
+    ".": 3_000,
     "blocks": 2_650,
     "bluetooth": 800,
     "calibrate": 9_050,
-    "cli": 8_430,
-    "config": 7_780,
+    "cli": 8_490,
+    "config": 8_120,
     "control": 1_750,
     "control_socket": 3_550,
     "diagnostics": 650,
     "drivers": 2_750,
     "emulator": 1_100,
-    "engine": 2_300,
+    "engine": 2_350,
     "estimation": 5_500,
     "flash": 1_500,
     "foxglove": 1_150,
@@ -83,17 +83,17 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "plant": 3_650,
     "ports": 800,
     "processes": 500,
-    "programs": 700,
+    "programs": 660,
     "prompts": 550,
     "recording": 3_750,
     "render": 1_850,
-    "replay": 650,
+    "replay": 670,
     "ros2": 2_150,
     "runs": 1_250,
     "ui": 4_200,
     "web": 1_850,
 }
-PACKAGE_BUDGET = 77_650  # lines of all of them
+PACKAGE_BUDGET = 78_150  # lines of all of them
 
 SMALL_MODULE_LINES = 25
 SMALL_MODULES = {  # module: why it stands alone

@@ -65,7 +65,7 @@ def _refuse_other_slots(path: Path, about: Mapping[str, str], robot: Robot) -> N
     """Refuse the recording of a robot with other encoders, if it states which robot it was."""
     try:
         check_replayable(about)
-        with recorded_configuration(about) as configuration:
+        with recorded_configuration(path, about) as configuration:
             recorded = configuration.robot
     except (ValueError, ConfigurationError):
         return  # its files are not in it, or of a version that cannot be read

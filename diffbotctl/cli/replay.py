@@ -68,6 +68,8 @@ def command(
     check_span(begin, until)
     _check_record(file, record, force)
     run = recorded_run.read_run(file)
+    if "code" in run.about:
+        _require_code(run)
     if begin is not None and begin * SECOND > run.last:
         end = f"the last message is at {run.last / SECOND:.2f} s"
         raise click.UsageError(f"--from {begin:g} s has nothing to show: {end}")
@@ -109,6 +111,18 @@ def _code(result: ReplayResult) -> int:
     if result.failure is not None:
         raise result.failure
     return int(result.difference is not None)
+
+
+def _require_code(run: RecordedRun) -> None:
+    """Ask for the consent to code in files. Raises ConfigurationError, also if one is missing."""
+    from diffbotctl.cli.program_consent import with_code_consent
+    from diffbotctl.replay.recorded_run import recorded_configuration
+
+    def read() -> None:
+        with recorded_configuration(run.path, run.about):
+            pass
+
+    with_code_consent(read)
 
 
 def _check_record(file: Path, record: Path | None, force: bool) -> None:
@@ -230,5 +244,5 @@ def _view(run: RecordedRun, dash: bool) -> Show:
     from diffbotctl.cli.run import screen
     from diffbotctl.replay import recorded_run
 
-    with recorded_run.recorded_configuration(run.about) as configuration:
+    with recorded_run.recorded_configuration(run.path, run.about) as configuration:
         return screen(configuration, run.about["port"])

@@ -24,7 +24,7 @@ from diffbotctl.cli.options import (
     view_option,
 )
 from diffbotctl.cli.output import print_json
-from diffbotctl.cli.program_consent import allowed_programs
+from diffbotctl.cli.program_consent import allowed_programs, with_code_consent
 from diffbotctl.cli.run_arguments import (
     SCREENS,
     SOCKET_OPTIONS,
@@ -94,7 +94,9 @@ if TYPE_CHECKING:
 )
 @click.option("--group", help="Allow members of this group to command it, through /run.")
 @click.option("--no-socket", is_flag=True, help="No control socket: no client can connect.")
-@click.option("--allow-programs", is_flag=True, help="Start the pipeline's programs, unasked.")
+@click.option(
+    "--allow-programs", is_flag=True, help="Run the pipeline's programs and files of code, unasked."
+)
 @click.option("--quiet", is_flag=True, help="Print the summary only.")
 @click.option("--verbose", is_flag=True, help="Print the errors as estimated in the summary too.")
 @json_option
@@ -104,7 +106,7 @@ def command(**options: Any) -> int:
     Exit code: 0 all goals reached, 1 not all reached, the run failed, or its recording or log is
     incomplete, 2 wrong files or usage, 3 reached, but not surely or not exactly, 130 interrupted.
     """
-    from diffbotctl.runs.signals import Signals
+    from diffbotctl.runs.signals import Signals, signals_as_interrupts
 
     typed = _with_port(click.get_current_context(), RunArguments(**options))
     view = None if typed.view_file is None else _read_view(typed.view_file)
@@ -112,7 +114,8 @@ def command(**options: Any) -> int:
     signals = Signals()  # from here on a signal is remembered, and ends the run when it has started
     from diffbotctl.runs.run import Run
 
-    configuration, goals = _read(typed)
+    with signals_as_interrupts():  # code in a file may take long to import, or forever
+        configuration, goals = _read(typed)
     run_options = _run_options(typed, configuration, goals)
     if typed.fast:
         check_has_end(configuration, run_options)
@@ -159,13 +162,17 @@ def _read(typed: RunArguments) -> tuple[Configuration, tuple[Goal, ...]]:
 
     goals = tuple(read_goal(text) for text in typed.goals)
     is_simulated = typed.port in VIRTUAL_PORTS
-    configuration = load(
-        typed.pipeline,
-        typed.robot,
-        typed.sets,
-        real=not is_simulated,
-        refuse_simulated=not is_simulated_port(typed.port),
-    )
+
+    def read() -> Configuration:
+        return load(
+            typed.pipeline,
+            typed.robot,
+            typed.sets,
+            real=not is_simulated,
+            refuse_simulated=not is_simulated_port(typed.port),
+        )
+
+    configuration = with_code_consent(read, typed.allow_programs)
     check_used(click.get_current_context(), configuration)
     problems = list(configuration.warnings)
     for text, goal in zip(typed.goals, goals, strict=True):

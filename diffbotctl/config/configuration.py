@@ -55,7 +55,11 @@ class GoalEntry(Section):
 class BlockEntry(Section):
     """One block: its kind, the sources of its inputs, its parameters."""
 
-    block = Param(str, help="Kind of block; `diffbotctl blocks` lists them.")
+    block = Param(
+        str,
+        help="Kind of block; `diffbotctl blocks` lists them. Or a class in a file: "
+        "./my_block.py:MyBlock.",
+    )
     wires = Param(dict[str, str], key="in", default={}, help="Source of each input: block.output.")
     values: Any = Param(dict, key="with", default={}, help="Values of the block's parameters.")
     needs: SensorMessage | None = Choice(
@@ -273,6 +277,7 @@ class Configuration:
     """A checked pipeline with its robot, ready to be built into a graph.
 
     `robots` are the pipelines of several robots by name; this one then has no robot of its own.
+    `code` has the SHA-256 of each file with code that the files name.
     """
 
     name: str
@@ -292,6 +297,7 @@ class Configuration:
     sources: tuple[SourceUse, ...] = ()
     omissions: tuple[Omission, ...] = ()
     robots: dict[str, Configuration] = field(default_factory=dict)
+    code: dict[str, str] = field(default_factory=dict)
 
     def sensor_wires(self) -> dict[str, str]:
         """Wires with the distances of a sensor, and its name in the robot file.

@@ -66,8 +66,7 @@ def read_programs(context: CheckContext, files: Sequence[FilePath]) -> None:
         if not words:
             context.error("E-PROGRAM", run.place, "this is no command line", "write run: ./program")
         outputs = _read_outputs(context, name, entry, value)
-        own = {lookup.display_path(file): file for file in files}
-        file = own.get(run.value_place.source.name)
+        file = lookup.file_of(run.value_place.source.name, files)
         folder = file.resolve().parent if file is not None else FilePath.cwd()
         context.programs[name] = ProgramUse(
             name, words, folder, dict(entry.wires), outputs, entry.timeout

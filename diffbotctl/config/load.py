@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TypeAlias, TypeVar
 
-from diffbotctl.block import robot_fields
+from diffbotctl.block import Block, robot_fields
 from diffbotctl.config import (
     lookup,
     registry,
@@ -24,6 +24,7 @@ from diffbotctl.config import (
 from diffbotctl.config.checks import CHECKS
 from diffbotctl.config.checks.block_needs import omit_unusable_blocks
 from diffbotctl.config.checks.context import CheckContext
+from diffbotctl.config.code_files import CodeFiles, is_code
 from diffbotctl.config.configuration import (
     BlockEntry,
     BlockUse,
@@ -75,16 +76,18 @@ def load(
     real: bool = False,
     refuse_simulated: bool = False,
     robot_files: Mapping[str, str] | None = None,
+    code: CodeFiles | None = None,
 ) -> Configuration:
     """Read and check the pipeline called `pipeline` and its robot.
 
     Both are names or paths; `robot` has priority over `use` in the pipeline. `sets` are texts of
     the form `block.param=value`. `real`: for a run on a real robot; this adds checks that matter
     only there. `refuse_simulated`: results of a simulated robot are an error. `robot_files`: of a
-    pipeline of several robots, by their names. Raises ConfigurationError with every problem of all
-    files at once.
+    pipeline of several robots, by their names. `code`: where a replay finds files with code. Raises
+    ConfigurationError with every problem of all files at once, CodeConsentError if there is none
+    but that the user has not consented to code.
     """
-    loader = _Loader(sets, real, refuse_simulated)
+    loader = _Loader(sets, real, refuse_simulated, code=code)
     try:
         return loader.load_pipeline(pipeline, robot)
     except source_tree.NamedIncludesError as named:
@@ -187,8 +190,10 @@ class _Loader:
         real: bool,
         refuse_simulated: bool,
         overrides: Sequence[Override] = (),
+        code: CodeFiles | None = None,
     ) -> None:
         """`overrides` come before those in `sets`."""
+        self.code = code or CodeFiles()
         self.context = CheckContext(real=real, refuse_simulated=refuse_simulated)
         self.problems = self.context.problems
         self.sets = tuple(sets)
@@ -225,6 +230,7 @@ class _Loader:
             programs=tuple(context.programs.values()),
             sources=tuple(context.sources.values()),
             omissions=tuple(context.omissions),
+            code=self.code.hashes(),
         )
 
     def load_named(self, name: str, tree: Value, robot_files: Mapping[str, str]) -> Configuration:
@@ -235,12 +241,15 @@ class _Loader:
         context = self.context
 
         def load_one(path: str, robot: str | None, overrides: list[Override]) -> Configuration:
-            loader = _Loader((), context.real, context.refuse_simulated, overrides)
+            loader = _Loader((), context.real, context.refuse_simulated, overrides, self.code)
             return loader.load_pipeline(path, robot)
 
         file = lookup.find_pipeline(name)
-        loaded = load_named_robots(file, tree, self.overrides, robot_files, load_one)
-        return replace(loaded, settings=self.sets)
+        try:
+            loaded = load_named_robots(file, tree, self.overrides, robot_files, load_one)
+        except ConfigurationError as error:
+            raise self.code.error(error.problems) from None
+        return replace(loaded, settings=self.sets, code=self.code.hashes())
 
     def load_robot(self, name: str | None) -> RobotFile:
         file = self._find_and_read_robot(name)
@@ -259,7 +268,7 @@ class _Loader:
             check(self.context)
         self.problems[:] = _without_repetition(self.problems)
         if any(problem.severity == "error" for problem in self.problems):
-            raise ConfigurationError(self.problems)
+            raise self.code.error(self.problems)
 
     def _find(self, find: Callable[[Name], Path], name: Name) -> Path | None:
         try:
@@ -295,10 +304,15 @@ class _Loader:
 
     def _read_block(self, name: str, kind: str, value: Value) -> None:
         """Find the class of one block and read the values of its parameters."""
+        written = value.entries["block"]
         try:
-            block = registry.block(kind)
+            if is_code(kind):
+                file = lookup.file_of(written.value_place.source.name, self.files)
+                block = self.code.find(kind, file, Block)
+            else:
+                block = registry.block(kind)
         except registry.RegistryError as error:
-            place = value.entries["block"].place
+            place = error.place or written.place
             self.problems.append(Problem(error.code, place, str(error), error.fix))
             return
         self.context.block_classes[name] = block

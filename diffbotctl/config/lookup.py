@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
 
 from diffbotctl.errors import Problem, UsageError, closest_match
@@ -131,6 +132,11 @@ def display_path(path: Path) -> str:
         return str(real_path(path).relative_to(Path.cwd()))
     except (ValueError, OSError):
         return f"diffbotctl/{path.parent.name}/{path.name}" if is_shipped(path) else str(path)
+
+
+def file_of(source_name: str, files: Iterable[Path]) -> Path | None:
+    """The one of `files` that problems show as `source_name`; None for the command line."""
+    return next((file for file in files if display_path(file) == source_name), None)
 
 
 def is_shipped(path: Path) -> bool:

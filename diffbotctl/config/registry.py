@@ -12,9 +12,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, cast
 
-from diffbotctl.block import Block
+from diffbotctl.block import Block, DeclarationError
 from diffbotctl.device import DeviceDriver
-from diffbotctl.errors import closest_match
+from diffbotctl.errors import Place, closest_match
 from diffbotctl.message_types import type_name, type_problem
 from diffbotctl.messages import BUILT_IN, STD_MSGS
 
@@ -35,12 +35,16 @@ IMPORT_FIX = "correct or remove the package that provides it"
 
 
 class RegistryError(LookupError):
-    """A name has no class, or more than one; `fix` is the remedy."""
+    """A name has no class, or more than one; `fix` is the remedy.
 
-    def __init__(self, code: str, cause: str, fix: str) -> None:
+    `place`: the line of the user's code that is wrong.
+    """
+
+    def __init__(self, code: str, cause: str, fix: str, place: Place | None = None) -> None:
         super().__init__(cause)
         self.code = code
         self.fix = fix
+        self.place = place
 
 
 def block(name: str) -> type[Block]:
@@ -131,6 +135,8 @@ def _attribute(name: str, path: str) -> Any:
     try:
         module = import_module(name_of_module)
         return getattr(module, attribute) if attribute else _own_block(module)
+    except DeclarationError as error:
+        raise RegistryError("E-BLOCK-IMPORT", f"'{name}' ({path}): {error}", error.fix) from error
     except Exception as error:
         cause = f"'{name}' ({path}) cannot be imported: {type(error).__name__}: {error}"
         raise RegistryError("E-BLOCK-IMPORT", cause, IMPORT_FIX) from error

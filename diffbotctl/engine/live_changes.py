@@ -15,6 +15,14 @@ from diffbotctl.messages import Call, Setting
 from diffbotctl.params import declared
 
 
+class ChangeError(Exception):
+    """The block with the name `block` raised when a parameter changed, or in an action."""
+
+    def __init__(self, block: str) -> None:
+        super().__init__(block)
+        self.block = block
+
+
 class CallOutcome(NamedTuple):
     """What came of a call: why the block refused it, or what the action returned."""
 
@@ -51,7 +59,10 @@ class LiveChanges:
         if change.number is not None:
             value = kind(change.number)
         setattr(block, change.name, value)
-        block.changed(change.name)
+        try:
+            block.changed(change.name)
+        except Exception as error:
+            raise ChangeError(change.block) from error
 
     def call(self, now: int, call: Call) -> None:
         """Call an action. An action refuses by raising ValueError before it changes anything."""
@@ -68,6 +79,8 @@ class LiveChanges:
             value = getattr(target, call.action)(now, **arguments)
         except ValueError as error:
             self.outcomes.append(CallOutcome(str(error) or "it refuses"))
+        except Exception as error:
+            raise ChangeError(call.block) from error
         else:
             self.outcomes.append(CallOutcome("", value))
 

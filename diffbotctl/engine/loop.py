@@ -7,7 +7,9 @@ nanosecond later.
 """
 
 import gc
+import sys
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple, Protocol
 
@@ -15,8 +17,9 @@ from diffbotctl.engine.clock import Clock
 from diffbotctl.engine.driver import Delivery, Driver, RobotDriver
 from diffbotctl.engine.event_log import event_logger
 from diffbotctl.engine.instant_monitor import InstantLimits, InstantMonitor
-from diffbotctl.engine.output_check import OutputError, checked
-from diffbotctl.errors import Problem, RunError
+from diffbotctl.engine.live_changes import ChangeError
+from diffbotctl.engine.output_check import OWN_PACKAGE, OutputError, checked
+from diffbotctl.errors import Problem, RunError, place_in_code
 from diffbotctl.graph import Graph, Sink
 from diffbotctl.messages import LogLine
 from diffbotctl.time import NEVER, SECOND
@@ -245,26 +248,31 @@ class Engine:
         self.last_instant = now
         try:
             self.compiled.instant(now, *values)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             self._report_block_error(now, values, error)
 
-    def _report_block_error(self, now: int, values: list[Any], error: Exception) -> None:
+    def _report_block_error(self, now: int, values: list[Any], error: BaseException) -> None:
         name = self.compiled.culprit(error)
+        if isinstance(error, ChangeError):
+            name, error = error.block, error.__cause__ or error
         if name is None:
             raise error
         if self.record is not None:
             blank = [None] * (len(self.graph.wires) - len(values))
             self.record((now, *values, *blank))
-        code, cause = "E-BLOCK-RAISED", f"it raised {type(error).__name__}: {error}"
-        fix = "run it again with --debug to see where in the block"
+        block = self.graph.block(name)
+        problem = block_problem(name, type(block), error)
+        fix = problem.fix
         if isinstance(error, OutputError):
-            code, cause = "E-BLOCK-OUTPUT", str(error)
+            problem = replace(problem, code="E-BLOCK-OUTPUT", cause=str(error))
             fix = "correct what `react` returns"
         if self.robot is not None:  # a replay has none
             fix = f"the robot was stopped; {fix}"
-        self.graph.block(name).log.error(cause)
+        # Without the name of the file, which may be another one in a replay.
+        line = f" (line {problem.line})" if problem.line else ""
+        block.log.error(f"{problem.cause}{line}")
         self.compiled.publish(now)
-        raise RunError(Problem(code, f"block {name}", cause, fix)) from error
+        raise RunError(replace(problem, fix=fix)) from error
 
     def _all_files(self, of_drivers: list[list[int]]) -> list[int]:
         files = [file for files in of_drivers for file in files]
@@ -297,6 +305,22 @@ class Engine:
             self.deliver(now, deliveries)
         except RunError as failure:
             self.failure = failure
+
+
+def block_problem(name: str, kind: type, error: BaseException) -> Problem:
+    """What the block `name` of this class raised, at its line in a file of the user's."""
+    cause = f"it raised {type(error).__name__}: {error}"
+    place = None
+    if not kind.__module__.startswith(OWN_PACKAGE):
+        file = getattr(sys.modules.get(kind.__module__), "__file__", None) or ""
+        place = place_in_code(error, file)
+    if place is None:
+        fix = "run it again with --debug to see where in the block"
+        return Problem("E-BLOCK-RAISED", f"block {name}", cause, fix)
+    fix = "correct the block"
+    if isinstance(error, AttributeError) and isinstance(error.obj, kind):
+        fix = f"create `self.{error.name}` in `def reset(self):`"
+    return Problem("E-BLOCK-RAISED", place, f"block {name}: {cause}", fix)
 
 
 def _fan_out(sinks: list[Sink]) -> Sink:

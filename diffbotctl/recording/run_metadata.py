@@ -46,6 +46,8 @@ def check_replayable(values: Mapping[str, str]) -> None:
     files = json.loads(values["files"])
     _require(values, "pipeline", files.__contains__, "one of the files")
     _require(values, "robot", lambda text: not text or text in files, "one of the files")
+    if "code" in values:
+        _require(values, "code", _is_json(_is_table_of_texts), "a table of texts")
     if "robots" in values:
         _require(values, "robots", _is_json(_is_table_of(files)), "a table of some of the files")
 
@@ -98,6 +100,10 @@ def _is_json(is_valid: Callable[[Any], bool]) -> Callable[[str], bool]:
 
 def _are_texts(value: Any) -> bool:
     return isinstance(value, list) and all(isinstance(item, str) for item in value)
+
+
+def _is_table_of_texts(value: Any) -> bool:
+    return isinstance(value, dict) and _are_texts(list(value.values()))
 
 
 def _are_files(value: Any) -> bool:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from diffbotctl import __version__
+from diffbotctl.config.code_files import CodeFiles
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.config.load import load
 from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS
@@ -169,12 +170,13 @@ def _deliveries(recorded: Iterable[RecordedMessage]) -> Iterator[tuple[int, list
 
 @contextmanager
 def recorded_configuration(
-    about: Mapping[str, str], sets: tuple[str, ...] = ()
+    path: Path, about: Mapping[str, str], sets: tuple[str, ...] = ()
 ) -> Iterator[Configuration]:
-    """The configuration that a recording carries, with `sets` on top of its own.
+    """The configuration that the recording at `path` carries, with `sets` on top of its own.
 
     `about`: metadata of its run, which `check_replayable` accepts. Its files are in a temporary
-    folder. Raises ConfigurationError.
+    folder. Files with code are not in it: they are searched for, by their hash, beside the
+    recording and in the present folder. Raises ConfigurationError.
     """
     with tempfile.TemporaryDirectory() as folder:
         places = _write_files(json.loads(about["files"]), Path(folder))
@@ -186,6 +188,7 @@ def recorded_configuration(
             [*json.loads(about["sets"]), *sets],
             real=False,
             robot_files={name: str(places[file]) for name, file in robots.items()},
+            code=CodeFiles(json.loads(about.get("code", "{}")), (path.parent, Path.cwd())),
         )
 
 

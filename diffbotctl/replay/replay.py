@@ -100,7 +100,7 @@ def replay_run(run: RecordedRun, options: ReplayOptions) -> ReplayResult:
     """
     if options.check:
         _require_checkable(run)
-    with recorded_configuration(run.about, options.sets) as configuration:
+    with recorded_configuration(run.path, run.about, options.sets) as configuration:
         if options.dash and configuration.robots:
             cause, fix = "the dashboard shows one robot; here are several", "replay without --dash"
             raise RunError(Problem("E-SEVERAL-ROBOTS", str(run.path), cause, fix))

@@ -38,7 +38,7 @@ def resimulate(run: RecordedRun, options: ReplayOptions) -> ReplayResult:
     """
     with tempfile.TemporaryDirectory() as folder:
         path = options.record or Path(folder) / "resimulated.mcap"
-        with recorded_configuration(run.about, options.sets) as configuration:
+        with recorded_configuration(run.path, run.about, options.sets) as configuration:
             run_options = RunOptions(
                 goals=() if configuration.robots else run.initial_goals,
                 seed=int(run.about["seed"]),

@@ -120,7 +120,7 @@ def _recorded_model(source: Path, robot: str | None) -> tuple[RobotModel, str, s
             return model_of_robot(file.robot, file.file.stem), "", ""
         if LIVE in about:
             return RobotModel(), "", "`bag record` does not keep the robot file: add --robot FILE"
-        with recorded_configuration(read_run(source).about) as configuration:
+        with recorded_configuration(source, read_run(source).about) as configuration:
             return model_of(configuration), _velocity_wire(configuration), ""
     except UserError as error:
         if robot is not None:

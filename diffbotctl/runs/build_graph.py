@@ -14,7 +14,9 @@ from diffbotctl.config import node_ports, registry
 from diffbotctl.config.configuration import BlockUse, Configuration
 from diffbotctl.config.robot import Robot, field_value
 from diffbotctl.drivers.robot_ports import is_duty_board
+from diffbotctl.engine.loop import block_problem
 from diffbotctl.engine.safety_gate import Gate
+from diffbotctl.errors import RunError
 from diffbotctl.graph import Graph, Node, join_graphs
 from diffbotctl.log import Logbook
 from diffbotctl.messages import Encoders, Resume, Stop
@@ -110,7 +112,10 @@ def _node(use: BlockUse, unproven: bool) -> Node:
             source = DEFAULT_WIRES.get(declaration.kind)
             if source is not None:
                 wires[port] = source
-    block = use.cls(**values)
+    try:
+        block = use.cls(**values)
+    except (Exception, SystemExit) as error:
+        raise RunError(block_problem(use.name, use.cls, error)) from error
     block.connected = frozenset(wires)
     return Node(use.name, block, wires)
 

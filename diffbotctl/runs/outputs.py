@@ -270,6 +270,7 @@ def run_facts(
         "goals": json.dumps([list(goal) for goal in goals]),
         "duration": json.dumps(options.duration),
         **({"robots": json.dumps(robots)} if robots else {}),
+        **({"code": json.dumps(configuration.code)} if configuration.code else {}),
         "files": json.dumps(
             {_recorded(file): file.read_text(encoding="utf-8") for file in configuration.files}
         ),

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from diffbotctl.config import consents
 from diffbotctl.config.load import check, load
 from diffbotctl.programs import consent
 from tests.sampling import by_day
@@ -174,7 +175,7 @@ def test_a_person_is_asked_once_and_again_after_a_change(tmp_path, pipeline):
     assert asked("n") == 1
     assert asked("y") == 0
     key = consent.consent_key(load(str(pipeline)))
-    assert consent.is_allowed(key)
+    assert consents.is_allowed(key)
     done = subprocess.run(words, stdin=subprocess.DEVNULL, capture_output=True, timeout=60)
     assert done.returncode == 0  # the consent holds without a terminal too
     (tmp_path / "lead.py").write_text(LEAD + "\n# changed\n")
@@ -193,9 +194,9 @@ def test_the_consent_covers_pipeline_command_line_and_executable(tmp_path, pipel
     (tmp_path / "tool").write_text("#!/bin/sh\necho\n")
     keys.add(consent.consent_key(load(str(pipeline))))
     assert len(keys) == 4
-    consent.consent_file().parent.mkdir(parents=True)
-    consent.consent_file().write_text('{"not": "a list"}')
-    assert not consent.is_allowed(next(iter(keys)))
+    consents.consent_file().parent.mkdir(parents=True)
+    consents.consent_file().write_text('{"not": "a list"}')
+    assert not consents.is_allowed(next(iter(keys)))
 
 
 @pytest.mark.parametrize(

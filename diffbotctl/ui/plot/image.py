@@ -152,8 +152,7 @@ def encode_png(figure: Figure) -> bytes:
     """The figure as a PNG file. Raises UsageError without Pillow."""
     try:
         # An optional dependency, needed for PNG only.
-        from PIL import Image, ImageDraw, ImageFont
-        from PIL.PngImagePlugin import PngInfo
+        from PIL import Image, ImageDraw, ImageFont, PngImagePlugin
     except ImportError as error:
         cause = "a PNG needs the library Pillow, which is not installed"
         fix = "pip install pillow, or write an .svg"
@@ -169,7 +168,7 @@ def encode_png(figure: Figure) -> bytes:
         else:
             place = (shape.x * PNG_SCALE, shape.y * PNG_SCALE)
             draw.text(place, shape.text, shape.colour, font, anchor=PNG_ANCHORS[shape.anchor])
-    mark = PngInfo()
+    mark = PngImagePlugin.PngInfo()
     mark.add_text("Software", "diffbotctl")  # a registered keyword, PNG specification, 11.3.4.2
     file = BytesIO()
     image.save(file, "PNG", pnginfo=mark)

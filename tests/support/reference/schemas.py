@@ -20,6 +20,7 @@ from diffbotctl.ui.saved_view import SavedView
 from diffbotctl.units import NUMBER, magnitude_max, of_kind
 
 Schema = dict[str, Any]
+CODE_NAME = "\\.py:[A-Za-z_][A-Za-z0-9_]*$"  # a class in a file beside the pipeline
 DRAFT = "https://json-schema.org/draft/2020-12/schema"
 VARIABLE = {"type": "string", "pattern": "\\$[A-Za-z_]"}
 WIRE = {"type": "string", "pattern": "^[a-z][a-z0-9_]*\\.[a-z][a-z0-9_]*$"}
@@ -37,7 +38,11 @@ def pipeline() -> Schema:
     kinds = sorted(registry.BLOCKS)
     entry["properties"]["block"] = {
         "description": entry["properties"]["block"]["description"],
-        "anyOf": [{"enum": kinds}, {"type": "string", "pattern": NODE_NAME}],
+        "anyOf": [
+            {"enum": kinds},
+            {"type": "string", "pattern": NODE_NAME},
+            {"type": "string", "pattern": CODE_NAME},
+        ],
     }
     entry["allOf"] = [_when(kind) for kind in kinds]
     entry = whole["$defs"]["SourceEntry"]

@@ -1,0 +1,96 @@
+"""Runs with a block in a file: the question, the recording, its replay, errors, and clients."""
+
+import os
+import subprocess
+
+import pytest
+
+from tests.config.test_code_files import NOSE, PIPELINE
+from tests.support.command_process import command_line
+from tests.support.running import PlainClient, cli, running
+from tests.support.terminal import Terminal
+
+
+@pytest.fixture
+def pipeline(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    (tmp_path / "nose.py").write_text(NOSE)
+    path = tmp_path / "nose.yaml"
+    path.write_text(PIPELINE)
+    return path
+
+
+def test_a_person_is_asked_once_and_the_recording_is_replayed_with_that_file_alone(
+    pipeline, tmp_path
+):
+    recording, imported = tmp_path / "a.mcap", tmp_path / "imported"
+    words = ("run", pipeline, "--fast", "--for", "1s", "--quiet", "--record", recording, "--force")
+    code, _, complaints = cli(tmp_path, *words)
+    assert code == 2 and "E-CODE-CONSENT" in complaints
+    for answer, expected in (("n", 2), ("y", 1)):  # 1: the goal is not reached within 1 s
+        assert not imported.exists()
+        with Terminal(command_line(*words), dict(os.environ)) as terminal:
+            terminal.until(lambda text: "nose.py" in text and "Allow" in text, "the question")
+            terminal.type(f"{answer}\r")
+            assert terminal.ended() == expected
+    assert imported.exists()
+    assert b"def react" not in recording.read_bytes()  # it holds no code
+    code, printed, _ = cli(tmp_path, "replay", recording, "--check")
+    assert code == 0 and "bit for bit" in printed
+    (tmp_path / "nose.py").rename(tmp_path / "kept.py")
+    imported.unlink()
+    assert cli(tmp_path, "replay", recording, "--check")[0] == 0  # found by its hash
+    assert imported.exists()
+    imported.unlink()
+    (tmp_path / "state" / "diffbotctl" / "allowed_programs.json").unlink()
+    code, _, complaints = cli(tmp_path, "replay", recording)
+    assert code == 2 and "E-CODE-CONSENT" in complaints and "kept.py" in complaints
+    (tmp_path / "kept.py").write_text(NOSE + "# changed\n")
+    code, _, complaints = cli(tmp_path, "replay", recording)
+    assert code == 2 and "E-CODE-FILE" in complaints and not imported.exists()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("self.count += 1", "self.count += 1 // 0", "nose.py:20:23  E-BLOCK-RAISED"),
+        ("self.count = 0", "pass", "create `self.count` in `def reset(self):`"),
+        ("self.count = 0", "self.count = self.evry", "nose.py:17:22  E-BLOCK-RAISED"),
+        ("self.count += 1", "raise SystemExit", "nose.py:20:9  E-BLOCK-RAISED"),
+    ],
+)
+def test_an_error_in_a_block_shows_its_file_and_line(pipeline, tmp_path, old, new, said):
+    (tmp_path / "nose.py").write_text(NOSE.replace(old, new))
+    words = ("run", pipeline, "--fast", "--quiet", "--allow-programs")
+    code, _, complaints = cli(tmp_path, *words, cwd=tmp_path)
+    assert code == 1 and said in complaints
+
+
+def test_a_file_that_never_ends_its_import_is_interrupted(pipeline, tmp_path):
+    (tmp_path / "nose.py").write_text("print('looping', flush=True)\nwhile True: pass\n")
+    words = command_line("run", pipeline, "--allow-programs")
+    with subprocess.Popen(words, stderr=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        assert process.stderr.readline() == b"looping\n"
+        process.terminate()
+        assert process.wait(60) == 130
+
+
+def test_no_client_of_the_socket_names_a_file(pipeline, tmp_path):
+    evil = tmp_path / "evil.py"
+    evil.write_text(NOSE.replace('"imported"', '"evil"'))
+    name = f"{evil}:Nose"
+    with running(tmp_path, pipeline, "--stay", "--allow-programs"):
+        client = PlainClient(tmp_path)
+        for method, fields in (
+            ("set_parameter", {"parameter": "nose.every", "value": name}),
+            ("set_parameter", {"parameter": "nose.block", "value": name}),
+            ("set_parameter", {"parameter": name, "value": 1}),
+            ("call", {"action": f"{name}.react", "arguments": {}}),
+            ("call", {"action": "nose.react", "arguments": {"block": name}}),
+            ("publish", {"topic": "input.nose", "message": {"block": name}}),
+            ("load", {"block": name}),
+            ("replay", {"file": str(evil)}),
+        ):
+            assert "error" in client.request(method, **fields), (method, fields)
+        assert client.request("status") is not None
+    assert not (tmp_path / "evil").exists()
