@@ -45,7 +45,7 @@ LAYERS = {
         "prompts",
     ],
     "runs": ["runs"],
-    "jobs": ["replay", "flash", "calibrate", "diagnostics", "ros2"],
+    "jobs": ["client", "replay", "flash", "calibrate", "diagnostics", "ros2"],
     "screens and command line": [
         "ui",
         "web",
@@ -66,6 +66,7 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "bluetooth": 800,
     "calibrate": 9_050,
     "cli": 8_490,
+    "client": 730,
     "config": 8_120,
     "control": 1_750,
     "control_socket": 3_550,
@@ -75,7 +76,7 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "engine": 2_350,
     "estimation": 5_500,
     "flash": 1_500,
-    "foxglove": 1_150,
+    "foxglove": 1_010,
     "geometry": 400,
     "links": 3_800,
     "model": 300,
@@ -88,10 +89,10 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "recording": 3_750,
     "render": 1_850,
     "replay": 670,
-    "ros2": 2_150,
+    "ros2": 1_760,
     "runs": 1_250,
     "ui": 4_200,
-    "web": 1_850,
+    "web": 1_500,
 }
 PACKAGE_BUDGET = 78_150  # lines of all of them
 

@@ -51,8 +51,8 @@ def command(allow: str, origins: tuple[str, ...], tcp_port: int, engine: str | N
     require_packages("E-FOXGLOVE-LIBRARY", "viewers", "foxglove", "aiohttp")
     allowed = _allowed(allow)
 
+    from diffbotctl.client.connections import listen
     from diffbotctl.foxglove.server import KNOWN_ORIGINS, FoxgloveServer, ViewerRules
-    from diffbotctl.web.connections import listen
 
     address = choose_engine(engine, host())
     listener = listen("127.0.0.1", tcp_port, "E-FOXGLOVE-LISTEN", "viewers")

@@ -103,8 +103,8 @@ def _serve(engine: EngineAddress, lan: bool, tcp_port: int, view: ViewSettings |
     """Serve the page until the run has ended."""
     import asyncio
 
+    from diffbotctl.client.connections import listen
     from diffbotctl.web.certificate import load_certificate, state_folder, utc_now
-    from diffbotctl.web.connections import listen
     from diffbotctl.web.link import EVERY_ADDRESS, LOOPBACK, network_addresses
     from diffbotctl.web.server import WebServer
 

@@ -13,11 +13,13 @@ import socket
 import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from math import inf
 from typing import NamedTuple
 
 from aiohttp import web
 
+from diffbotctl.client.connections import Peer, serving
+from diffbotctl.client.request_check import RequestRefusalError, ServerOrigin
+from diffbotctl.client.velocity_rules import BEAT_PERIOD_S, RESUMED, Limits
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.control_socket.address import EngineAddress
 from diffbotctl.control_socket.client import AsyncControlClient
@@ -31,16 +33,11 @@ from diffbotctl.foxglove.protocol import Fields
 from diffbotctl.foxglove.viewer_connection import ViewerConnection
 from diffbotctl.recording.viewer_model import viewer_model
 from diffbotctl.ros2.robot_model import configuration_of_run
-from diffbotctl.ros2.velocity_rules import Limits
-from diffbotctl.web.connections import Peer, serving
-from diffbotctl.web.deadman import BEAT_PERIOD_S
-from diffbotctl.web.request_check import RequestRefusalError, ServerOrigin
 
 VIEWERS_MAX = 8
 KEEPALIVE_S = 5.0  # that an idle connection stays open
 PARAMETERS_PERIOD_S = 2.0
 TOKEN_BYTES = 16
-RESUMED = "operator.resume"  # the wire on which permission to move comes
 # Foxglove in a browser, and desktop programs; these still need the token.
 KNOWN_ORIGINS = frozenset({"https://app.foxglove.dev", "file://"})
 HEADERS = {"X-Content-Type-Options": "nosniff", "Cache-Control": "no-store"}
@@ -112,7 +109,7 @@ class FoxgloveServer:
         """Ask for what does not change during the run."""
         status = await self.client.request("status")
         epoch = time.time_ns() - status["time"]
-        self.limits = Limits(*(status[name] or inf for name in ("speed", "turn_rate")))
+        self.limits = Limits.of_run(status)
         scene = await self.client.request("scene")
         topics = []
         for row in (await self.client.request("list_topics"))["topics"]:

@@ -4,27 +4,29 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Coroutine, Iterable
+from collections import deque
+from collections.abc import Coroutine, Iterable, Iterator
 from typing import Any, Protocol
 
 from aiohttp import WSMsgType, web
 
+from diffbotctl.client.velocity_driver import VelocityDriver
+from diffbotctl.client.velocity_rules import Limits, VelocityRules, VelocitySource
+from diffbotctl.client.web_socket_connection import WebSocketConnection
 from diffbotctl.control_socket.address import EngineAddress
 from diffbotctl.control_socket.connection import TokenBucket
 from diffbotctl.control_socket.protocol import RefusalError
 from diffbotctl.foxglove import commands, protocol
 from diffbotctl.foxglove.channels import ChannelMessage, RunChannels
 from diffbotctl.foxglove.commands import Command, RobotService
-from diffbotctl.foxglove.frame_queue import FrameQueue
 from diffbotctl.foxglove.parameters import Values, parameter_rows
 from diffbotctl.foxglove.protocol import ClientMessage, Fields, FrameError, ServiceCall
-from diffbotctl.foxglove.viewer_driving import ViewerDriving
-from diffbotctl.ros2.velocity_rules import Limits
-from diffbotctl.web.web_socket_connection import WebSocketConnection
 
 FRAME_MAX_BYTES = 64 << 10
 FRAMES_PER_SECOND = 200.0  # panels publish at most 60 velocities a second
 FRAME_BURST = 400.0  # at the start a viewer subscribes, perhaps one topic a frame
+MESSAGES_MAX = 500  # that wait for a viewer which reads slowly; then the oldest is dropped
+REPLIES_MAX = 1000  # that wait; a viewer that reads nothing is disconnected
 NAMES_MAX = 1000  # subscriptions, own channels and parameters of a viewer
 
 
@@ -64,11 +66,13 @@ class ViewerConnection(WebSocketConnection):
         self.server = server
         self.name = name
         self.greeting: Iterable[str] = ()
-        self.driving = ViewerDriving(name, server.limits, self._send_request, self.warn)
+        self.source = VelocitySource(frozenset({name}), name)
+        self.driving = VelocityDriver(VelocityRules(server.limits), self._send_request, self.warn)
         self.subscriptions: dict[int, int] = {}  # subscription to channel
         self.published: dict[int, Command] = {}  # the viewer's channel to what it is
         self.followed: set[str] = set()  # parameters
-        self.queue = FrameQueue(self.socket, self.disconnect)
+        self.replies: deque[str | bytes] = deque()
+        self.messages: deque[bytes] = deque(maxlen=MESSAGES_MAX)
 
     async def serve(self, request: web.Request, greeting: Iterable[str]) -> web.WebSocketResponse:
         """Send `greeting`, and serve until the socket is closed."""
@@ -78,19 +82,27 @@ class ViewerConnection(WebSocketConnection):
     def _refusal_text(self, cause: str) -> str:
         return protocol.status(protocol.ERROR, cause)
 
-    async def _send_all(self) -> None:
-        await self.queue.run()
+    def _waiting(self) -> Iterator[str | bytes]:
+        while self.replies or self.messages:
+            yield self.replies.popleft() if self.replies else self.messages.popleft()
 
     def _on_open(self) -> None:
         for text in self.greeting:
-            self.queue.reply(text)
+            self.reply(text)
 
     def _on_close(self) -> None:
-        self.driving.ended()
+        self.driving.publishers_changed(frozenset())
         self.subscriptions.clear()
         self.server.subscriptions_changed()
 
     # What is sent.
+
+    def reply(self, frame: str | bytes) -> None:
+        """Queue a frame that must not be lost."""
+        self.replies.append(frame)
+        self.has_news.set()
+        if len(self.replies) > REPLIES_MAX:
+            self.disconnect()
 
     def show(self, message: ChannelMessage) -> None:
         """Queue a message for each subscription to its channel."""
@@ -105,19 +117,20 @@ class ViewerConnection(WebSocketConnection):
             self._reply_parameters(values, followed, None)
 
     def _show(self, subscription: int, message: ChannelMessage) -> None:
-        self.queue.show(protocol.message_data(subscription, message.time, message.data))
+        self.messages.append(protocol.message_data(subscription, message.time, message.data))
+        self.has_news.set()
 
     def warn(self, text: str) -> None:
         """Show a sentence in the viewer's list of problems."""
-        self.queue.reply(protocol.status(protocol.WARNING, text))
+        self.reply(protocol.status(protocol.WARNING, text))
 
     def _refuse(self, refusal: RefusalError) -> None:
-        self.queue.reply(protocol.status(protocol.ERROR, refusal.text))
+        self.reply(protocol.status(protocol.ERROR, refusal.text))
 
     def _reply_parameters(self, values: Values, names: list[str], request: object) -> None:
         extra = {"id": request} if isinstance(request, str) else {}
         rows = parameter_rows(values, names)
-        self.queue.reply(protocol.operation("parameterValues", parameters=rows, **extra))
+        self.reply(protocol.operation("parameterValues", parameters=rows, **extra))
 
     # What is received.
 
@@ -134,7 +147,7 @@ class ViewerConnection(WebSocketConnection):
             else:
                 return False
         except FrameError as error:
-            self.queue.reply(protocol.status(protocol.ERROR, str(error)))
+            self.reply(protocol.status(protocol.ERROR, str(error)))
         except RefusalError as refusal:
             self._refuse(refusal)
         return True
@@ -203,7 +216,8 @@ class ViewerConnection(WebSocketConnection):
     def _message_received(self, message: ClientMessage) -> None:
         match self.published.get(message.channel):
             case Command.VELOCITY:
-                self.driving.velocity_received(time.monotonic(), *commands.velocity(message.data))
+                linear, angular = commands.velocity(message.data)
+                self.driving.velocity_received(time.monotonic(), linear, angular, self.source)
             case Command.GOAL:
                 self._start(self._request("goto", commands.goal(message.data)))
             case None:
@@ -214,7 +228,7 @@ class ViewerConnection(WebSocketConnection):
         if type(request) is not int or not 0 <= request < 1 << 32:
             raise FrameError("requestId is no number")
         data = self.server.channels.file(uri) if isinstance(uri, str) else None
-        self.queue.reply(protocol.asset_response(request, data))
+        self.reply(protocol.asset_response(request, data))
 
     # Requests to the engine.
 
@@ -237,7 +251,7 @@ class ViewerConnection(WebSocketConnection):
         service = next((each for each in self.server.services if each.number == call.service), None)
         if service is None:
             text = f"there is no service {call.service}"
-            self.queue.reply(
+            self.reply(
                 protocol.operation(
                     "serviceCallFailure", serviceId=call.service, callId=call.call, message=text
                 )
@@ -250,12 +264,10 @@ class ViewerConnection(WebSocketConnection):
         except RefusalError as refusal:
             cause = refusal.cause
         answer = json.dumps({"success": not cause, "message": cause}).encode()
-        self.queue.reply(protocol.service_response(call, answer))
+        self.reply(protocol.service_response(call, answer))
 
     async def _show_graph(self) -> None:
-        self.queue.reply(
-            protocol.operation("connectionGraphUpdate", **await self.server.read_graph())
-        )
+        self.reply(protocol.operation("connectionGraphUpdate", **await self.server.read_graph()))
 
     async def _show_parameters(self, names: list[str], request: object) -> None:
         self._reply_parameters(await self.server.read_parameters(), names, request)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import signal
 import sys
 import threading
-from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -18,19 +17,19 @@ from rclpy.exceptions import InvalidNamespaceException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
+from diffbotctl.client.engine_connection import EngineConnection
+from diffbotctl.client.velocity_driver import VelocityDriver
+from diffbotctl.client.velocity_rules import RESUMED, Limits, VelocityRules
 from diffbotctl.control_socket.address import EngineAddress
 from diffbotctl.control_socket.protocol import Fields
 from diffbotctl.errors import RunError
 from diffbotctl.ros2.commands import LiveParameters, RobotCommands
-from diffbotctl.ros2.engine_connection import EngineConnection
 from diffbotctl.ros2.options import BridgeOptions, decode_options
 from diffbotctl.ros2.publishers import RunPublishers
-from diffbotctl.ros2.velocity_driver import VelocityDriver
-from diffbotctl.ros2.velocity_rules import Limits, VelocityRules
 from diffbotctl.ros2.velocity_topic import VelocityTopic
 
 NODE_NAME = "diffbotctl"
-RESUMED = "operator.resume"  # the wire on which permission to move comes
+CLIENT_NAME = "ros2 bridge"
 EXIT_TIMEOUT_S = 1.0  # for each thread; the process ends anyway
 
 
@@ -47,7 +46,7 @@ class Bridge:
         self.commands = RobotCommands(node, engine, options.allows_drive, options.frame_prefix)
         self.parameters = LiveParameters(node, engine, options.allows_drive)
         self.driver = VelocityDriver(
-            VelocityRules(_limits(status)), engine.order, node.get_logger().warning
+            VelocityRules(Limits.of_run(status)), engine.send, node.get_logger().warning
         )
         if options.allows_drive:
             self.driver.start()
@@ -73,10 +72,6 @@ class Bridge:
             self.publishers.message_received(wire, line["message"])
 
 
-def _limits(status: Fields) -> Limits:
-    return Limits(*(status[name] or inf for name in ("speed", "turn_rate")))
-
-
 def main(text: str) -> int:
     """Bridge until the run ends or a signal comes."""
     options = decode_options(text)
@@ -85,7 +80,9 @@ def main(text: str) -> int:
         signal.signal(number, lambda *_: ended.set())
     rclpy.init(args=None, signal_handler_options=SignalHandlerOptions.NO)
     try:
-        engine = EngineConnection(EngineAddress(options.engine, Path(options.socket), None))
+        engine = EngineConnection(
+            EngineAddress(options.engine, Path(options.socket), None), CLIENT_NAME
+        )
         node = rclpy.create_node(NODE_NAME, namespace=options.namespace or None)
         bridge = Bridge(node, engine, options)
     except (RunError, InvalidNamespaceException) as error:

@@ -9,10 +9,10 @@ from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from std_srvs.srv import Trigger
 
+from diffbotctl.client.engine_connection import EngineConnection
 from diffbotctl.control_socket.protocol import RESET_ACTIONS, Fields
 from diffbotctl.errors import RunError
 from diffbotctl.ros2.conversion import heading_of
-from diffbotctl.ros2.engine_connection import EngineConnection
 from diffbotctl.ros2.topics import WORLD
 
 SET_POSE = "odometry.set_pose"

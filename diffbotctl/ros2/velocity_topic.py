@@ -12,10 +12,10 @@ from rclpy._rclpy_pybind11 import RCLError  # rclpy exports it nowhere else
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import QoSProfile
 
+from diffbotctl.client.velocity_driver import VelocityDriver
+from diffbotctl.client.velocity_rules import VelocitySource
 from diffbotctl.ros2.message_fields import nanoseconds
 from diffbotctl.ros2.stamps import stamp_complaint
-from diffbotctl.ros2.velocity_driver import VelocityDriver
-from diffbotctl.ros2.velocity_rules import VelocitySource
 
 TOPIC = "cmd_vel"
 TYPES = {"geometry_msgs/msg/Twist": Twist, "geometry_msgs/msg/TwistStamped": TwistStamped}
@@ -90,7 +90,8 @@ class VelocityTopic:
         )
 
     def _twist_received(self, message: Any, info: Any) -> None:
-        if time.monotonic() < self.ready_at:
+        now = time.monotonic()
+        if now < self.ready_at:
             return
         linear, angular = message.linear.x, message.angular.z
         total = message.linear.y + message.linear.z + message.angular.x + message.angular.y
@@ -99,7 +100,7 @@ class VelocityTopic:
         source = VelocitySource(
             self.publishers, self.names, info.get("publication_sequence_number")
         )
-        self.driver.velocity_received(linear, angular, source)
+        self.driver.velocity_received(now, linear, angular, source)
 
     def _stamped_received(self, message: Any, info: Any) -> None:
         complaint = stamp_complaint(nanoseconds(message.header.stamp), time.time_ns())

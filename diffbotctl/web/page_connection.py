@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import asyncio
 import time
 from collections import deque
+from collections.abc import Iterator
 from typing import Any, Protocol
 
 from aiohttp import WSMsgType, web
 
+from diffbotctl.client.web_socket_connection import WebSocketConnection
 from diffbotctl.control_socket.address import EngineAddress
 from diffbotctl.control_socket.connection import TokenBucket
 from diffbotctl.control_socket.protocol import Fields, RefusalError
@@ -25,7 +26,6 @@ from diffbotctl.web.page_commands import (
 )
 from diffbotctl.web.plot_samples import PlotSamples
 from diffbotctl.web.sessions import Session
-from diffbotctl.web.web_socket_connection import SEND_TIMEOUT_S, WebSocketConnection
 
 MESSAGE_MAX_BYTES = 4096  # a command has some hundred
 MESSAGES_PER_SECOND = 60.0  # 20 of them drive
@@ -81,7 +81,6 @@ class PageConnection(WebSocketConnection):
         self.picture: str | None = None  # the newest that was not sent yet
         self.plotted = PlotSamples()
         self.wants_whole = True
-        self.has_news = asyncio.Event()
 
     @property
     def name(self) -> str:
@@ -113,20 +112,14 @@ class PageConnection(WebSocketConnection):
         self.picture = picture
         self.has_news.set()
 
-    async def _send_all(self) -> None:
-        try:
-            while True:
-                await self.has_news.wait()
-                self.has_news.clear()
-                while self.notes:
-                    await self._send_text(self.notes.popleft())
-                text = self._next_picture()
-                if text is not None:
-                    await self._send_text(text)
-                    if samples := self.plotted.drain():
-                        await self._send_text(encode({"plot": samples}))
-        except (OSError, TimeoutError, RuntimeError):
-            self.disconnect()
+    def _waiting(self) -> Iterator[str]:
+        while self.notes:
+            yield self.notes.popleft()
+        text = self._next_picture()
+        if text is not None:
+            yield text
+            if samples := self.plotted.drain():
+                yield encode({"plot": samples})
 
     def _next_picture(self) -> str | None:
         text, self.picture = self.picture, None
@@ -134,10 +127,6 @@ class PageConnection(WebSocketConnection):
             self.wants_whole = False
             return self.server.feed.whole()
         return text
-
-    async def _send_text(self, text: str) -> None:
-        async with asyncio.timeout(SEND_TIMEOUT_S):
-            await self.socket.send_str(text)
 
     # Commands.
 

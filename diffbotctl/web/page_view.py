@@ -6,11 +6,11 @@ import re
 from collections.abc import Mapping
 from math import isfinite
 
+from diffbotctl.client.request_check import RequestRefusalError
 from diffbotctl.control_socket.protocol import Fields
 from diffbotctl.errors import ConfigurationError, Source
 from diffbotctl.ui.saved_view import SCREEN_PANELS, ViewSettings, parse_view, view_text
 from diffbotctl.web.plot_samples import FIELDS_MAX
-from diffbotctl.web.request_check import RequestRefusalError
 
 FILE_NAME = "view.yaml"
 FIELD = re.compile(r"\w+(\.\w+){2,}", re.ASCII)  # of a plot, such as odometry.odometry.x

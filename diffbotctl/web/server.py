@@ -12,6 +12,8 @@ from typing import Any, NamedTuple
 
 from aiohttp import web
 
+from diffbotctl.client.connections import Peer, client_name, serving
+from diffbotctl.client.request_check import RequestRefusalError, ServerOrigin, check_origin
 from diffbotctl.control_socket.address import EngineAddress
 from diffbotctl.control_socket.connection import TokenBucket
 from diffbotctl.control_socket.protocol import RefusalError
@@ -19,13 +21,11 @@ from diffbotctl.errors import UserError
 from diffbotctl.ros2.robot_model import urdf_of_run
 from diffbotctl.ui.saved_view import ViewSettings
 from diffbotctl.web.certificate import ServerCertificate
-from diffbotctl.web.connections import Peer, client_name, serving
 from diffbotctl.web.deadman import BEAT_PERIOD_S, BeatNumbers
 from diffbotctl.web.engine_feed import EngineFeed
 from diffbotctl.web.link import EVERY_ADDRESS, LOOPBACK, host_names
 from diffbotctl.web.page_connection import PageConnection
 from diffbotctl.web.page_view import FILE_NAME, requested_view, view_record
-from diffbotctl.web.request_check import RequestRefusalError, ServerOrigin, check_origin
 from diffbotctl.web.sessions import Session, Sessions
 
 USED_CODE = (

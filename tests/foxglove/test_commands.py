@@ -5,16 +5,17 @@ from math import isnan, pi, sqrt
 
 import pytest
 
+from diffbotctl.client.velocity_driver import VelocityDriver
+from diffbotctl.client.velocity_rules import Limits, VelocityRules, VelocitySource
 from diffbotctl.control_socket.protocol import RefusalError
 from diffbotctl.foxglove import commands, protocol
 from diffbotctl.foxglove.commands import Command
 from diffbotctl.foxglove.parameters import connection_graph, parameter_rows, parameter_values
 from diffbotctl.foxglove.protocol import ClientMessage, FrameError, ServiceCall
-from diffbotctl.foxglove.viewer_driving import ViewerDriving
-from diffbotctl.ros2.velocity_rules import Limits
 from tests.support.foxglove_viewer import twist
 
 BOTH = frozenset(Command)
+VIEWER = VelocitySource(frozenset({"viewer 1"}), "viewer 1")
 
 
 def test_frames_of_the_server_byte_by_byte():
@@ -139,7 +140,7 @@ def driving(sent):
     def send(method, **fields):
         sent.append((method, fields))
 
-    return ViewerDriving("viewer 1", Limits(0.5, 2.0), send, lambda text: None)
+    return VelocityDriver(VelocityRules(Limits(0.5, 2.0)), send, lambda text: None)
 
 
 def beats(driving, start, end):
@@ -151,42 +152,42 @@ def beats(driving, start, end):
 
 
 def test_a_viewer_that_falls_silent_is_lost_within_350_ms(driving, sent):
-    driving.velocity_received(10.0, 0.1, 0.0)
+    driving.velocity_received(10.0, 0.1, 0.0, VIEWER)
     lost = next(now for now in beats(driving, 10.0, 11.0) if sent[-1][0] == "operator_lost")
     assert lost == pytest.approx(10.3, abs=0.051)
-    driving.velocity_received(11.0, 0.1, 0.0)  # latched: it drives no more
+    driving.velocity_received(11.0, 0.1, 0.0, VIEWER)  # latched: it drives no more
     driving.beat(11.05)
     assert [method for method, _ in sent].count("operator_lost") == 1
     assert sent[-1][0] == "operator_lost"
 
 
 def test_a_zero_releases_and_silence_after_it_is_no_fault(driving, sent):
-    driving.velocity_received(10.0, 0.1, 0.2)
-    driving.velocity_received(10.05, 0.0, 0.0)
+    driving.velocity_received(10.0, 0.1, 0.2, VIEWER)
+    driving.velocity_received(10.05, 0.0, 0.0, VIEWER)
     assert list(beats(driving, 10.05, 12.0))
     assert sent == [("drive", {"linear": 0.1, "angular": 0.2}), ("release", {})]
 
 
 def test_a_viewer_that_goes_while_it_drives_is_lost_at_once(driving, sent):
-    driving.ended()
+    driving.publishers_changed(frozenset())
     assert not sent  # it did not drive
-    driving.velocity_received(10.0, 0.1, 0.0)
-    driving.ended()
+    driving.velocity_received(10.0, 0.1, 0.0, VIEWER)
+    driving.publishers_changed(frozenset())
     assert sent[-1][0] == "operator_lost" and "viewer 1" in sent[-1][1]["reason"]
 
 
 def test_a_velocity_that_is_no_number_stops(driving, sent):
-    driving.velocity_received(10.0, float("nan"), 0.0)
+    driving.velocity_received(10.0, float("nan"), 0.0, VIEWER)
     assert [method for method, _ in sent] == ["stop"]
 
 
 def test_a_refused_velocity_needs_a_zero_first(driving, sent):
-    driving.velocity_received(10.0, 0.1, 0.0)
+    driving.velocity_received(10.0, 0.1, 0.0, VIEWER)
     driving.reply_received({"id": "drive", "ok": False, "cause": "the robot is stopped"})
-    driving.velocity_received(10.1, 0.1, 0.0)
+    driving.velocity_received(10.1, 0.1, 0.0, VIEWER)
     assert [method for method, _ in sent] == ["drive"]
-    driving.velocity_received(10.2, 0.0, 0.0)
-    driving.velocity_received(10.3, 0.1, 0.0)
+    driving.velocity_received(10.2, 0.0, 0.0, VIEWER)
+    driving.velocity_received(10.3, 0.1, 0.0, VIEWER)
     assert [method for method, _ in sent] == ["drive", "drive"]
 
 

@@ -6,7 +6,7 @@ from contextlib import ExitStack
 
 import pytest
 
-from diffbotctl.web.connections import CONNECTIONS_MAX
+from diffbotctl.client.connections import CONNECTIONS_MAX
 from tests.support.page_server import serving
 from tests.support.running import running
 

@@ -11,7 +11,7 @@ from contextlib import suppress
 
 import pytest
 
-from diffbotctl.web.connections import CONNECTIONS_MAX, client_name
+from diffbotctl.client.connections import CONNECTIONS_MAX, client_name
 from diffbotctl.web.page_connection import MESSAGE_MAX_BYTES
 from tests.support.browser import Browser
 from tests.support.page_server import serving

@@ -4,10 +4,10 @@ import time
 
 import pytest
 
+from diffbotctl.client.request_check import RequestRefusalError
 from diffbotctl.errors import Source
 from diffbotctl.ui.saved_view import ViewSettings, parse_view, read_view, save_view
 from diffbotctl.web.page_view import requested_view, view_record
-from diffbotctl.web.request_check import RequestRefusalError
 from tests.support.browser import DESKTOP, POLL_PERIOD_S, REPLY_TIMEOUT_S, Browser
 from tests.support.page_server import serving
 from tests.support.running import running

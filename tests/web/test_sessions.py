@@ -6,8 +6,8 @@ from itertools import count
 
 import pytest
 
+from diffbotctl.client.request_check import RequestRefusalError, ServerOrigin, check_origin
 from diffbotctl.web.certificate import load_certificate
-from diffbotctl.web.request_check import RequestRefusalError, ServerOrigin, check_origin
 from diffbotctl.web.sessions import SESSIONS_MAX, Sessions, device_kind
 
 

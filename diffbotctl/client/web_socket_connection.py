@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Coroutine
+from collections.abc import Coroutine, Iterator
 from contextlib import suppress
 from typing import Any
 
@@ -31,6 +31,7 @@ class WebSocketConnection(ABC):
         self.transport: asyncio.Transport | None = None
         self.peer: Any = None
         self.tasks: set[asyncio.Task[None]] = set()
+        self.has_news = asyncio.Event()  # something waits
 
     async def serve_client(
         self, request: web.Request, engine: EngineAddress, client_name: str
@@ -75,6 +76,21 @@ class WebSocketConnection(ABC):
         if self.transport is not None:
             self.transport.abort()
 
+    async def _send_all(self) -> None:
+        """Send what waits, until the socket is closed or reads nothing."""
+        try:
+            while True:
+                await self.has_news.wait()
+                self.has_news.clear()
+                for frame in self._waiting():
+                    async with asyncio.timeout(SEND_TIMEOUT_S):
+                        if isinstance(frame, str):
+                            await self.socket.send_str(frame)
+                        else:
+                            await self.socket.send_bytes(frame)
+        except (OSError, TimeoutError, RuntimeError):
+            self.disconnect()
+
     def _allows(self) -> bool:
         is_allowed = self.frames.allows(time.monotonic())
         self.frames.spend()
@@ -88,8 +104,8 @@ class WebSocketConnection(ABC):
         """The frame for a connection that the engine refuses."""
 
     @abstractmethod
-    async def _send_all(self) -> None:
-        """Send what waits, until the socket is closed or reads nothing."""
+    def _waiting(self) -> Iterator[str | bytes]:
+        """Take the frames that wait, each just before it is sent."""
 
     @abstractmethod
     def _on_open(self) -> None:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diffbotctl.ros2.velocity_rules import (
+from diffbotctl.client.velocity_rules import (
     FLOOD_SPAN_S,
     RENEWAL_PERIOD_S,
     SILENCE_MAX_S,

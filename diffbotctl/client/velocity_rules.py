@@ -1,4 +1,4 @@
-"""Rules for velocities from ROS: who may drive, and when the robot is stopped.
+"""Rules for velocities that programs publish: who may drive, and when the robot is stopped.
 
 A publisher drives from a velocity that is not zero until its next zero. While it drives it must
 publish; when it is silent, the robot is stopped, and a zero of the same publisher allows motion
@@ -16,11 +16,16 @@ from enum import StrEnum
 from math import inf, isfinite
 from typing import Literal, NamedTuple
 
+from diffbotctl.control_socket.protocol import Fields
+
 SILENCE_MAX_S = 0.3  # while moving; with telemetry period and link the wheels stop within 0.5 s
+BEAT_PERIOD_S = 0.05  # of a server that has no thread for these rules
 RENEWAL_PERIOD_S = 0.1  # the engine waits 0.3 s for the next command
 DRIVE_PERIOD_MIN_S = 0.01  # between two commands; the engine accepts 300 requests a second
 FLOOD_HZ = 1000.0  # beyond any controller: a loop without a pause
 FLOOD_SPAN_S = 0.1  # over which the rate is measured
+REASON_MAX_LENGTH = 200  # of an order
+RESUMED = "operator.resume"  # the wire on which permission to move comes
 
 
 class Limits(NamedTuple):
@@ -28,6 +33,11 @@ class Limits(NamedTuple):
 
     speed: float = inf
     turn_rate: float = inf
+
+    @classmethod
+    def of_run(cls, status: Fields) -> Limits:
+        """Those of a run, from the reply to `status`."""
+        return cls(status["speed"] or inf, status["turn_rate"] or inf)
 
     def scaled(self, linear: float, angular: float) -> tuple[float, float]:
         """The velocity within the limits that keeps the radius of the arc."""
@@ -58,6 +68,16 @@ class EngineOrder(NamedTuple):
     linear: float = 0.0
     angular: float = 0.0
     reason: str = ""
+
+    def fields(self) -> Fields:
+        """The fields of the request."""
+        match self.method:
+            case "drive":
+                return {"linear": self.linear, "angular": self.angular}
+            case "release" | "rearm":
+                return {}
+            case _:
+                return {"reason": self.reason[:REASON_MAX_LENGTH]}
 
 
 class DriveState(StrEnum):

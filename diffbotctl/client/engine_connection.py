@@ -1,4 +1,4 @@
-"""The bridge as a client of the control socket: one connection that drives, one that asks."""
+"""A bridge as a client of the control socket: one connection that drives, one that asks."""
 
 from __future__ import annotations
 
@@ -11,9 +11,6 @@ from typing import Any
 from diffbotctl.control_socket.address import EngineAddress
 from diffbotctl.control_socket.client import ControlClient
 from diffbotctl.control_socket.protocol import Fields
-from diffbotctl.ros2.velocity_rules import EngineOrder
-
-CLIENT_NAME = "ros2 bridge"
 
 
 class EngineConnection:
@@ -23,9 +20,9 @@ class EngineConnection:
     bridge ends its lease. Requests with replies use the second, from any thread.
     """
 
-    def __init__(self, address: EngineAddress) -> None:
-        self.streaming = ControlClient(address, CLIENT_NAME)
-        self.asking = ControlClient(address, CLIENT_NAME)
+    def __init__(self, address: EngineAddress, client_name: str) -> None:
+        self.streaming = ControlClient(address, client_name)
+        self.asking = ControlClient(address, client_name)
         self.about = self.streaming.about
         self._sends = threading.Lock()
         self._asks = threading.Lock()
@@ -33,20 +30,15 @@ class EngineConnection:
     def subscribe(self, wires: Iterable[str]) -> None:
         """Stream these wires; the newest message of each comes first."""
         for wire in wires:
-            self._send("subscribe", topic=wire, last=True)
+            self.send("subscribe", topic=wire, last=True)
 
-    def order(self, order: EngineOrder) -> None:
-        """Send an order of the velocity rules without waiting; its reply comes with the stream."""
-        match order.method:
-            case "drive":
-                self._send("drive", id="drive", linear=order.linear, angular=order.angular)
-            case "release" | "rearm":
-                self._send(order.method, id=order.method)
-            case _:
-                self._send(order.method, id=order.method, reason=order.reason[:200])
+    def send(self, method: str, **fields: Any) -> None:
+        """Send a request without waiting; its reply comes with the stream, its `id` the method."""
+        with self._sends:
+            self.streaming.send(method, id=method, **fields)
 
     def lines(self) -> Iterator[Fields]:
-        """Messages of the subscriptions and replies to orders, up to the end of the run."""
+        """Messages of the subscriptions and replies to what was sent, up to the end of the run."""
         return self.streaming.stream()
 
     def request(self, method: str, **fields: Any) -> Fields:
@@ -60,7 +52,3 @@ class EngineConnection:
         for client in (self.streaming, self.asking):
             with suppress(OSError):  # the run has ended
                 client.connection.shutdown(SHUT_RDWR)
-
-    def _send(self, method: str, **fields: Any) -> None:
-        with self._sends:
-            self.streaming.send(method, **fields)

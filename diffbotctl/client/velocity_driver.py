@@ -1,4 +1,4 @@
-"""Carries out the velocity rules: their clock, and the requests to the engine."""
+"""Driving by velocities of other programs: carries out the rules, with or without a thread."""
 
 from __future__ import annotations
 
@@ -7,41 +7,46 @@ import time
 from collections.abc import Callable
 from math import inf
 
+from diffbotctl.client.velocity_rules import DriveState, EngineOrder, VelocityRules, VelocitySource
 from diffbotctl.control_socket.protocol import Fields
 from diffbotctl.errors import RunError
-from diffbotctl.ros2.velocity_rules import DriveState, EngineOrder, VelocityRules, VelocitySource
-
-Report = Callable[[str], None]
 
 
 class VelocityDriver:
-    """The rules with their own thread for what happens as time passes.
+    """The rules, their clock, and the requests to the engine. Times are monotonic, in s.
 
-    A velocity is sent from the thread in which it arrives, so nothing is between ROS and the
-    socket. `report` gets a sentence for each stop and each end of one.
+    A velocity is sent from the thread in which it arrives, so nothing is between its publisher and
+    the socket. `send` sends a request, its method first, without waiting; `report` gets a sentence
+    for each stop. `beat` is to be called often, or `start` once.
     """
 
     def __init__(
-        self, rules: VelocityRules, send: Callable[[EngineOrder], None], report: Report
+        self, rules: VelocityRules, send: Callable[..., None], report: Callable[[str], None]
     ) -> None:
         self.rules, self.send, self.report = rules, send, report
         self.changed = threading.Condition()
         self.wakes_at = inf  # monotonic time until which the thread waits
 
     def start(self) -> None:
-        """Start the thread; it ends with the process."""
+        """Start a thread that repeats velocities and notices silence; it ends with the process."""
         threading.Thread(target=self._follow_time, daemon=True).start()
 
-    def velocity_received(self, linear: float, angular: float, source: VelocitySource) -> None:
+    def beat(self, now: float) -> None:
+        """Repeat the velocity, or notice silence."""
+        with self.changed:
+            self._carry_out(self.rules.time_passed(now))
+
+    def velocity_received(
+        self, now: float, linear: float, angular: float, source: VelocitySource
+    ) -> None:
         """A velocity was published (m/s, rad/s)."""
         with self.changed:
-            now = time.monotonic()
             self._carry_out(self.rules.velocity_received(now, linear, angular, source))
             if self.rules.deadline() < self.wakes_at:
                 self.changed.notify()
 
     def publishers_changed(self, publishers: frozenset[str]) -> None:
-        """Publishers have come or gone."""
+        """Publishers have come or gone; `publishers` are those that are alive."""
         with self.changed:
             self._carry_out(self.rules.publishers_changed(publishers))
 
@@ -65,7 +70,7 @@ class VelocityDriver:
         if reply.get("ok") or reply.get("id") not in ("drive", "rearm"):
             return
         with self.changed:
-            was_moving = self.rules.state is DriveState.MOVING
+            was_moving = self.is_moving
             self.rules.refused()
         if was_moving:
             self.report(f"velocity refused: {reply.get('cause', '')}; {reply.get('fix', '')}")
@@ -81,7 +86,7 @@ class VelocityDriver:
     def _carry_out(self, orders: list[EngineOrder]) -> None:
         for order in orders:
             try:
-                self.send(order)
+                self.send(order.method, **order.fields())
             except RunError as error:
                 self.report(f"the engine does not answer: {error}")
             if order.reason:

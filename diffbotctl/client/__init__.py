@@ -1,0 +1,1 @@
+"""Programs between the engine and other clients: connections, rules of driving, goals."""
