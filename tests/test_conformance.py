@@ -1,4 +1,4 @@
-"""The conformance folder: what format 1 means, as files with their results. See docs/compatibility.md."""
+"""Files of format 1 have the results that the conformance folder states: docs/compatibility.md."""
 
 import json
 from itertools import pairwise
