@@ -82,7 +82,7 @@ def rows() -> Iterator[Row]:
         start = time.monotonic()
         newcomer.run("git", "clone", "-q", "--no-local", ROOT, newcomer.clone)
         newcomer.run("make", ".venv/installed", at=newcomer.clone)
-        output = newcomer.run(newcomer.program, "start")
+        output = newcomer.run(newcomer.program, "start", "--answers", "answers.yaml")
         yield _row("fresh clone to the first simulated goal", start, output, 1)
         with newcomer.blank_board() as ports:
             words = (newcomer.program, "start", *ports, "--answers", "answers.yaml")

@@ -65,9 +65,9 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "blocks": 2_650,
     "bluetooth": 800,
     "calibrate": 9_050,
-    "cli": 8_490,
+    "cli": 8_660,
     "client": 730,
-    "config": 8_120,
+    "config": 8_400,
     "control": 1_750,
     "control_socket": 3_550,
     "diagnostics": 650,
@@ -94,7 +94,7 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "ui": 4_200,
     "web": 1_500,
 }
-PACKAGE_BUDGET = 78_150  # lines of all of them
+PACKAGE_BUDGET = 78_260  # lines of all of them
 
 SMALL_MODULE_LINES = 25
 SMALL_MODULES = {  # module: why it stands alone

@@ -105,6 +105,15 @@ def _kits(ctx: click.Context) -> list[str]:
     return sorted(kits())
 
 
+def _parts(kind: str) -> Values:
+    def names(ctx: click.Context) -> list[str]:
+        from diffbotctl.config.composed_robot import PART_KINDS
+
+        return list(PART_KINDS[kind].names)
+
+    return names
+
+
 DEV = Path("/dev")
 # Values of a parameter by its name, or by the names of its command and itself.
 KNOWN: dict[str, Values] = {
@@ -126,6 +135,12 @@ KNOWN: dict[str, Values] = {
     "block": live_names.blocks,
     "sets": live_names.settings,
     "kit": _kits,
+    "board": _parts("board"),
+    "driver": _parts("driver"),
+    "encoders": _parts("encoders"),
+    "sensors": _parts("sensor"),
+    "imu": _parts("imu"),
+    "robot radio": _parts("radio"),
     "sensor": live_names.sensors,
     "show name": _blocks,
     "types name": _message_types,

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
+from diffbotctl.cli.contradictions import exclusive, needs
 from diffbotctl.cli.options import CommandGroup
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from typing import TextIO
 
 # Path below the new package -> its template. Fields in braces are filled in.
@@ -57,6 +59,26 @@ PROGRAM_LINES = {  # language: how it runs, and what to do before
 }
 
 
+PART_HELP = {  # option of a part: its help; `PART_KINDS` has the names
+    "--board": "Board; the file is then composed of the parts.",
+    "--driver": "Motor driver.",
+    "--encoders": "none, one-channel (slotted discs; default) or two-channel.",
+    "--imu": "IMU; default: none.",
+    "--radio": "cable (default) or hc05.",
+}
+
+
+def part_options(command: Any) -> Any:
+    """The options that name parts; `composed_robot` checks the names."""
+    text = "Distance sensor in front. Repeatable: left, right, rear."
+    command = click.option("--sensor", "sensors", multiple=True, metavar="PART", help=text)(command)
+    text = "Slots, or pulses of channel A, per turn of the wheel."
+    command = click.option("--slots", type=click.IntRange(1), help=text)(command)
+    for option, text in reversed(PART_HELP.items()):
+        command = click.option(option, metavar="PART", help=text)(command)
+    return command
+
+
 @click.group(cls=CommandGroup)
 def command() -> None:
     """Write a new robot, pipeline, block, driver, message or program to start from."""
@@ -71,17 +93,38 @@ def command() -> None:
     metavar="[KIT]",
     help="Kit to start from; without KIT: list the kits.",
 )
-def robot(name: str | None, kit: str | None) -> None:
+@part_options
+@exclusive("--kit", tuple(PART_HELP), "a kit has its parts")
+@needs(tuple(PART_HELP)[1:], ("--board",), "its pins depend on the board")
+@needs(("--sensor", "--slots"), ("--board",), "the pins depend on the board")
+def robot(name: str | None, kit: str | None, board: str | None, **parts: Any) -> None:
     """Write robots/NAME.yaml: all parts of a robot, with comments.
 
-    NAME may be left out with --kit: it is then the kit's.
+    NAME may be left out with --kit: it is then the kit's. With --board and --driver the file is
+    composed of the parts, on pins that the board has for them.
     """
-    if kit is None and name is not None:
+    if name is not None and board is not None:
+        compose(name, {"board": board, **parts})
+    elif kit is None and name is not None:
         write("robot", name)
     elif kit:
         _write_kit(kit, name)
     else:
         _list_kits(kit is None)
+
+
+def compose(name: str, parts: dict[str, Any]) -> None:
+    """Write the robot file of these parts, fields of RobotParts; None stands for the default.
+
+    Raises UsageError for parts that do not fit together, and without a driver.
+    """
+    from diffbotctl.config.composed_robot import RobotParts, compose_robot
+
+    chosen = {field: part for field, part in parts.items() if part is not None}
+    if "driver" not in chosen:
+        raise click.UsageError("--board needs --driver: the pins depend on both")
+    fields = compose_robot(RobotParts(**chosen))
+    write("robot", name, "composed_robot.yaml", fields)
 
 
 class KitFile(NamedTuple):
@@ -217,11 +260,13 @@ def _write_package(name: str, what: str, files: dict[str, str]) -> None:
     click.echo(f"{name}/ is a package; its README.md explains how to install and run it.")
 
 
-def write(kind: str, name: str, template: str = "") -> None:
+def write(
+    kind: str, name: str, template: str = "", fields: Mapping[str, str] | None = None
+) -> None:
     """Write a new `robot` or `pipeline` file. Raises UsageError when the file exists, and in a
     checkout of diffbotctl.
 
-    `template`: default: the one of its kind.
+    `template`: default: the one of its kind. `fields`: values of it beside name and file.
     """
     from diffbotctl.config import lookup
 
@@ -229,7 +274,7 @@ def write(kind: str, name: str, template: str = "") -> None:
     path = Path(f"{kind}s") / f"{name}.yaml"
     if lookup.is_shipped(path):  # calibration and `param save` would refuse to write it
         raise lookup.shipped_folder_error(path, "E-FILE-WRITE")
-    _write(path, template or f"{kind}.yaml", {"name": name, "file": str(path)})
+    _write(path, template or f"{kind}.yaml", {"name": name, "file": str(path), **(fields or {})})
     _place_schemas()
     also = f"diffbotctl wiring {path}" if kind == "robot" else f"diffbotctl graph {path}"
     click.echo(f"Now: diffbotctl check {path}\n     {also}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, assert_never
 
@@ -12,14 +13,24 @@ import click
 from diffbotctl.cli.start_steps import (
     ANSWER_CODE,
     CHAPTERS,
+    DRIVER,
+    ENCODERS,
     GOAL,
+    IMU,
+    KIT,
     LIFTED,
     MEASURE,
     METRE,
+    OTHER_PARTS,
+    RADIO,
+    SENSOR,
     Chapter,
     ChapterKey,
+    board_question,
     headline,
+    slots_question,
 )
+from diffbotctl.config.composed_robot import NONE
 from diffbotctl.printable import write_raw
 from diffbotctl.ui.text import fold_text
 
@@ -37,7 +48,7 @@ MEASURED = {
     "geometry": "drive.track",
 }
 NO_BOARD = """\
-No board is connected. Connect a Mega 2560, Uno or Nano with its USB cable and run
+No board is connected. Connect the robot's board with its USB cable and run
 `diffbotctl start` again: it continues here. If a board is connected,
 `diffbotctl ports` reports why it is not found; `diffbotctl wiring` draws its
 connections. Without a board, run `diffbotctl emulate` in another terminal: it
@@ -172,7 +183,7 @@ class SetupGuide:
                 _print(str(reason))
                 return 0
             self.progress.finish(chapter.key)
-            _print(f"  now: {self._format(chapter.truth)}")
+            _print(f"  done: {self._format(chapter.truth)}")
         click.echo("\n" + self._format(END))
         return 0
 
@@ -204,7 +215,6 @@ class SetupGuide:
 
     def _make_robot_file(self) -> None:
         from diffbotctl.calibrate.robot_file import writable_copy
-        from diffbotctl.cli import new
         from diffbotctl.config import lookup
         from diffbotctl.config.load import load_robot
 
@@ -215,12 +225,44 @@ class SetupGuide:
             if lookup.is_shipped(path):
                 raise lookup.shipped_folder_error(path, "E-FILE-WRITE")
             if not path.exists():
-                _print("  It describes the kit of the book; change what differs on your robot.")
-                new.write("robot", NEW_ROBOT)
+                self._describe_robot()
         own = self.progress.notes["robot"] = str(writable_copy(path)[0])
         for warning in load_robot(own).warnings:
             click.echo(warning.render())
         _print(f"  Wiring diagram and table: diffbotctl wiring {own}")
+
+    def _describe_robot(self) -> None:
+        """Write the robot file of a kit, or of the parts that the person names."""
+        from diffbotctl.cli import new
+
+        for name, kit in new.kits().items():
+            _print(f"  {name}: {kit.title}")
+        kit_name = self.prompter.ask(KIT)
+        if kit_name != OTHER_PARTS:
+            new.write("robot", NEW_ROBOT, new.kits()[kit_name].template)
+            return
+        new.compose(NEW_ROBOT, self._ask_parts())
+        _print("  The pins in it are a proposal: wire the robot so, or write yours.")
+
+    def _ask_parts(self) -> dict[str, Any]:
+        ask = self.prompter.ask
+        parts: dict[str, Any] = {"board": ask(board_question(self._connected_board()))}
+        parts["driver"] = ask(DRIVER)
+        parts["encoders"] = ask(ENCODERS)
+        if parts["encoders"] != NONE:
+            parts["slots"] = int(float(ask(slots_question(parts["encoders"]))))
+        return parts | {"sensors": (ask(SENSOR),), "imu": ask(IMU), "radio": ask(RADIO)}
+
+    def _connected_board(self) -> str | None:
+        """The type of the only board connected, if its USB identity shows it."""
+        from diffbotctl.drivers.board_ports import candidates, port_named
+
+        ports = candidates()
+        if self.stated_port is not None:
+            named = port_named(self.stated_port)
+            ports = [named] if named else []
+        chips = [port.usb.chip for port in ports if port.usb]
+        return chips[0].board if len(chips) == 1 and chips[0] else None
 
     def _find_board(self) -> None:
         from diffbotctl.calibrate.robot_file import simulated_copy
@@ -242,6 +284,8 @@ class SetupGuide:
 
     def _flash_firmware(self) -> None:
         from diffbotctl.cli import flash
+        from diffbotctl.drivers.board_ports import OtherBoardError, WrongSignatureError
+        from diffbotctl.errors import RunError
         from diffbotctl.flash.board_jobs import is_diffbot
 
         robot = self._file().robot
@@ -253,7 +297,12 @@ class SetupGuide:
         _print("  The board has another firmware, which will be overwritten.")
         self.prompter.confirm(LIFTED)
         words = ("firmware", "--port", self.port, "--robot", str(self.robot), "--yes")
-        _run_command(flash.flash, *words)
+        try:
+            _run_command(flash.flash, *words)
+        except (OtherBoardError, WrongSignatureError) as error:
+            own = self.progress.notes["robot"]
+            fix = f"choose the robot's board with --port, or delete {own} and start again"
+            raise RunError(replace(error.problems[0], fix=fix)) from error
 
     def _identify_wheels(self) -> None:
         if self._file().robot.drive.polarity != "unproven":

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from enum import StrEnum
 from pathlib import Path
 from typing import NamedTuple
 
 from diffbotctl.calibrate.runner import STEPS
+from diffbotctl.cli.new import kits
+from diffbotctl.config.composed_robot import NONE, PART_KINDS, USUAL_SLOTS
 from diffbotctl.errors import Problem, UsageError, closest_match, join_words
 from diffbotctl.prompts.answers_file import AnswersFile
-from diffbotctl.prompts.question import Question
+from diffbotctl.prompts.question import Answer, AnswerError, Question
 
 ANSWER_CODE = "E-START-ANSWER"
 
@@ -48,7 +51,7 @@ CHAPTERS = (
     Chapter(
         ChapterKey.ROBOT,
         "Your robot file",
-        "your robot file states how the robot is wired; every command reads it",
+        "you name the robot's parts; its file states how they are wired, for every command",
         "{robot} describes your robot, and its checks pass",
     ),
     Chapter(
@@ -120,7 +123,66 @@ GOAL = Question(
     choices=("yes", "no"),
     is_consent=True,
 )
-QUESTIONS = (LIFTED, MEASURE, METRE, GOAL)
+OTHER_PARTS = "other"
+KIT = Question(
+    "kit",
+    f"Is your robot wired as one of these kits? If not, answer {OTHER_PARTS} and name its parts.",
+    choices=(*kits(), OTHER_PARTS),
+)
+
+
+class PartQuestion(Question):
+    """A question for a part; its name is one of PART_KINDS."""
+
+    def parse(self, answer: object) -> Answer:
+        """The part's name. Raises AnswerError with what comes nearest."""
+        if not str(answer or "").strip():
+            return super().parse(answer)
+        with suppress(AnswerError):
+            if self.name != "driver":  # the beginning of a chip's name is that of others
+                return super().parse(answer)
+        try:
+            return PART_KINDS[self.name].check(str(answer))
+        except UsageError as error:
+            problem = error.problems[0]
+            raise AnswerError(f"{problem.cause}; {problem.fix}") from None
+
+
+def part_question(name: str, text: str, default: str | None = None) -> PartQuestion:
+    """The question for the part called `name`; `default`: the answer for an empty line."""
+    return PartQuestion(name, text, choices=PART_KINDS[name].names, default=default)
+
+
+def board_question(found: str | None) -> PartQuestion:
+    """Which board it is; `found`: the type of the one that is connected."""
+    return part_question("board", "Which board?", found)
+
+
+def slots_question(encoders: str) -> Question:
+    """How many slots the encoders of a kind have."""
+    return Question(
+        "slots",
+        "How many slots, or pulses of channel A, has a turn of the wheel? "
+        "`diffbotctl calibrate encoders` counts them later.",
+        unit="1",
+        minimum=1,
+        default=float(USUAL_SLOTS[encoders]),
+        is_whole=True,
+    )
+
+
+DRIVER = part_question("driver", "Which motor driver? Its name is printed on the chip or board.")
+ENCODERS = part_question(
+    "encoders",
+    "Which encoders? A slotted disc has one channel, a Hall encoder with A and B has two.",
+)
+SENSOR = part_question("sensor", "Which distance sensor is in front?", NONE)
+IMU = part_question("imu", "Which IMU?", NONE)
+RADIO = part_question("radio", "Does it drive over its USB cable, or an HC-05?", "cable")
+QUESTIONS = (
+    *(LIFTED, MEASURE, METRE, GOAL, KIT),
+    *(board_question(None), DRIVER, ENCODERS, slots_question("one-channel"), SENSOR, IMU, RADIO),
+)
 
 
 def read_answers(path: Path) -> AnswersFile:

@@ -113,13 +113,20 @@ def _obstacle(robot: Robot, facts: MotorDriverFacts) -> str:
         return "the robot exists only in the simulator"
     if robot.link.protocol != "diffbot":
         return "the book's firmware has them there"
+    return pulses_obstacle(facts) or _missing_pwm(robot, board)
+
+
+def pulses_obstacle(facts: MotorDriverFacts) -> str:
+    """Why a driver has its pulses on enable on any board; empty when they can be on the inputs."""
+    if facts.mode == "two_pwm":
+        return ""
     if facts.states["enable_low"] == "shorted":
         return f"{facts.with_article} shorts the motors between them"
     if facts.mode == "enable_direction":
         return f"in1 of {facts.with_article} is a direction"
     if not facts.follows_input_pulses:
         return f"the inputs of {facts.with_article} are too slow for them"
-    return _missing_pwm(robot, board)
+    return ""
 
 
 def _missing_pwm(robot: Robot, board: BoardPins) -> str:

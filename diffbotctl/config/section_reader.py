@@ -9,6 +9,7 @@ configuration.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from functools import cache
 from typing import Any, TypeVar, get_args, get_origin
 
@@ -342,7 +343,7 @@ def _not_a_choice(value: Value, declaration: Declaration) -> Problem:
     choices = [str(choice) for choice in declaration.choices]
     hexadecimal = _hexadecimal(value.text) if declaration.kind is int else ""
     near = closest_match(value.text, choices) or closest_match(value.text.lower(), choices)
-    near = near or _contained_choice(value.text, choices)
+    near = near or contained_choice(value.text, choices)
     if hexadecimal in choices:
         fix = f"write {hexadecimal}, the decimal number of 0x{value.text}"
     else:
@@ -356,7 +357,7 @@ def _not_a_choice(value: Value, declaration: Declaration) -> Problem:
     return Problem("E-CHOICE", value.place, cause, fix)
 
 
-def _contained_choice(text: str, choices: list[str]) -> str | None:
+def contained_choice(text: str, choices: Iterable[str]) -> str | None:
     """The longest of `choices` in a name such as Arduino Mega 2560; None if there is none."""
     joined = re.sub("[^a-z0-9]", "", text.lower())
     contained = [choice for choice in choices if len(choice) > 2 and choice in joined]
@@ -373,13 +374,20 @@ def _about_part(problem: Problem, value: Value, declaration: Declaration, path: 
     if problem.code != "E-CHOICE":
         return problem
     field = "sensors.type" if path[0] == "sensors" else ".".join(path[-2:])
-    if field == "motor.driver":
-        part: UnsupportedPart | None = unknown_driver(value.text)
-    else:
-        part = unsupported_part(field, value.text, map(str, declaration.choices))
+    part = refused_part(field, value.text, map(str, declaration.choices))
     if part is None:
         return problem
     return Problem(problem.code, problem.place, part.cause, part.fix)
+
+
+def refused_part(field: str, written: str, names: Iterable[str]) -> UnsupportedPart | None:
+    """What to write in place of a part that is none of `names`, as far as it is known.
+
+    `field`: the end of its path in the robot file, such as `imu.type`.
+    """
+    if field == "motor.driver":
+        return unknown_driver(written)
+    return unsupported_part(field, written, names)
 
 
 def _sample(declaration: Declaration) -> str:

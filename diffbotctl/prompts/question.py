@@ -141,7 +141,7 @@ class Question:
         if isinstance(answer, str):
             return answer
         scale = UNITS[self.default_unit][1] if self.default_unit in UNITS else 1.0
-        digits = 2 if self.default_unit in ("V", "cm") else 1
+        digits = 0 if self.is_whole else 2 if self.default_unit in ("V", "cm") else 1
         return f"{answer / scale:.{digits}f} {self.default_unit}".strip()
 
     def _parse_choice(self, answer: str) -> str:

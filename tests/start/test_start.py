@@ -11,9 +11,12 @@ from diffbotctl.config.load import load_robot
 from diffbotctl.emulator.program import IMAGE
 from tests.support.command_process import command_line
 from tests.support.terminal import Terminal
-from tests.support.virtual_board import START_ANSWERS, board, diffbotctl
+from tests.support.virtual_board import START_ANSWERS, board, diffbotctl, flat
 
 ROOT = Path(__file__).parents[2]
+BOOK = "kit: book_2wd\n"
+UNO_PARTS = ("--board", "uno", "--driver", "tb6612")
+UNO_ANSWERS = "kit: other\nboard: uno\ndriver: tb6612\nencoders: one-channel\n"
 
 
 class Person:
@@ -49,10 +52,17 @@ def person(tmp_path):
     return Person(tmp_path)
 
 
-def test_without_a_board_it_comes_to_a_simulated_goal_asks_nothing_and_prints_the_next_step(person):
+def test_without_a_board_it_comes_to_a_robot_file_and_prints_the_next_step(person):
     code, output = person.types("start")
-    assert code == 0, output
+    assert code == 2 and "there is no terminal to ask at" in output
+    assert person.done() == ["simulated"] and not (person.folder / "robots").exists()
+    (person.folder / "state/diffbotctl/start.json").unlink()
+    code, output = person.types("start", answers=BOOK)
+    assert code == 1 and "E-NO-BOARD" in output
     assert "SIMULATED" in output and "1 of 1 reached" in output
+    assert max(map(len, output.splitlines())) <= 80
+    code, output = person.types("start")  # all that is asked so far has been answered
+    assert code == 0, output
     assert "next: the board is searched" in output
     assert "No board is connected" in output
     assert max(map(len, output.splitlines())) <= 80
@@ -72,9 +82,9 @@ def test_a_blank_board_comes_to_a_goal_and_each_drive_is_asked_for(person):
         assert output.count("1 of 1 reached") == 3, output  # simulated, metre, goal
         # Before the firmware and before the pulses; then before each of both drives.
         assert output.count("Are the wheels off the ground? yes") == 2
-        flat = " ".join(output.split())
-        assert flat.count("1.5 m free ahead of it and 0.5 m on either side? yes") == 1
-        assert flat.count("1 m to the left and 0.5 m to the right? yes") == 1
+        asked = flat(output)
+        assert asked.count("1.5 m free ahead of it and 0.5 m on either side? yes") == 1
+        assert asked.count("1 m to the left and 0.5 m to the right? yes") == 1
         assert "written and verified" in output
         truth = virtual.board.plant.truth()
         assert truth.left_speed == truth.right_speed == 0.0
@@ -90,7 +100,7 @@ def test_a_blank_board_comes_to_a_goal_and_each_drive_is_asked_for(person):
 def test_a_board_that_is_ready_is_not_flashed_and_a_visit_can_be_left(person):
     with board(image=IMAGE) as virtual:
         words = ("start", "--port", virtual.usb, "--radio", virtual.radio)
-        code, output = person.types(*words, answers="lifted: no\n")
+        code, output = person.types(*words, answers=f"{BOOK}lifted: no\n")
         assert code == 0, output
         assert "already has the diffbotctl firmware" in output
         assert "`diffbotctl start` continues here" in output
@@ -101,6 +111,33 @@ def test_a_board_that_is_ready_is_not_flashed_and_a_visit_can_be_left(person):
         assert code == 0, output
         assert person.done()[-1] == "goal"
         assert "5 of 8  Wheels and" in output and "2 of 8  Your robot file\n" not in output
+
+
+@pytest.fixture
+def uno(person):
+    """The file of a robot with an Uno and a TB6612."""
+    person.types("new", "robot", "wired", *UNO_PARTS)
+    return (person.folder / "robots" / "wired.yaml").rename(person.folder / "wired.yaml")
+
+
+def test_the_parts_of_a_robot_are_asked_for_and_its_board_is_flashed(person, uno):
+    with board(image=None, robot=uno) as virtual:
+        answers = f"{UNO_ANSWERS}lifted: [yes, no]\n"
+        code, output = person.types("start", "--port", virtual.usb, answers=answers)
+        assert code == 0 and "written and verified" in output, output
+    assert person.done() == ["simulated", "robot", "board", "firmware"]
+    motor = person.robot().drive.left.motor
+    assert (motor.driver, person.robot().board.type) == ("tb6612", "uno")
+    assert repr(motor) == repr(load_robot(str(uno)).robot.drive.left.motor)
+
+
+@pytest.mark.nightly
+def test_a_board_that_is_another_one_than_was_answered_is_named(person, uno):
+    with board(image=None, robot=uno) as virtual:
+        answers = f"{UNO_ANSWERS.replace('uno', 'mega2560')}lifted: yes\n"
+        code, output = person.types("start", "--port", virtual.usb, answers=answers)
+        assert code == 1 and "E-FLASH-SIGNATURE" in output
+        assert "delete robots/my_robot.yaml and start again" in flat(output)
 
 
 def test_a_wheel_that_turns_backward_is_turned_round_in_the_file(person):
@@ -125,7 +162,7 @@ def test_a_wheel_that_stands_still_stops_the_path(person):
 
 
 def test_at_a_prompt_it_can_be_left_with_a_key_and_goes_on(person):
-    person.types("start")  # as far as it comes without a board
+    person.types("start", answers=BOOK)  # as far as it comes without a board
     with board(image=IMAGE) as virtual:
         line = shlex.join([*command_line("start"), "--port", str(virtual.usb)])
         shell = ["bash", "-c", f"cd {shlex.quote(str(person.folder))} && exec {line}"]

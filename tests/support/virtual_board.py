@@ -25,7 +25,13 @@ encoders.wheel: [left forward, right forward]
 encoders.proof: both forward
 encoders.motion: yes
 """
-START_ANSWERS = f"lifted: yes\n{ENCODER_ANSWERS}measure: later\nmetre: yes\ngoal: yes\n"
+START_ANSWERS = f"""\
+kit: book_2wd
+lifted: yes
+{ENCODER_ANSWERS}measure: later
+metre: yes
+goal: yes
+"""
 RESUME_AFTER_S = 20  # s, after which a person looks whether the robot waits
 # Stops that a computer causes which does not run for a while, or the emulated board on it.
 STALLS = ("host_frozen", "block_overrun", "link_lost", "reconnect")
