@@ -101,7 +101,6 @@ SMALL_MODULES = {  # module: why it stands alone
     "__main__": "python -m diffbotctl",
     "time": "the lowest layer; every other module may import it",
     "blocks/listener": "a built-in block is the class in the module of its name",
-    "estimation/edge_places": "counts, levels and hypotheses of edges share it",
 }
 VAGUE_CONSTANTS = {"MOST", "LEAST", "LOOK", "PATIENCE", "LEFT"}
 FUNCTION_IMPORTS_MAX = 20

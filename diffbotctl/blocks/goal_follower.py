@@ -42,7 +42,6 @@ WEAK_SPEED_RATIO = 0.5  # of the speed limit; below it a weak wheel is not repor
 # Slow motors turn evenly at lower speeds than `creep`: at this part of their top speed, if the
 # encoder then still counts often enough for the speed loop (1/s).
 CREEP_SPEED_RATIO, CREEP_COUNTS = 0.1, 4.0
-CRAWL_CREEP_RATIO = 2.0  # of the creep speed: friction holds a wheel at lower speeds only
 TURN_RADIUS_MAX = 0.15  # m; in wider turns about a wheel it would move too far away from its goal
 # m; a goal whose position is known less well than this, and than it was far away, is not reached.
 LOST_MIN = 0.3
@@ -210,7 +209,7 @@ class GoalFollower(Block):
         return _goal_state(now, odometry, former, "cancelled", f"replaced by goal {goal.number}")
 
     def _accept(self, now: int, goal: Goal, odometry: Odometry, seconds: float) -> Pursuit:
-        self.wheels.begin(min(CRAWL_CREEP_RATIO * self.least_speed, WEAK_SPEED_RATIO * self.speed))
+        self.wheels.begin()
         pursuit = Pursuit(goal)
         distance = pursuit.distance(odometry)
         shortest_time = rest_to_rest_time(distance, 0.0, pi, self.motion.limits)
@@ -329,9 +328,6 @@ class GoalFollower(Block):
             moved = f"{farther * 1000:.0f} mm farther than at the start"
             cause = f"the robot moves away from the goal: {moved}"
             return "given_up", "; ".join((cause, *self.wheels.weaknesses()))
-        lost = self.wheels.lost()
-        if lost:
-            return "given_up", lost
         # A robot that counts half of its edges drives twice as far: it must not go on to the end.
         if odometry.lost_edges_probability >= LOST_EDGES_PROBABILITY_MAX:
             return "given_up", f"it is not known where the robot is: {odometry.warning}"

@@ -7,10 +7,13 @@ from math import hypot, radians, sqrt
 
 from diffbotctl.block import Block, In, Out, action
 from diffbotctl.estimation.commanded_wheel import CommandedWheelOdometer
-from diffbotctl.estimation.count_mismatch import is_linear
-from diffbotctl.estimation.directed_wheel import DirectedWheelOdometer
 from diffbotctl.estimation.encoder_faults import EncoderFaults, PossibleFaults
-from diffbotctl.estimation.fine_wheel import CountWheelOdometer, FineWheelOdometer
+from diffbotctl.estimation.explained_edges import is_linear
+from diffbotctl.estimation.fine_wheel import (
+    CountWheelOdometer,
+    DirectedWheelOdometer,
+    FineWheelOdometer,
+)
 from diffbotctl.estimation.geometry_deviation import (
     CalibratedValue,
     geometry_deviations,
@@ -18,11 +21,11 @@ from diffbotctl.estimation.geometry_deviation import (
 )
 from diffbotctl.estimation.gyro_heading import SCALE_SD, GyroHeading
 from diffbotctl.estimation.gyro_pose_filter import GyroPoseFilter
-from diffbotctl.estimation.pin_level import COUNTED_LEVELS
+from diffbotctl.estimation.pin_level import COUNTED_LEVELS, PulseWidth
 from diffbotctl.estimation.pose_filter import PoseFilter
-from diffbotctl.estimation.pulse_width import PulseWidth
 from diffbotctl.estimation.slot_errors import LEARNABLE_SLOTS_MAX
 from diffbotctl.estimation.timestamp_filter import TimestampFilter
+from diffbotctl.estimation.wheel_frame import Levels, wheel_frames
 from diffbotctl.estimation.wheel_odometer import WheelOdometer, share_response
 from diffbotctl.estimation.wheel_side import LinkTiming, SideConfig
 from diffbotctl.messages import Encoders, Imu, Odometry
@@ -196,32 +199,9 @@ class OdometryBlock(Block):
         time, since = encoders.time, encoders.command_time
         if since is None:
             since = self._command_start(last_time, time)
-        is_duty = encoders.command_kind == "duty"
-        skipped = encoders.skipped_command_time
-        if skipped is not None:
-            left.skipped_command(encoders.skipped_left_command, is_duty, skipped)
-            right.skipped_command(encoders.skipped_right_command, is_duty, skipped)
-        self._take_levels(encoders, left, right)
-        left.set_other_driven(bool(encoders.right_command))
-        right.set_other_driven(bool(encoders.left_command))
-        left.update(
-            time,
-            encoders.left,
-            encoders.left_edge,
-            encoders.left_command,
-            is_duty,
-            since,
-            encoders.left_duty,
-        )
-        right.update(
-            time,
-            encoders.right,
-            encoders.right_edge,
-            encoders.right_command,
-            is_duty,
-            since,
-            encoders.right_duty,
-        )
+        frames = wheel_frames(encoders, since, self._counted_levels(encoders))
+        left.update(frames[0])
+        right.update(frames[1])
         if isinstance(left, WheelOdometer) and isinstance(right, WheelOdometer):
             share_response(left, right)
         if isinstance(left, EncoderWheel) and isinstance(right, EncoderWheel):
@@ -242,24 +222,22 @@ class OdometryBlock(Block):
             of_both and self.pose.agreed_turn < AGREED_TURN_MIN,
         )
 
-    def _take_levels(self, encoders: Encoders, left: Wheel, right: Wheel) -> None:
-        """Take the level of a pin, of which a frame carries one at most."""
+    def _counted_levels(self, encoders: Encoders) -> Levels:
+        """Whether the pins have the level to which a counted edge leads. A frame carries the level
+        of one pin at most."""
         if encoders.left_level is not None:
-            side, wheel, level = 0, left, encoders.left_level
+            counted = self.counted_levels[0]
+            levels: Levels = (None if counted is None else encoders.left_level == counted, None)
         elif encoders.right_level is not None:
-            side, wheel, level = 1, right, encoders.right_level
+            counted = self.counted_levels[1]
+            levels = (None, None if counted is None else encoders.right_level == counted)
         else:
-            return
-        counted_level = self.counted_levels[side]
-        levels: list[bool | None] = [None, None]
-        if counted_level is not None:
-            levels[side] = has_counted_level = level == counted_level
-            if isinstance(wheel, WheelOdometer):
-                wheel.take_level(has_counted_level)
+            return None, None
         time, (first, second) = encoders.time, self.pulse_widths
         first.update(time, encoders.left, encoders.left_edge, levels[0])
         second.update(time, encoders.right, encoders.right_edge, levels[1])
         self.encoder_faults.pulse_log_ratios = first.lost_log_ratio, second.lost_log_ratio
+        return levels
 
     def _bridge_silence(
         self, encoders: Encoders, wheels: tuple[Wheel, Wheel], is_continued: bool = False

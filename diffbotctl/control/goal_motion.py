@@ -352,8 +352,7 @@ class GoalMotion:
         way = pursuit.along(odometry) - predicted.travel
         linear = self._approach(pursuit, way, predicted.linear, bounds, view)
         error = shortest_turn(pursuit.line - odometry.heading - predicted.turn)
-        # A turn would begin the time anew in which the board finds a blocked wheel.
-        is_off = abs(error) > HEADING_ERROR_MAX and not self.wheels.has_silent_wheel
+        is_off = abs(error) > HEADING_ERROR_MAX
         if linear == 0.0 or is_off:
             return self._released(pursuit, 0.0 if is_off else predicted.linear, odometry)
         linear = copysign(max(abs(linear) * cos(2.0 * error), bounds.minimum), linear)

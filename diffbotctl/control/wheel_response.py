@@ -23,17 +23,10 @@ IDLE_PITCHES = 2.2  # of travel without an edge: until then a wheel may turn
 # s without a count, longer than the board waits, and m and pitches that a wheel should have
 # travelled in several drives: friction may have held it in each of some short ones.
 UNCOUNTED_AFTER, IDLE_TRAVEL_MIN, IDLE_TRAVEL_PITCHES = 1.5, 0.1, 8.0
-SILENT_AFTER = 0.3  # s without a count, although there should have been some: late, or blocked
-# The same for a wheel that has counted since it was driven last, by as many pitches: a start may be
-# late, but a motion does not end by itself. Then, and m: it is blocked, or its encoder is.
-BROKEN_OFF_AFTER, BROKEN_OFF_PITCHES = 0.1, 8.0
-BLOCKED_AFTER, BLOCKED_TRAVEL_MIN = 0.35, 0.06
+# s, pitches and m of a wheel that has counted since it was driven last: a start may be late, but a
+# motion does not end by itself.
+BLOCKED_AFTER, BLOCKED_PITCHES, BLOCKED_TRAVEL_MIN = 0.35, 8.0, 0.06
 MOVING_SPEED_MIN = 0.004  # m/s; a slower wheel may stand
-CRAWL_RATIO = 0.2  # of the command; a wheel that stays below it has no power
-# A wheel that counts at LOST_SPEED_MIN (m/s) or more, while odometry takes it for LOST_RATIO of
-# that or less. Missed and doubled edges change the ratio by a factor of two, not of seven.
-LOST_SPEED_MIN, LOST_RATIO = 0.05, 0.15
-LOST_AFTER = 0.5  # s
 # s without a frame of the board. What a command did in a longer gap is unknown: the board stops its
 # motors when its host is silent, so a gap is no time in which a wheel was driven and did not turn.
 GAP_MAX = 0.25
@@ -57,16 +50,11 @@ class WheelResponse:
         "command",
         "commanded_travel",
         "count_sign",
-        "counted_speed",
         "counted_travel",
-        "crawl_command_min",
-        "crawl_for",
-        "estimated_speed",
         "expected",
         "has_counted",
         "idle_for",
         "is_raised",
-        "lost_for",
         "ratio",
         "short_for",
         "speed",
@@ -96,22 +84,12 @@ class WheelResponse:
         """whether the host still raises the duty of a wheel that stands"""
         self.short_for = 0.0
         """s for which it has reached less than SHORT_RATIO of its command"""
-        self.crawl_for = 0.0
-        """s for which it has reached less than CRAWL_RATIO of its command"""
-        self.crawl_command_min = 0.0
-        """m/s; a lower command does not show a lack of power"""
-        self.counted_speed = self.estimated_speed = 0.0
-        """averages of its speed by its counts and by odometry, without sign"""
-        self.lost_for = 0.0
-        """s for which odometry has taken a wheel that counts for one that stands"""
         self.commanded_travel = self.counted_travel = 0.0
         """m, without sign, since the goal was accepted"""
 
-    def begin(self, crawl_command_min: float) -> None:
+    def begin(self) -> None:
         """Begin another goal: for how long it has stood, and what it has travelled, counts anew."""
-        self.crawl_command_min = crawl_command_min
-        self.idle_for = self.crawl_for = 0.0
-        self.uncounted_for = self.uncounted_travel = 0.0
+        self.idle_for = self.uncounted_for = self.uncounted_travel = 0.0
         self.commanded_travel = self.counted_travel = 0.0
 
     def update(
@@ -138,12 +116,11 @@ class WheelResponse:
         is_unknown, counted = counted is None, self._advance(counted or 0.0)
         if is_unknown or counted > 0.0:
             self.uncounted_for = self.uncounted_travel = 0.0
-        self._compare_counts(speed, seconds, counted)
         seconds = min(seconds, GAP_MAX)
         self.commanded_travel += abs(command) * seconds
         self.counted_travel += counted
         if command * self.command <= 0.0:
-            self.expected = self.short_for = self.crawl_for = 0.0
+            self.expected = self.short_for = 0.0
             self.has_counted = False
         self.command = command
         self.is_raised = not is_limited
@@ -160,10 +137,6 @@ class WheelResponse:
             self.idle_for = 0.0
         elif level >= IDLE_COMMAND_MIN:
             self.idle_for += seconds
-        has_power = max(speed, self.counted_speed) >= CRAWL_RATIO * level
-        is_crawling = is_limited and not has_power and level >= self.crawl_command_min
-        if self.expected >= STEADY_RATIO * level:
-            self.crawl_for = self.crawl_for + seconds if is_crawling else 0.0
         if speed < MOVING_SPEED_MIN:
             return
         if self.expected >= STEADY_RATIO * level:
@@ -184,20 +157,6 @@ class WheelResponse:
         self.taken_back = 0
         return abs(counted)
 
-    def _compare_counts(self, speed: float, seconds: float, counted: float) -> None:
-        """Compare the `speed` (m/s) by odometry with the travel `counted` (m)."""
-        if not 0.0 < seconds <= GAP_MAX:  # odometry bridges a gap by the counts alone
-            self.counted_speed = self.estimated_speed = self.lost_for = 0.0
-            return
-        gain = seconds / (seconds + AVERAGING_TIME)
-        self.counted_speed += (counted / seconds - self.counted_speed) * gain
-        self.estimated_speed += (abs(speed) - self.estimated_speed) * gain
-        is_lost = (
-            self.counted_speed > LOST_SPEED_MIN
-            and self.estimated_speed < LOST_RATIO * self.counted_speed
-        )
-        self.lost_for = self.lost_for + seconds if is_lost else 0.0
-
     def command_for(self, speed: float) -> float:
         """The command with which the wheel turns at `speed`."""
         return speed if self.ratio >= RATIO_FREE else speed * RATIO_FREE / self.ratio
@@ -217,39 +176,16 @@ class DriveResponse:
         self.weak: dict[Side, str] = {}
         """what `newly_weak` has reported of each wheel"""
 
-    def begin(self, crawl_command_min: float = 0.0) -> None:
-        """Forget what was reported to the operator, and for how long a wheel has stood.
-
-        `crawl_command_min`: command (m/s) below which friction may make a wheel stick and slip.
-        """
+    def begin(self) -> None:
+        """Forget what was reported to the operator, and for how long a wheel has stood."""
         self.weak = {}
-        self.left.begin(crawl_command_min)
-        self.right.begin(crawl_command_min)
+        self.left.begin()
+        self.right.begin()
 
     @property
     def idle_for(self) -> float:
         """s for which a driven wheel has not turned."""
         return max(self.left.idle_for, self.right.idle_for)
-
-    @property
-    def has_silent_wheel(self) -> bool:
-        """Whether a driven wheel should have counted by now, and has not."""
-        return any(
-            (
-                wheel.uncounted_for > SILENT_AFTER
-                and wheel.uncounted_travel > IDLE_PITCHES * self.pitch
-            )
-            or self._has_broken_off(wheel, BROKEN_OFF_AFTER)
-            for wheel in (self.left, self.right)
-        )
-
-    def _has_broken_off(self, wheel: WheelResponse, after: float) -> bool:
-        """Whether a wheel that has turned gives no counts any more, `after` (s) the last one."""
-        return (
-            wheel.has_counted
-            and wheel.uncounted_for > after
-            and wheel.uncounted_travel > BROKEN_OFF_PITCHES * self.pitch
-        )
 
     def compensated(self, linear: float, angular: float, speed: float) -> tuple[float, float]:
         """The velocity to command, so that wheels of unequal motors keep the curvature.
@@ -332,19 +268,6 @@ class DriveResponse:
                     f"the {side} wheel has given no count for {travel}: blocked, or its motor or "
                     "encoder is faulty"
                 )
-            if wheel.crawl_for > IDLE_AFTER + self._known_after(wheel, creep, lag):
-                return self._weakness(side)
-        return ""
-
-    def lost(self) -> str:
-        """Which wheel odometry takes for standing although its encoder counts; empty if none."""
-        for side in SIDES:
-            wheel = self._wheel(side)
-            if wheel.lost_for > LOST_AFTER:
-                return (
-                    f"block odometry has lost the {side} wheel: {wheel.counted_speed:.2f} m/s by "
-                    f"its counts, {wheel.estimated_speed:.2f} m/s estimated"
-                )
         return ""
 
     def _gives_no_counts(
@@ -358,8 +281,9 @@ class DriveResponse:
         if (
             is_alone
             and not wheel.is_raised  # friction holds a slow wheel until its duty has risen
-            and self._has_broken_off(wheel, BLOCKED_AFTER)
-            and wheel.uncounted_travel > BLOCKED_TRAVEL_MIN
+            and wheel.has_counted
+            and wheel.uncounted_for > BLOCKED_AFTER
+            and wheel.uncounted_travel > max(BLOCKED_TRAVEL_MIN, BLOCKED_PITCHES * self.pitch)
         ):
             return True
         longest = UNCOUNTED_AFTER if is_alone and not wheel.is_raised else stuck_after

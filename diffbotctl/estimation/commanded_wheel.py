@@ -9,6 +9,7 @@ from __future__ import annotations
 from math import pi
 
 from diffbotctl.control.motor_curve import lagged_motion, settled_speed
+from diffbotctl.estimation.wheel_frame import BoardFrame
 from diffbotctl.estimation.wheel_side import LinkTiming, SideConfig
 
 # Relative standard deviation of the speed. The motors of one kit differ by a tenth, a battery loses
@@ -39,31 +40,16 @@ class CommandedWheelOdometer:
         """m, without sign, that it travels until it rests when it is released now."""
         return abs(self.speed) * self._motor.lag
 
-    def set_other_driven(self, is_driven: bool) -> None:
-        """Without an encoder nothing shows what the other wheel does to it."""
-
     def pose_is_set(self) -> None:
         """Nothing is remembered of the time before."""
 
-    def skipped_command(self, command: float, is_duty: bool, since: int) -> None:
-        """Take a command that was replaced in the next frame; in effect since `since` (ns)."""
-        self._roll(since)
-        self._settled = self._settled_speed(command, is_duty)
-
-    def update(
-        self,
-        time: int,
-        count: int,
-        edge_time: int | None,
-        command: float,
-        is_duty: bool,
-        command_since: int,
-        reported_duty: float | None = None,
-    ) -> None:
-        """Apply one frame. `command`, in effect since `command_since` (ns), is a duty or rad/s."""
-        self._roll(min(command_since, time))
-        self._settled = self._settled_speed(command, is_duty)
-        self._roll(time)
+    def update(self, frame: BoardFrame) -> None:
+        """Apply one frame."""
+        last = min(frame.command_since, frame.time), frame.command
+        for since, command in (last,) if frame.skipped is None else (frame.skipped, last):
+            self._roll(since)
+            self._settled = self._settled_speed(command, frame.is_duty)
+        self._roll(frame.time)
 
     def _settled_speed(self, command: float, is_duty: bool) -> float:
         motor = self._motor

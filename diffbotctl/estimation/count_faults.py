@@ -25,7 +25,7 @@ from diffbotctl.estimation.count_spans import (
     CountSpans,
     Deviation,
 )
-from diffbotctl.estimation.likelihood import normal_density
+from diffbotctl.estimation.wheel_kalman import normal_density
 
 # Probability of faults and of each share, before anything was counted.
 FAULTY = 0.06

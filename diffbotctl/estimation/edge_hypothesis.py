@@ -16,17 +16,19 @@ from typing import NamedTuple
 from diffbotctl.estimation.edge_counts import (
     CERTAIN_PROBABILITY,
     MISSED_MAX,
+    NO_FAULTS,
+    OPEN_SHARE,
     PREDICTED_SD_MAX,
+    EdgeFaults,
+    bounds,
     counts_until_edge,
     counts_until_frame,
+    edge_place,
 )
-from diffbotctl.estimation.edge_faults import NO_FAULTS, EdgeFaults
-from diffbotctl.estimation.edge_places import OPEN_SHARE, bounds, edge_place
-from diffbotctl.estimation.likelihood import normal_cdf
 from diffbotctl.estimation.pin_level import TurningLevel, place_by_level, update_by_level
 from diffbotctl.estimation.predicted_wheel import MotorKind
 from diffbotctl.estimation.wheel_frame import DriveChange, WheelFrame
-from diffbotctl.estimation.wheel_kalman import WheelKalman
+from diffbotctl.estimation.wheel_kalman import WheelKalman, normal_cdf
 
 LOG_RATIO_MAX = 8.0  # natural log; branches less likely than the best by more are not followed
 DIRECTION_PROBABILITY_MIN = 1e-6  # lower limit of the prior of a direction

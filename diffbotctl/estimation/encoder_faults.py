@@ -15,8 +15,13 @@ from collections.abc import Sequence
 from math import exp, log, sqrt
 from typing import NamedTuple, Protocol
 
-from diffbotctl.estimation.count_mismatch import CountMismatch
-from diffbotctl.estimation.explained_edges import MEMORY_S, EdgeRatio, ExplainedEdges, whole
+from diffbotctl.estimation.explained_edges import (
+    MEMORY_S,
+    CountMismatch,
+    EdgeRatio,
+    ExplainedEdges,
+    whole,
+)
 
 HALF = log(2.0)
 # Added to the logs of the ratios of the left and the right wheel, each undoes one fault: the left

@@ -13,11 +13,9 @@ from math import exp, pi, radians, sqrt
 from diffbotctl.control.motor_curve import settled_speed
 from diffbotctl.control.speed_loop import speed_gains
 from diffbotctl.estimation.count_faults import CountFaults
-from diffbotctl.estimation.count_sign import CountSign
-from diffbotctl.estimation.edge_gaps import EdgeGaps
 from diffbotctl.estimation.explained_edges import ExplainedEdges
-from diffbotctl.estimation.motor_duty import MotorDuty
-from diffbotctl.estimation.undriven_edges import UndrivenEdges
+from diffbotctl.estimation.unexplained_edges import EdgeGaps, UndrivenEdges
+from diffbotctl.estimation.wheel_frame import BoardFrame, CountSign, MotorDuty
 from diffbotctl.estimation.wheel_side import LinkTiming, SideConfig
 
 UNIFORM_VARIANCE = 1.0 / 12.0
@@ -73,7 +71,6 @@ class FineWheelOdometer:
         self.faults = CountFaults(timing.has_edge_times and is_even, timing.frame_time)
         self.explained = ExplainedEdges(side)
         self.duty = MotorDuty(speed_gains(motor))
-        self.skipped: float | None = None  # command in the next frame
         self.gaps = EdgeGaps(motor.rated * self.pitches_per_rad)
         self.lost_since = 0.0  # pitches2, in gaps, since the last report
         self.travel = self.start_correction = 0.0
@@ -116,10 +113,6 @@ class FineWheelOdometer:
         texts = self.undriven.text, self.lost_text, self.gaps.text, self.faults.text
         return "; ".join(filter(None, texts))
 
-    def set_other_driven(self, is_driven: bool) -> None:
-        """Whether the other wheel, which may drag this one, has a command in the next frame."""
-        self.undriven.is_other_driven = is_driven
-
     @property
     def pushed_travel(self) -> float:
         """Standard deviation (m) of what it was turned without a command since the pose was set, if
@@ -131,34 +124,22 @@ class FineWheelOdometer:
         self.undriven.pose_is_set()
         self.gaps.pose_is_set()
 
-    def skipped_command(self, command: float, is_duty: bool, since: int) -> None:
-        """Take a command that was replaced in the next frame; in effect since `since` (ns)."""
-        self.skipped = command
-
     @property
     def coasting_travel(self) -> float:
         """m, without sign, that it travels until it rests when it is released now."""
         return abs(self.speed) * self.lag
 
-    def update(
-        self,
-        time: int,
-        count: int,
-        edge_time: int | None,
-        command: float,
-        is_duty: bool,
-        command_since: int,
-        reported_duty: float | None = None,
-    ) -> None:
-        """Apply one frame. `command`, in effect since `command_since` (ns), is a duty or rad/s;
-        `reported_duty`: that of the motor at its end, if the board reports it."""
+    def update(self, frame: BoardFrame) -> None:
+        """Apply one frame."""
+        time, count, edge_time, command, since, is_duty = frame[:6]
+        self.undriven.is_other_driven = frame.is_other_driven
         steps = count - self.count
         self.count = count
         span = (time - self.time) * 1e-9
         sign = (command > 0.0) - (command < 0.0)
         speed = settled_speed(command, self.static, self.rated) if is_duty else command
         board_sign = self.count_sign.sign
-        self.is_mixed = self.count_sign.update(self.time, command, command_since, steps)
+        self.is_mixed = self.count_sign.update(self.time, command, since, steps)
         is_signed_anew = self.count_sign.sign != board_sign
         edge = time if edge_time is None or not steps else edge_time
         edge_span = (edge - self.edge_time) * 1e-9
@@ -173,21 +154,17 @@ class FineWheelOdometer:
             self.faults.add(edge_span, edges, self.direction if self.rolled_for == 0.0 else 0)
         commanded = 0.0 if self.rolled_for else speed * self.pitches_per_rad
         self.lost_since += self.gaps.update(span, edges, commanded)
-        self._explain(span, abs(steps), command, is_duty, reported_duty)
+        self._explain(span, abs(steps), frame)
         self._update_speed(predicted, mean, net, edges, span, edge_span)
         self._place_between_edges(time, edges, span)
         self.edges_before, self.rate_before = edges, self.rate
         self.rate = edges / span if span > 0.0 else self.rate
 
-    def _explain(
-        self, span: float, edges: int, command: float, is_duty: bool, reported: float | None
-    ) -> None:
+    def _explain(self, span: float, edges: int, frame: BoardFrame) -> None:
         """Compare the edges of a frame with those that the duty of the motor explains."""
-        commands = (command,) if self.skipped is None else (self.skipped, command)
-        duty = self.duty.update(commands, is_duty, reported)[-1]
-        self.skipped = None
+        duty = self.duty.update(frame.commands, frame.is_duty, frame.reported_duty)[-1]
         if span > 0.0:
-            self.explained.add(span, edges, duty if command else 0.0)
+            self.explained.add(span, edges, duty if frame.command else 0.0)
 
     def _hidden_edges(self, edges: int, expected: float, span: float) -> int:
         """Edges that cancel in the board's count of a frame in which it has changed the sign."""
@@ -324,6 +301,44 @@ def _net_share(share: float) -> float:
     time."""
     forward, backward = share * share, (1.0 - share) ** 2
     return (forward - backward) / (forward + backward)
+
+
+class DirectedWheelOdometer(FineWheelOdometer):
+    """A wheel whose travel is its signed counts times the pitch.
+
+    Two channels need neither the motor's model nor the command: a wheel that is pushed, or turned
+    by hand, counts as it turns. The model of the motor is only used for the speed between edges.
+    """
+
+    def update(self, frame: BoardFrame) -> None:
+        """Apply one frame."""
+        time, count, edge_time, command, _, is_duty = frame[:6]
+        steps = count - self.count
+        self.count = count
+        span = (time - self.time) * 1e-9
+        edge = time if edge_time is None or not steps else edge_time
+        edge_span = (edge - self.edge_time) * 1e-9
+        sign = self.drive_direction = (command > 0.0) - (command < 0.0)
+        speed = settled_speed(command, self.static, self.rated) if is_duty else command
+        predicted, mean = self._predicted(speed * self.pitches_per_rad, sign, span)
+        if steps:
+            self._set_direction(1 if steps > 0 else -1)
+        self.position += steps
+        if steps or not self.has_edge_times:
+            self.edge_time = edge
+            self.faults.add(edge_span, abs(steps), self.direction)
+        commanded = speed * self.pitches_per_rad
+        self.lost_since += self.gaps.update(span, abs(steps), commanded)
+        self._explain(span, abs(steps), frame)
+        self._update_speed(predicted, mean, steps, abs(steps), span, edge_span)
+        self._place_between_edges(time, steps, span)
+
+    def _set_direction(self, direction: int) -> None:
+        """Both directions count at the same places of the disc: a reversal adds no uncertainty but
+        the play between wheel and encoder."""
+        if self.direction == -direction:
+            self.reversals += 1
+        self.direction = direction
 
 
 class CountWheelOdometer(FineWheelOdometer):

@@ -30,8 +30,8 @@ from math import exp, inf, log, sqrt
 from typing import NamedTuple, Self
 
 from diffbotctl.control.motor_curve import LAG_DUTY, VISCOUS
-from diffbotctl.estimation.priors import WIDE_NOISE_RATIO, Priors
 from diffbotctl.estimation.slot_errors import SlotErrors, Slots, TransitionRows
+from diffbotctl.estimation.wheel_side import WIDE_NOISE_RATIO, Priors
 
 UNIFORM_VARIANCE = 1.0 / 12.0  # of a uniform distribution over one pitch
 FRAME_TIME_MAX = 0.002  # s; of a board that reports the time of its frames

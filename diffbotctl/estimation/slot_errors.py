@@ -76,15 +76,14 @@ class SlotErrors:
     """Errors of the slots (pitches, true position minus nominal), estimated with the motion.
 
     `errors`: (entries,), one per slot and a last one for the open share; with `learns_backward` one
-    more per slot, for its backward edge, instead. `covariance`: (entries, entries).
-    `cross_covariance`: (6, entries), of the states of the motion with the errors.
+    more per slot, for its backward edge, instead. `covariance`: (6 + entries, entries), row by row,
+    of the six states of the motion, and of the errors, with the errors.
     """
 
     __slots__ = (
         "backward_errors",
         "backward_variance",
         "covariance",
-        "cross_covariance",
         "errors",
         "is_fixed",
         "is_started",
@@ -116,16 +115,14 @@ class SlotErrors:
         self.backward_errors = [0.0] * self.slots
         entries = 2 * self.slots if learns_backward and self.slots else self.slots + 1
         self.errors = [0.0] * entries
-        self.cross_covariance = [[0.0] * entries for _ in range(6)]
-        self.covariance = [[0.0] * entries for _ in range(entries)]
-        for entry in range(entries):
-            self.covariance[entry][entry] = self.slot_variance
-        if not learns_backward:
-            self.covariance[-1][-1] = 0.0
+        rows = [[0.0] * entries for _ in range(6 + entries)]
+        for entry in range(entries if learns_backward else entries - 1):
+            rows[6 + entry][entry] = self.slot_variance
         for row in range(self.slots, entries):  # the open share contributes to all backward edges
             self.errors[row] = open_share_error
             for column in range(self.slots, entries):
-                self.covariance[row][column] += open_share_sd * open_share_sd
+                rows[6 + row][column] += open_share_sd * open_share_sd
+        self.covariance = [value for row in rows for value in row]
         self.pending = Transition()
         self.is_started = not self.slots
         self.is_fixed = True
@@ -139,8 +136,7 @@ class SlotErrors:
         """An independent copy, for a new hypothesis."""
         duplicate = copy(self)
         duplicate.errors = self.errors[:]
-        duplicate.cross_covariance = [row[:] for row in self.cross_covariance]
-        duplicate.covariance = [row[:] for row in self.covariance]
+        duplicate.covariance = self.covariance[:]
         duplicate.pending = replace(self.pending)
         return duplicate
 
@@ -148,7 +144,7 @@ class SlotErrors:
         """Index of the error that applies to the edge of `slot`, counted from the start."""
         if is_forward:
             return slot % self.slots
-        return self.slots + slot % self.slots if self.learns_backward else -1
+        return self.slots + (slot % self.slots if self.learns_backward else 0)
 
     def edge_estimate(self, slot: int, is_forward: bool) -> SlotEstimate:
         """Error of the edge of `slot` and its variance, when learning has ended."""
@@ -157,7 +153,7 @@ class SlotErrors:
         index = self.index(slot, is_forward)
         fixed = self.fixed_estimate(slot, is_forward)
         return SlotEstimate(
-            self.errors[index] + fixed.error, self.covariance[index][index] + fixed.variance
+            self.errors[index] + fixed.error, self.variance_of(index) + fixed.variance
         )
 
     def fixed_estimate(self, slot: int, is_forward: bool) -> SlotEstimate:
@@ -171,31 +167,38 @@ class SlotErrors:
         """Apply the pending transition to the covariance with the motion."""
         if self.pending.is_identity:
             return
-        cross = self.cross_covariance
-        z, speed, gain, offset, lag = cross[:5]
+        z, speed, gain, offset, lag = map(self.row, range(5))
         a, b, c, d, e, f, g, h = self.pending.take()
-        cross[0] = [
+        moved = [
             p + a * q + b * r + c * s + d * t
             for p, q, r, s, t in zip(z, speed, gain, offset, lag, strict=True)
         ]
-        cross[1] = [
+        moved += [
             e * q + f * r + g * s + h * t
             for q, r, s, t in zip(speed, gain, offset, lag, strict=True)
         ]
+        self.covariance[: len(moved)] = moved
 
     def wheel_stopped(self) -> None:
         """At rest the speed is known, so its covariance with the errors is zero."""
         if not self.is_fixed:
             self.propagate()
-            self.cross_covariance[1] = [0.0] * len(self.errors)
+            entries = len(self.errors)
+            self.covariance[entries : 2 * entries] = [0.0] * entries
+
+    def row(self, state: int) -> list[float]:
+        """Covariance of one state of the motion, or from 6 on of one error, with all errors."""
+        entries = len(self.errors)
+        return self.covariance[state * entries : (state + 1) * entries]
+
+    def variance_of(self, index: int) -> float:
+        """Variance of one error."""
+        return self.covariance[(6 + index) * len(self.errors) + index]
 
     def rows(self, index: int) -> tuple[MeasurementRow, list[float]]:
         """Covariance of one error with the motion, and with all errors."""
-        z, speed, gain, offset, lag, phase = self.cross_covariance
-        return (
-            (z[index], speed[index], gain[index], offset[index], lag[index], phase[index]),
-            self.covariance[index],
-        )
+        entries = len(self.errors)
+        return tuple(self.covariance[index : 6 * entries : entries]), self.row(6 + index)
 
     def update(
         self,
@@ -210,21 +213,15 @@ class SlotErrors:
             error + share * scaled_innovation
             for error, share in zip(self.errors, slot_row, strict=True)
         ]
-        for rows, shares in (
-            (self.cross_covariance, motion_row),
-            (self.covariance, tuple(slot_row)),
-        ):
-            for index, share in enumerate(shares):
-                if share:
-                    part = share * inverse_innovation_variance
-                    rows[index] = [p - part * q for p, q in zip(rows[index], slot_row, strict=True)]
+        parts = [share * inverse_innovation_variance for share in (*motion_row, *slot_row)]
+        changes = [part * share for part in parts for share in slot_row]
+        self.covariance = [a - b for a, b in zip(self.covariance, changes, strict=True)]
 
     def stop_learning_if_known(self) -> None:
         """End learning when the errors of all slots are known to LEARNT_SD."""
-        limit = LEARNT_SD * LEARNT_SD
-        self.is_fixed = not self.learns_backward and all(
-            self.covariance[slot][slot] < limit for slot in range(self.slots)
-        )
+        limit, entries = LEARNT_SD * LEARNT_SD, len(self.errors)
+        variances = self.covariance[6 * entries :: entries + 1][: self.slots]
+        self.is_fixed = not self.learns_backward and max(variances) < limit
 
 
 class KnownSlotErrors:

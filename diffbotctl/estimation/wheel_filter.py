@@ -7,10 +7,10 @@ from math import exp, inf
 from diffbotctl.estimation.disc_alignment import DiscAlignment
 from diffbotctl.estimation.edge_hypothesis import EdgeHypothesis, prune, update_all
 from diffbotctl.estimation.predicted_wheel import MotorKind, Response
-from diffbotctl.estimation.priors import Priors
 from diffbotctl.estimation.slot_errors import LEARNABLE_SLOTS_MAX, EdgeErrors, KnownSlotErrors
 from diffbotctl.estimation.wheel_frame import WheelFrame
 from diffbotctl.estimation.wheel_kalman import WheelKalman
+from diffbotctl.estimation.wheel_side import Priors
 
 HYPOTHESES_MAX = 8
 # The kinds of a motor by the decay of its current, with the natural log of their ratio to usual

@@ -1,18 +1,16 @@
 """Extended Kalman filter of one wheel and its motor: what edges and bounds tell of its motion.
 
 `predicted_wheel.py` has the state and its prediction. Lengths are pitches, times seconds.
+
+A wheel that meets an obstacle or a seam, or whose battery gives way, does not move as its motor
+model predicts. Such a change is a second explanation of an innovation, with a normal distribution
+as wide as the innovation itself (a maximum likelihood estimate of its variance).
 """
 
 from __future__ import annotations
 
-from math import exp, inf, log, sqrt
+from math import erf, exp, inf, log, pi, sqrt
 
-from diffbotctl.estimation.likelihood import (
-    is_outlier,
-    normal_cdf,
-    robust_log_likelihood,
-    truncated_normal,
-)
 from diffbotctl.estimation.predicted_wheel import (
     DIAGONAL,
     ELAPSED_MIN,
@@ -29,6 +27,46 @@ from diffbotctl.estimation.slot_errors import (
     MeasurementRow,
     SlotErrors,
 )
+
+
+def is_outlier(ratio: float, cost: float) -> bool:
+    """Whether a sudden change of the motion explains an innovation better than its variance.
+
+    `ratio`: of the square of the innovation to the variance. `cost`: minus the log probability of
+    such a change.
+    """
+    return 0.5 * ratio > cost and ratio - log(1.0 + ratio) > 2.0 * cost + 1.0
+
+
+def robust_log_likelihood(innovation: float, variance: float, cost: float) -> float:
+    """Log density of `innovation`, which may also be caused by a sudden change of the motion."""
+    ratio = innovation * innovation / variance
+    if not is_outlier(ratio, cost):
+        return -0.5 * (ratio + log(2.0 * pi * variance))
+    return -0.5 - cost - 0.5 * log(2.0 * pi * variance * (1.0 + ratio))
+
+
+def normal_density(square: float, variance: float) -> float:
+    """Of a normal distribution at the root of `square`, times the root of 2 pi."""
+    return exp(-0.5 * square / variance) / sqrt(variance)
+
+
+def normal_cdf(value: float) -> float:
+    """Cumulative distribution function of the standard normal distribution."""
+    return 0.5 * (1.0 + erf(value * 0.7071067811865476))
+
+
+def truncated_normal(below: float, above: float, mass: float) -> tuple[float, float]:
+    """Mean and variance of a standard normal truncated to (below, above).
+
+    `mass`: probability of that interval.
+    """
+    at_below = exp(-0.5 * below * below) / sqrt(2.0 * pi)
+    at_above = exp(-0.5 * above * above) / sqrt(2.0 * pi)
+    mean = (at_below - at_above) / mass
+    variance = 1.0 + (below * at_below - above * at_above) / mass - mean * mean
+    return mean, max(variance, 0.0)
+
 
 SURE_SDS = 2.6  # standard deviations; 99 % of a normal distribution are within
 PROBABILITY_MIN = 1e-6  # below it a bound is applied as a measurement of its nearer end
@@ -72,9 +110,7 @@ class WheelKalman(PredictedWheel):
         disc.propagate()
         index = disc.index(slot, is_forward)
         error_row, error_slot_row = disc.rows(index)
-        slot_row = [
-            z - error for z, error in zip(disc.cross_covariance[0], error_slot_row, strict=True)
-        ]
+        slot_row = [z - error for z, error in zip(disc.row(0), error_slot_row, strict=True)]
         z_variance = self.covariance[Z_Z] - error_row[0]
         fixed = disc.fixed_estimate(slot, is_forward)
         noise = fixed.variance or EDGE_SD_MIN * EDGE_SD_MIN + (self.speed * EDGE_TIME_SD) ** 2
@@ -231,7 +267,7 @@ class WheelKalman(PredictedWheel):
         self._update(row, scaled_innovation, inverse_variance)
         if not disc.is_fixed:
             disc.propagate()
-            disc.update(row, disc.cross_covariance[0], scaled_innovation, inverse_variance)
+            disc.update(row, disc.row(0), scaled_innovation, inverse_variance)
 
     def _z_row(self) -> MeasurementRow:
         return self.covariance[:6]

@@ -6,17 +6,25 @@ from math import copysign, pi
 
 from diffbotctl.control.motor_curve import settled_speed
 from diffbotctl.control.speed_loop import speed_gains
-from diffbotctl.estimation.count_sign import CountSign
-from diffbotctl.estimation.edge_gaps import EdgeGaps
 from diffbotctl.estimation.explained_edges import ExplainedEdges
-from diffbotctl.estimation.motor_duty import MotorDuty
 from diffbotctl.estimation.predicted_wheel import Response, no_load_speed
-from diffbotctl.estimation.priors import Priors
 from diffbotctl.estimation.slot_errors import EdgeErrors, SlotEstimate
-from diffbotctl.estimation.undriven_edges import UndrivenEdges
+from diffbotctl.estimation.unexplained_edges import EdgeGaps, UndrivenEdges
 from diffbotctl.estimation.wheel_filter import LOG_RATIO_MAX, WheelFilter
-from diffbotctl.estimation.wheel_frame import DriveChange, WheelFrame
-from diffbotctl.estimation.wheel_side import EncoderConfig, LinkTiming, SideConfig, known_decay
+from diffbotctl.estimation.wheel_frame import (
+    BoardFrame,
+    CountSign,
+    DriveChange,
+    MotorDuty,
+    WheelFrame,
+)
+from diffbotctl.estimation.wheel_side import (
+    EncoderConfig,
+    LinkTiming,
+    Priors,
+    SideConfig,
+    known_decay,
+)
 
 UNIFORM_VARIANCE = 1.0 / 12.0  # pitches2; of a place within a slot
 DRY = Response(is_free_wheeling=False, is_dry=True)
@@ -73,9 +81,7 @@ class WheelOdometer:
         self.lost_variance = 0.0  # pitches2, in gaps, since the last report
         self.drive_direction = 0
         self.reversals = self.reported_reversals = 0
-        self.skipped: tuple[int, float] | None = None  # command in the next frame: ns, value
         self.has_levels = False  # whether the board reports those of the pin
-        self.has_counted_level: bool | None = None  # in the next frame
         self.travel = 0.0  # m, since the last report
         # Variances in m2: of that travel; of all travel, if the best hypothesis is right; of the
         # present position in the slot, which the model of a usual motor includes; and between the
@@ -116,51 +122,29 @@ class WheelOdometer:
         that is reported."""
         return self.undriven.sd * self.pitch
 
-    def set_other_driven(self, is_driven: bool) -> None:
-        """Whether the other wheel, which may drag this one, has a command in the next frame."""
-        self.undriven.is_other_driven = is_driven
-
     def pose_is_set(self) -> None:
         """What happened before does not matter any more."""
         self.undriven.pose_is_set()
         self.gaps.pose_is_set()
 
-    def skipped_command(self, command: float, is_duty: bool, since: int) -> None:
-        """Take a command that was replaced in the next frame; in effect since `since` (ns)."""
-        self.skipped = since, command
-
-    def take_level(self, has_counted_level: bool) -> None:
-        """Take whether the pin has the level to which a counted edge leads, in the next frame."""
-        self.has_levels = True
-        self.has_counted_level = has_counted_level
-
-    def update(
-        self,
-        time: int,
-        count: int,
-        edge_time: int | None,
-        command: float,
-        is_duty: bool,
-        command_since: int,
-        reported_duty: float | None = None,
-    ) -> None:
-        """Apply one frame. `command`, in effect since `command_since` (ns), is a duty or rad/s;
-        `reported_duty`: that of the motor at its end, if the board reports it."""
+    def update(self, frame: BoardFrame) -> None:
+        """Apply one frame."""
+        time, count, edge_time, command, since = frame[:5]
         steps, span = count - self.count, (time - self.time) * 1e-9
-        is_mixed = self.count_sign.update(self.time, command, command_since, steps)
-        commands = (command,) if self.skipped is None else (self.skipped[1], command)
-        duties = self.duty.update(commands, is_duty, reported_duty)
+        is_mixed = self.count_sign.update(self.time, command, since, steps)
+        duties = self.duty.update(frame.commands, frame.is_duty, frame.reported_duty)
         self.time, self.count = time, count
         skipped = None
-        if self.skipped is not None:
-            skipped = DriveChange(self.skipped[0], self._drive(duties[0]), duties[0])
-            self.skipped = None
+        if frame.skipped is not None:
+            skipped = DriveChange(frame.skipped[0], self._drive(duties[0]), duties[0])
         drive, duty = self._drive(duties[-1]), duties[-1]
+        self.undriven.is_other_driven = frame.is_other_driven
         self._note_drive(span, abs(steps), drive, duty if command else 0.0)
         is_mixed = is_mixed and edge_time is None
-        level, self.has_counted_level = self.has_counted_level, None
+        level = frame.has_counted_level
+        self.has_levels |= level is not None
         self.filter.update(
-            WheelFrame(time, count, edge_time, drive, command_since, duty, skipped, is_mixed, level)
+            WheelFrame(time, count, edge_time, drive, since, duty, skipped, is_mixed, level)
         )
 
     def _note_drive(self, span: float, edges: int, drive: float, duty: float) -> None:

@@ -80,38 +80,6 @@ def test_a_gap_between_two_frames_is_no_time_in_which_a_wheel_stood():
     assert drive.left.uncounted_for == pytest.approx(GAP_MAX + STEP)
 
 
-@pytest.mark.parametrize(("speed", "is_named"), [(0.3, False), (0.1, False), (0.02, True)])
-def test_a_wheel_that_only_crawls_is_named(speed, is_named):
-    fault = both(left=speed).fault(creep=0.035, stuck_after=2.0, lag=LAG)
-    assert fault.startswith("the left wheel reaches 20 mm/s of 0.30 m/s") == is_named
-    assert bool(fault) == is_named
-
-
-@pytest.mark.parametrize(("estimated", "is_lost"), [(0.3, False), (0.15, False), (0.02, True)])
-def test_a_wheel_that_counts_and_stands_by_odometry_is_named(estimated, is_lost):
-    drive = DriveResponse(0.2, 0.001)
-    for _ in range(round(1.0 / STEP)):
-        drive.left.update(0.3, 0.3, LAG, STEP, 0.3 * STEP)
-        drive.right.update(0.3, estimated, LAG, STEP, 0.3 * STEP)
-    assert ("odometry has lost the right wheel" in drive.lost()) == is_lost
-
-
-def test_counts_across_a_gap_are_not_compared():
-    drive = DriveResponse(0.2, 0.001)
-    drive.left.update(0.3, 0.0, LAG, 3.0, 0.4)  # it rolled on while the link was gone
-    drive.left.update(0.3, 0.0, LAG, STEP, 0.0)
-    assert drive.lost() == ""
-
-
-def test_a_wheel_that_sticks_at_a_low_command_is_not_weak():
-    drive = DriveResponse(0.2, 0.001)
-    drive.begin(crawl_command_min=0.07)
-    for _ in range(round(3.0 / STEP)):
-        drive.left.update(0.05, 0.002, LAG, STEP, 0.0001)
-        drive.right.update(0.05, 0.002, LAG, STEP, 0.0001)
-    assert drive.fault(creep=0.035, stuck_after=2.0, lag=LAG) == ""
-
-
 def driven_in_bursts(counted, seconds=6.0, command=0.2):
     """Both wheels driven half a second forth and back with pauses, the left one as in `counted`.
 
@@ -153,23 +121,6 @@ def test_a_wheel_that_lags_behind_the_other_one_explains_a_failure():
     assert drive.weaknesses() == []
 
 
-@pytest.mark.parametrize(
-    ("seconds", "counts_after", "is_silent"),
-    [
-        (0.3, None, False),  # s; a wheel may be late
-        (0.5, None, True),
-        (0.5, 0.4, False),
-    ],
-)
-def test_a_wheel_that_should_have_counted_is_silent(seconds, counts_after, is_silent):
-    drive = DriveResponse(0.2, 0.01)
-    for step in range(round(seconds / STEP)):
-        counted = 0.01 if counts_after is not None and step * STEP >= counts_after else 0.0
-        drive.left.update(0.2, 0.0, LAG, STEP, counted)
-        drive.right.update(0.2, 0.2, LAG, STEP, 0.2 * STEP)
-    assert drive.has_silent_wheel == is_silent
-
-
 def both_driven(counts, seconds_before=1.0, speed=0.3, pitch=0.01):
     """Both wheels at `speed`; from `seconds_before` on, each counts if its `counts` is true."""
     response = DriveResponse(0.15, pitch)
@@ -197,17 +148,6 @@ def test_a_wheel_that_stops_under_way_is_found_in_half_a_second(
     response = both_driven(counts, seconds_before, speed)
     assert response.fault(0.035, 2.0, LAG).startswith(found)
     assert bool(response.fault(0.035, 2.0, LAG)) == bool(found)
-
-
-def test_a_wheel_that_stops_under_way_is_silent_sooner_than_one_that_starts_late():
-    response = both_driven((True, True))
-    for _ in range(9):
-        response.right.update(0.6, 0.6, LAG, STEP, 0.0)
-    assert response.has_silent_wheel
-    late = DriveResponse(0.15, 0.01)
-    for _ in range(9):
-        late.right.update(0.6, 0.0, LAG, STEP, 0.0)
-    assert not late.has_silent_wheel
 
 
 def test_a_wheel_whose_counts_only_go_up_and_down_is_found_in_half_a_second():

@@ -4,8 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from diffbotctl.estimation.count_mismatch import FEW, MANY, CountMismatch, is_linear
-from diffbotctl.estimation.explained_edges import EdgeRatio
+from diffbotctl.estimation.explained_edges import FEW, MANY, CountMismatch, EdgeRatio, is_linear
 
 
 def sums(counted, load=1.2):

@@ -2,11 +2,10 @@
 
 import pytest
 
-from diffbotctl.estimation.count_sign import CountSign
 from diffbotctl.estimation.edge_hypothesis import EdgeHypothesis
-from diffbotctl.estimation.priors import Priors
-from diffbotctl.estimation.wheel_frame import WheelFrame
+from diffbotctl.estimation.wheel_frame import CountSign, WheelFrame
 from diffbotctl.estimation.wheel_kalman import WheelKalman
+from diffbotctl.estimation.wheel_side import Priors
 from diffbotctl.time import MILLISECOND as MS
 
 FRAME = 60 * MS

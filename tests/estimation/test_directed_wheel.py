@@ -5,7 +5,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from diffbotctl.estimation.directed_wheel import DirectedWheelOdometer
+from diffbotctl.estimation.fine_wheel import DirectedWheelOdometer
+from diffbotctl.estimation.wheel_frame import BoardFrame
 from diffbotctl.estimation.wheel_side import LinkTiming
 
 MS = 1_000_000
@@ -31,7 +32,7 @@ def test_the_travel_is_that_of_the_counts_whatever_the_command(has_edge_times, c
         count += 10 if frame <= 3 else -10
         time = frame * 25 * MS
         edge = time - MS if has_edge_times else None
-        wheel.update(time, count, edge, command, False, 0)
+        wheel.update(BoardFrame(time, count, edge, command, 0))
         wheel.report()
         travel += wheel.travel
     assert travel == pytest.approx(-50 * PITCH, abs=1.5 * PITCH)

@@ -8,10 +8,10 @@ import pytest
 
 from diffbotctl.config.load import load
 from diffbotctl.control.motor_curve import settled_speed
-from diffbotctl.estimation.priors import Priors
 from diffbotctl.estimation.slot_errors import EdgeErrors, SlotEstimate
 from diffbotctl.estimation.wheel_filter import WheelFilter
 from diffbotctl.estimation.wheel_frame import WheelFrame
+from diffbotctl.estimation.wheel_side import Priors
 from diffbotctl.messages import Wheels
 from diffbotctl.plant.robot_parameters import plant_parameters
 from diffbotctl.plant.simulated_robot import SimulatedRobot

@@ -7,11 +7,11 @@ from statistics import median
 import pytest
 
 from diffbotctl.config.load import load
-from diffbotctl.estimation.edge_faults import NO_FAULTS
+from diffbotctl.estimation.edge_counts import NO_FAULTS
 from diffbotctl.estimation.edge_hypothesis import EdgeHypothesis
-from diffbotctl.estimation.priors import Priors
 from diffbotctl.estimation.wheel_frame import WheelFrame
 from diffbotctl.estimation.wheel_kalman import WheelKalman
+from diffbotctl.estimation.wheel_side import Priors
 from diffbotctl.messages import Wheels
 from diffbotctl.plant.robot_parameters import plant_parameters
 from diffbotctl.plant.simulated_robot import SimulatedRobot

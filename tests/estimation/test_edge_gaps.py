@@ -2,7 +2,7 @@
 
 import pytest
 
-from diffbotctl.estimation.edge_gaps import EdgeGaps
+from diffbotctl.estimation.unexplained_edges import EdgeGaps
 
 FRAME = 0.025  # s
 RATED = 1000.0  # edges/s

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from diffbotctl.estimation.fine_wheel import FineWheelOdometer
+from diffbotctl.estimation.wheel_frame import BoardFrame
 from diffbotctl.estimation.wheel_side import LinkTiming
 from tests.sampling import each_once
 
@@ -66,7 +67,9 @@ class DrivenWheel:
                 self.edge_time = self.time
         command = drive / self.odometer.pitches_per_rad
         edge_time = self.edge_time if self.has_edge_times else None
-        self.odometer.update(self.time, self.count, edge_time, command, False, self.time - FRAME)
+        self.odometer.update(
+            BoardFrame(self.time, self.count, edge_time, command, self.time - FRAME)
+        )
         self.odometer.report()
 
     def error(self) -> float:
@@ -118,7 +121,7 @@ def test_a_wheel_that_is_pushed_at_rest_may_turn_in_either_direction():
 def test_edges_before_any_command_may_be_in_either_direction():
     wheel = FineWheelOdometer(SIDE, 0, 0, LinkTiming(0.0, 0.0, False))
     for frame in range(1, 6):
-        wheel.update(frame * FRAME, 2 * frame, None, 0.0, False, 0)
+        wheel.update(BoardFrame(frame * FRAME, 2 * frame, None, 0.0, 0))
         wheel.report()
     assert sqrt(wheel.reversal_variance) == pytest.approx(sqrt(2) * 5 * 2)
 
@@ -126,12 +129,12 @@ def test_edges_before_any_command_may_be_in_either_direction():
 def test_a_wheel_that_friction_holds_does_not_jump_when_its_drive_reverses():
     """Otherwise the follower sees a heading error of a pitch, and reverses the drive for ever."""
     odometer = FineWheelOdometer(SIDE, 0, 0, LinkTiming(0.0, 0.0, has_edge_times=True))
-    odometer.update(FRAME, 1, FRAME // 2, 0.2, is_duty=False, command_since=0)
+    odometer.update(BoardFrame(FRAME, 1, FRAME // 2, 0.2, 0))
     odometer.report()
     for frame in range(2, 40):
         before = odometer.position + odometer.beyond
         command = 0.2 if frame % 4 < 2 else -0.2  # rad/s: 32 pitches/s, 0.64 in a frame
-        odometer.update(frame * FRAME, 1, None, command, is_duty=False, command_since=0)
+        odometer.update(BoardFrame(frame * FRAME, 1, None, command, 0))
         assert abs(odometer.position + odometer.beyond - before) < 0.65
         assert 0.0 <= odometer.beyond <= 1.0
 
@@ -145,11 +148,11 @@ def test_a_frame_whose_edges_cancel_does_not_turn_a_wheel_that_rolls(counted):
     for frame in range(1, 31):
         time = frame * FRAME
         count = int(80.0 * time * 1e-9)
-        odometer.update(time, count, None, command, False, time - FRAME)
+        odometer.update(BoardFrame(time, count, None, command, time - FRAME))
     odometer.report()
     before = odometer.reversal_variance
-    odometer.update(time + FRAME, count, None, -0.1 * command, False, time + FRAME // 2)
-    odometer.update(time + 2 * FRAME, count - counted, None, -0.1 * command, False, time)
+    odometer.update(BoardFrame(time + FRAME, count, None, -0.1 * command, time + FRAME // 2))
+    odometer.update(BoardFrame(time + 2 * FRAME, count - counted, None, -0.1 * command, time))
     odometer.report()
     assert odometer.reversals == (0 if counted else 1)
     assert odometer.position - count == counted

@@ -5,7 +5,7 @@ from random import Random
 import pytest
 
 from diffbotctl.control.speed_loop import SpeedGains
-from diffbotctl.estimation.motor_duty import MotorDuty
+from diffbotctl.estimation.wheel_frame import MotorDuty
 
 GAINS = SpeedGains(0.1, 0.05, 0.05, 0.5)  # the feed-forward of 4 rad/s is 0.3
 

@@ -7,9 +7,9 @@ import pytest
 from diffbotctl.estimation.edge_hypothesis import EdgeHypothesis
 from diffbotctl.estimation.pin_level import intervals
 from diffbotctl.estimation.predicted_wheel import DIAGONAL, Z_Z
-from diffbotctl.estimation.priors import Priors
 from diffbotctl.estimation.wheel_frame import WheelFrame
 from diffbotctl.estimation.wheel_kalman import WheelKalman
+from diffbotctl.estimation.wheel_side import Priors
 
 FRAME = 20_000_000  # ns
 LAG = 0.05  # s

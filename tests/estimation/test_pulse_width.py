@@ -4,7 +4,7 @@ from math import exp, log
 
 import pytest
 
-from diffbotctl.estimation.pulse_width import LOG_RATIO_MAX, PulseWidth
+from diffbotctl.estimation.pin_level import LOG_RATIO_MAX, PulseWidth
 
 INTERVAL = 100_000_000  # ns, between two counted edges
 FRAME = 7_000_000  # ns, no divisor of the interval

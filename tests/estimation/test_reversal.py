@@ -4,9 +4,9 @@ import pytest
 
 from diffbotctl.estimation.edge_hypothesis import EdgeHypothesis
 from diffbotctl.estimation.predicted_wheel import DIAGONAL, SPEED_ENTRIES
-from diffbotctl.estimation.priors import Priors
 from diffbotctl.estimation.wheel_frame import WheelFrame
 from diffbotctl.estimation.wheel_kalman import WheelKalman
+from diffbotctl.estimation.wheel_side import Priors
 
 FRAME = 20_000_000  # ns
 LAG = 0.1  # s

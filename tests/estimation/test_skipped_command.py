@@ -7,11 +7,10 @@ import pytest
 from diffbotctl.config.load import load
 from diffbotctl.estimation.commanded_wheel import CommandedWheelOdometer
 from diffbotctl.estimation.edge_hypothesis import EdgeHypothesis
-from diffbotctl.estimation.priors import Priors
-from diffbotctl.estimation.wheel_frame import DriveChange, WheelFrame
+from diffbotctl.estimation.wheel_frame import BoardFrame, DriveChange, WheelFrame
 from diffbotctl.estimation.wheel_kalman import WheelKalman
 from diffbotctl.estimation.wheel_odometer import WheelOdometer
-from diffbotctl.estimation.wheel_side import LinkTiming
+from diffbotctl.estimation.wheel_side import LinkTiming, Priors
 
 MS = 1_000_000
 TIMING = LinkTiming(0.0, 0.0, True)
@@ -43,9 +42,9 @@ def test_a_skipped_drive_acts_as_if_a_frame_had_shown_it(edge):
 def test_the_wheel_s_filter_follows_a_skipped_command_from_rest():
     """20 ms at 4 rad/s before 8 rad/s: the wheel is ahead by the motion of these 20 ms."""
     reported, without = (WheelOdometer(left_side(), 0, 0, TIMING) for _ in range(2))
-    reported.skipped_command(4.0, False, 5 * MS)
-    for wheel in (reported, without):
-        wheel.update(25 * MS, 0, None, 8.0, False, 25 * MS)
+    frame = BoardFrame(25 * MS, 0, None, 8.0, 25 * MS)
+    reported.update(frame._replace(skipped=(5 * MS, 4.0)))
+    without.update(frame)
     assert without.filter.motion.travel == 0.0
     # Duty 0.1 + 0.344 of 4 rad/s turns a wheel of the rated speed at 4 rad/s; lag 0.1 s.
     pitches = 4.0 * 20 / 6.2832 * (0.020 - 0.1 * (1 - exp(-0.2)))
@@ -55,8 +54,7 @@ def test_the_wheel_s_filter_follows_a_skipped_command_from_rest():
 def test_a_wheel_without_an_encoder_follows_a_skipped_command():
     side = left_side()
     wheel = CommandedWheelOdometer(side, 0, 0, TIMING)
-    wheel.skipped_command(4.0, False, 5 * MS)
-    wheel.update(25 * MS, 0, None, 0.0, False, 25 * MS)
+    wheel.update(BoardFrame(25 * MS, 0, None, 0.0, 25 * MS, skipped=(5 * MS, 4.0)))
     wheel.report()
     lag = side.motor.lag
     radians = 4.0 * (0.020 - lag * (1 - exp(-0.020 / lag)))

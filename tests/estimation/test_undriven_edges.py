@@ -2,7 +2,7 @@
 
 import pytest
 
-from diffbotctl.estimation.undriven_edges import UndrivenEdges
+from diffbotctl.estimation.unexplained_edges import UndrivenEdges
 
 FRAME = 0.02  # s
 

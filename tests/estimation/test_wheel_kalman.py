@@ -9,8 +9,8 @@ import pytest
 
 from diffbotctl.control.motor_curve import settled_speed
 from diffbotctl.estimation.predicted_wheel import LAG_DUTY, VISCOUS, MotorKind
-from diffbotctl.estimation.priors import Priors
 from diffbotctl.estimation.wheel_kalman import WheelKalman
+from diffbotctl.estimation.wheel_side import Priors
 
 SLOTS, RATED, STATIC, LAG = 20, 10.0, 0.15, 0.1
 PITCHES_PER_RAD = SLOTS / 6.283185307179586

@@ -127,9 +127,8 @@ def _about_mean(disc: SlotErrors, entries: Sequence[int]) -> tuple[tuple[float, 
     """Errors of some entries relative to their mean, and their standard deviation."""
     errors = [disc.errors[entry] for entry in entries]
     mean = fmean(errors)
-    covariance = disc.covariance
-    row_means = [fmean(covariance[row][entry] for entry in entries) for row in entries]
-    trace = sum(covariance[entry][entry] for entry in entries)
+    row_means = [fmean(disc.row(6 + row)[entry] for entry in entries) for row in entries]
+    trace = sum(map(disc.variance_of, entries))
     variance = trace / len(errors) - fmean(row_means)
     return tuple(error - mean for error in errors), sqrt(max(variance, 0.0))
 

@@ -1,14 +1,90 @@
-"""Periods without edges of a driven wheel that turned just before, and turns just after.
+"""Edges that no command explains, and commands without the edges that they should give.
 
-A wheel of which a wire or the light barrier fails for a moment counts nothing meanwhile, or the
-mains that a loose wire picks up. Neither does one that something holds, but that begins to turn
+One channel does not measure the direction: the edges of a wheel that somebody, or the other wheel,
+has turned are counted on in its last one, and may as well be those of a turn the other way.
+
+A driven wheel of which a wire or the light barrier fails for a moment counts nothing meanwhile, or
+the mains that a loose wire picks up. Neither does one that something holds, but that begins to turn
 within the lag of its motor; one whose edges failed turns at once, and so does one with a quick
-motor. So it is not known how far it has turned. Times are seconds, rates edges/s.
+motor. So it is not known how far it has turned. Times are seconds, rates edges/s, lengths pitches.
 """
 
 from __future__ import annotations
 
 from collections import deque
+from math import sqrt
+
+REST_S = 0.3  # without a drive and without an edge, after which a wheel is at rest
+# Edges and angle (rad) of a wheel at rest that are reported: one that trembles, or rolls out
+# slowly, makes less. While the other wheel is driven, which may drag it along, fewer are reported.
+PUSHED_EDGES_MIN, DRAGGED_EDGES_MIN, PUSHED_ANGLE_MIN = 3, 2, 0.1
+ONE_EDGE_SD = 0.5  # of a wheel at rest that gives one edge, which may be that of a small motion
+
+
+class UndrivenEdges:
+    """The edges of one wheel without a drive, since it was at rest and since the pose was set."""
+
+    def __init__(self, pitches_per_rad: float) -> None:
+        self.pitches_per_rad = pitches_per_rad
+        self.rested_for = REST_S  # s, without a drive and without an edge
+        self.edges = 0
+        """since the wheel was at rest"""
+        self.edges_in_all = self.dragged = 0  # since the pose was set; while the other was driven
+        self.is_other_driven = False
+        """whether the other wheel has a command in the next frame"""
+        self.reported = 0  # of `edges`
+
+    def add(self, span: float, edges: int, is_driven: bool) -> None:
+        """Take the `edges` of a frame of `span` (s)."""
+        if is_driven:
+            self.edges, self.rested_for = 0, 0.0
+        elif not edges:
+            self.rested_for += span
+        elif self.rested_for >= REST_S or self.edges:
+            self.edges += edges
+            self.edges_in_all += edges
+            if self.is_other_driven:
+                self.dragged += edges
+        else:  # it still rolls, perhaps from a kick against friction that ended at once
+            self.rested_for = 0.0
+
+    def take_variance(self) -> float:
+        """Variance (pitches2) that was added since the last call. The last edges of a wheel that
+        comes to rest are none of them."""
+        edges = self.edges
+        if edges < PUSHED_EDGES_MIN and not self.is_other_driven:
+            self.reported = min(self.reported, edges)
+            return 0.0
+        before, self.reported = self.reported, edges
+        if edges <= before:
+            return 0.0
+        return ONE_EDGE_SD * ONE_EDGE_SD if edges == 1 else pushed_variance(before, edges)
+
+    @property
+    def text(self) -> str:
+        """That something has turned the wheel, or an empty text."""
+        edges = self.edges_in_all
+        is_reported = edges >= PUSHED_EDGES_MIN or self.dragged >= DRAGGED_EDGES_MIN
+        if not is_reported or edges < PUSHED_ANGLE_MIN * self.pitches_per_rad:
+            return ""
+        return f"turned by {edges} edges without a command, its encoder does not show which way"
+
+    @property
+    def sd(self) -> float:
+        """Standard deviation (pitches) of what is reported."""
+        return sqrt(pushed_variance(0, self.edges_in_all)) if self.text else 0.0
+
+    def pose_is_set(self) -> None:
+        """What happened before does not matter any more."""
+        self.edges_in_all = self.dragged = 0
+
+
+def pushed_variance(before: int, after: int) -> float:
+    """Variance (pitches2) that is added when the edges of a pushed wheel grow from `before` to
+    `after`: they are counted on in the last direction, and as probable the other way, twice as far
+    from there."""
+    return 2.0 * (after * after - before * before)
+
 
 # Before the gap: seconds and edges from which the rate is known.
 BEFORE_S, BEFORE_EDGES_MIN = 0.15, 3
@@ -34,6 +110,7 @@ class EdgeGaps:
         self.least_rate = RATED_SHARE_MIN * rated_rate
         self.frames: deque[tuple[float, int]] = deque()
         """seconds and edges of the last frames, up to the last one that was not quiet"""
+        self.before_seconds, self.before_edges = 0.0, 0  # of them all
         self.sign = 0
         """of the drive"""
         self.seconds, self.edges = 0.0, 0
@@ -82,7 +159,7 @@ class EdgeGaps:
         if self._is_gap(rate):
             # The last frame before it and the first after it lie partly within it.
             self.gap, self.rate, self.after = self.seconds + span, rate, (0.0, 0)
-            self.frames.clear()
+            self._forget()
         else:
             span, edges = self.seconds + span, self.edges + edges
         self.seconds, self.edges = 0.0, 0
@@ -112,17 +189,24 @@ class EdgeGaps:
 
     def _rate(self) -> float:
         """Before the edges ended; 0 where too few show it."""
-        edges = sum((edges for _, edges in self.frames), 0)
-        if edges < BEFORE_EDGES_MIN:
+        if self.before_edges < BEFORE_EDGES_MIN:
             return 0.0
-        return edges / sum((seconds for seconds, _ in self.frames), 0.0)
+        return self.before_edges / self.before_seconds
 
     def _remember(self, seconds: float, edges: int) -> None:
         frames = self.frames
         frames.append((seconds, edges))
-        while len(frames) > 1 and sum((each for each, _ in frames), 0.0) - frames[0][0] >= BEFORE_S:
-            frames.popleft()
+        self.before_seconds += seconds
+        self.before_edges += edges
+        while len(frames) > 1 and self.before_seconds - frames[0][0] >= BEFORE_S:
+            first_seconds, first_edges = frames.popleft()
+            self.before_seconds -= first_seconds
+            self.before_edges -= first_edges
+
+    def _forget(self) -> None:
+        self.frames.clear()
+        self.before_seconds, self.before_edges = 0.0, 0
 
     def _restart(self, sign: int) -> None:
         self.sign, self.seconds, self.edges, self.gap = sign, 0.0, 0, 0.0
-        self.frames.clear()
+        self._forget()
