@@ -2,12 +2,14 @@
 
 A block calls `self.log.info("the wall is gone")`. The line gets the logical time of its instant, so
 a block needs no clock and a replay logs the same lines. Log events, not messages. If the text is
-expensive to build, check the level first: `if self.log.debugs: self.log.debug(f"...")`.
+expensive to build, check the level first: `if self.log.debugs: self.log.debug(f"...")`. What a
+block prints is logged too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from io import TextIOBase
 
 from diffbotctl.messages import LOG_LEVELS, LogLine
 from diffbotctl.time import SECOND
@@ -56,6 +58,23 @@ class Log:
     def error(self, text: str) -> None:
         """Log an event that needs action by the operator."""
         self.write(ERROR, text)
+
+
+class LogFile(TextIOBase):
+    """A text file whose lines go to a log: what a block prints."""
+
+    def __init__(self, log: Log) -> None:
+        self.log, self.rest = log, ""
+
+    def write(self, text: str) -> int:
+        """Log each line that is complete, or too long to wait for its end."""
+        *lines, self.rest = (self.rest + text).split("\n")
+        for line in lines:
+            self.log.info(line)
+        if len(self.rest) > LINE_LENGTH_MAX:
+            self.log.info(self.rest)
+            self.rest = ""
+        return len(text)
 
 
 QUIET = Log("", [], OFF)  # for a block outside a graph, as in a test

@@ -228,7 +228,7 @@ def _print_begin(run: RecordedRun) -> None:
     if run.begins == "state" and run.state is not None:
         click.echo(f"starts {run.state[0] / SECOND:.2f} s after the run's start, in a saved state")
     elif run.begins != "run":
-        reason = "the beginning of the run was not kept"
+        reason = run.about.get("state_problem") or "the beginning of the run was not kept"
         if run.state_version is not None:
             reason = f"version {run.state_version} saved it, this is version {__version__}"
         click.echo(f"starts in an unknown state: {reason}.")

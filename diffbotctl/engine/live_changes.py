@@ -6,11 +6,12 @@ live run and in its replay.
 
 from __future__ import annotations
 
+from contextlib import redirect_stdout
 from typing import Any, NamedTuple
 
 from diffbotctl.block import action_arguments, takes_text
 from diffbotctl.graph import Graph, Sink
-from diffbotctl.log import LEVEL
+from diffbotctl.log import LEVEL, QUIET, LogFile
 from diffbotctl.messages import Call, Setting
 from diffbotctl.params import declared
 
@@ -60,7 +61,8 @@ class LiveChanges:
             value = kind(change.number)
         setattr(block, change.name, value)
         try:
-            block.changed(change.name)
+            with redirect_stdout(LogFile(block.log)):
+                block.changed(change.name)
         except Exception as error:
             raise ChangeError(change.block) from error
 
@@ -76,7 +78,8 @@ class LiveChanges:
             if value is not None:  # otherwise its default
                 arguments[argument.name] = value
         try:
-            value = getattr(target, call.action)(now, **arguments)
+            with redirect_stdout(LogFile(getattr(target, "log", QUIET))):
+                value = getattr(target, call.action)(now, **arguments)
         except ValueError as error:
             self.outcomes.append(CallOutcome(str(error) or "it refuses"))
         except Exception as error:

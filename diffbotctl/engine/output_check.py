@@ -7,6 +7,7 @@ the files that they are written to, expect these.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from functools import cache
 from math import inf, isfinite
 from numbers import Integral, Real
@@ -15,6 +16,7 @@ from types import NoneType, UnionType
 from typing import Any, Literal, Union, get_args, get_origin
 
 from diffbotctl.block import Block, Out, outputs
+from diffbotctl.log import LogFile
 from diffbotctl.message_types import type_name
 from diffbotctl.messages import FINITE, Field, fields
 
@@ -155,15 +157,28 @@ def _name(hint: Any) -> str:
     return names.get(hint, str(getattr(hint, "__name__", hint)))
 
 
+def _printing_to(file: LogFile, react: Reaction) -> Reaction:
+    redirection = redirect_stdout(file)
+
+    def redirected_react(*arguments: Any) -> Any:
+        with redirection:
+            return react(*arguments)
+
+    return redirected_react
+
+
 def checked(
     block: Block, react: Reaction, replace: Callable[[Reaction, Reaction], None]
 ) -> Reaction:
     """`react` with its output checked: always, or the first times for a block of this package.
 
-    After the last check `replace` is called with this function and `react`.
+    After the last check `replace` is called with this function and `react`. What another block
+    prints goes to its log: on the terminal it would delay the engine, and spoil the screen.
     """
     is_own = type(block).__module__.startswith(OWN_PACKAGE)
     remaining = CHECKED_REACTIONS
+    if not is_own:
+        react = _printing_to(LogFile(block.log), react)
 
     def checked_react(*arguments: Any) -> Any:
         nonlocal remaining

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 from diffbotctl.messages import STARTING, Stop
 from diffbotctl.processes.child_process import ChildSender
 from diffbotctl.recording.recorder import spans_batch
+from diffbotctl.recording.snapshot import StateError
 from diffbotctl.time import SECOND
 
 FINISH_TIMEOUT_S = 1.0  # that the end of a run waits for a server process that reads nothing
@@ -27,16 +28,21 @@ class StopEvent(NamedTuple):
 
 
 class EngineState(NamedTuple):
-    """The pickled state of all blocks after the instant `time` (ns), whose inputs were all sent."""
+    """The pickled state of all blocks after the instant `time` (ns), whose inputs were all sent.
+
+    `problem`: why there is none; `data` is then empty.
+    """
 
     time: int
     data: bytes
+    problem: str = ""
 
 
 class BlackBox:
     """Gathers what drivers deliver: the first `sources` messages of each instant.
 
-    `snapshot` returns the state between two instants, or None when a block's state cannot be saved.
+    `snapshot` returns the state between two instants; it raises StateError when that of a block
+    cannot be saved.
     `announce` is called with a line about each file that was written, `on_loss` once, with the
     reason, when recording has failed.
     """
@@ -45,7 +51,7 @@ class BlackBox:
         self,
         channel: socket.socket,
         sources: int,
-        snapshot: Callable[[], bytes | None],
+        snapshot: Callable[[], bytes],
         announce: Callable[[str], None],
         on_loss: Callable[[str], None],
     ) -> None:
@@ -71,9 +77,11 @@ class BlackBox:
         self._send()
         if self.last >= self.snapshot_due:
             self.snapshot_due = self.last + SNAPSHOT_PERIOD
-            data = self.snapshot()
-            if data is not None:
-                self.sender.send(EngineState(self.last, data))
+            try:
+                state = EngineState(self.last, self.snapshot())
+            except StateError as error:
+                state = EngineState(self.last, b"", str(error))
+            self.sender.send(state)
         self._announce(self.sender.receive() or "")
 
     def finish(self, summary: dict[str, str]) -> None:

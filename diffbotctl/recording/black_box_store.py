@@ -18,13 +18,15 @@ from collections import deque
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import IO, Any, Literal, NamedTuple
 
 from diffbotctl import user_folders
 from diffbotctl.processes.child_process import close_inherited_files, fork, report, split_frames
 from diffbotctl.recording.black_box import EngineState, StopEvent
-from diffbotctl.recording.snapshot import StateError
+from diffbotctl.recording.run_metadata import TEXT_MAX_LENGTH
+from diffbotctl.recording.snapshot import StateError, culprit_text
 from diffbotctl.recording.snapshot_json import to_json
+from diffbotctl.recording.snapshot_restore import plain_classes
 from diffbotctl.recording.writer import RecordingHeader, RecordingWriter
 from diffbotctl.time import SECOND
 
@@ -40,12 +42,16 @@ READ_BYTES = 1 << 16  # at once, between two polls of the clients
 
 
 class RunMetadata(NamedTuple):
-    """What the files contain about the run. `wires` are those of the drivers alone."""
+    """What the files contain about the run. `wires` are those of the drivers alone.
+
+    `kinds` are the message classes of all wires.
+    """
 
     folder: Path
     name: str
     wires: dict[str, type]
     about: dict[str, str]
+    kinds: tuple[type, ...] = ()
 
 
 def black_box_folder() -> Path:
@@ -55,12 +61,15 @@ def black_box_folder() -> Path:
 
 def write_black_box(run: RunMetadata, number: int, ring: InputRing, summary: dict[str, str]) -> str:
     """Write file `number` of this run. Returns what to print about it, or about the failure."""
+    start = start_of(run, ring)
     try:
-        path = _save(run, number, ring, summary)
+        path = _save(run, number, ring, start, summary)
     except OSError as error:
         return write_failed_message(run, error)
     is_whole = ring.known and ring.begin is None
     words = "The whole run so far is" if is_whole else "The last 3 minutes are"
+    if start.problem:
+        words = f"A replay begins in an unknown state: {start.problem}.\n{words}"
     return f"{words} kept: `diffbotctl why` explains it, or\n    diffbotctl replay {path}\n"
 
 
@@ -80,13 +89,39 @@ def _path(run: RunMetadata, number: int) -> Path:
     return run.folder / f"{run.name}-{number}.mcap"
 
 
-def _save(run: RunMetadata, number: int, ring: InputRing, summary: dict[str, str]) -> Path:
+class FlightStart(NamedTuple):
+    """Where a file begins: at the start of the run, in a known state (JSON), or in an unknown one.
+
+    `problem`: why it is not known.
+    """
+
+    begins: Literal["run", "state", "unknown"]
+    state: bytes = b""
+    problem: str = ""
+
+
+def start_of(run: RunMetadata, ring: InputRing) -> FlightStart:
+    """Where the file with the inputs in `ring` begins."""
+    if ring.begin is None:
+        return FlightStart("run" if ring.known else "unknown", problem=ring.state_problem)
+    find_class = plain_classes(run.kinds)
+    state = pickle.loads(ring.begin.data)
+    try:
+        return FlightStart("state", to_json(state, find_class))
+    except StateError as error:
+        problem = culprit_text(state[0], lambda value: to_json(value, find_class)) or str(error)
+        return FlightStart("unknown", problem=problem)
+
+
+def _save(
+    run: RunMetadata, number: int, ring: InputRing, start: FlightStart, summary: dict[str, str]
+) -> Path:
     run.folder.mkdir(parents=True, exist_ok=True)
     path = _path(run, number)
     draft = path.with_suffix(".part")
     try:
         with draft.open("wb") as file:
-            _write(file, run, ring, summary)
+            _write(file, run, ring, start, summary)
         draft.replace(path)
     finally:
         draft.unlink(missing_ok=True)
@@ -94,26 +129,18 @@ def _save(run: RunMetadata, number: int, ring: InputRing, summary: dict[str, str
     return path
 
 
-def _write(file: IO[bytes], run: RunMetadata, ring: InputRing, summary: dict[str, str]) -> None:
-    state = None if ring.begin is None else _json_state(ring.begin)
-    begins = "state" if state is not None else "unknown"
-    if ring.known and ring.begin is None:
-        begins = "run"
-    header = RecordingHeader(run.wires, len(run.wires), {**run.about, "flight": begins})
-    recording = RecordingWriter(file, header)
-    if ring.begin is not None and state is not None:
-        recording.attach_state(ring.begin.time, state)
+def _write(
+    file: IO[bytes], run: RunMetadata, ring: InputRing, start: FlightStart, summary: dict[str, str]
+) -> None:
+    about = {**run.about, "flight": start.begins}
+    if start.problem:
+        about["state_problem"] = start.problem[:TEXT_MAX_LENGTH]
+    recording = RecordingWriter(file, RecordingHeader(run.wires, len(run.wires), about))
+    if ring.begin is not None and start.state:
+        recording.attach_state(ring.begin.time, start.state)
     for instant in ring.instants():
         recording.write(instant)
     recording.finish({**summary, "instants": str(recording.instants)})
-
-
-def _json_state(state: EngineState) -> bytes | None:
-    """The state as it is in a file; None if it has no such form."""
-    try:
-        return to_json(pickle.loads(state.data))
-    except StateError:
-        return None  # the file then begins without a state, and states that
 
 
 class InputRing:
@@ -136,6 +163,7 @@ class InputRing:
         self.states: deque[EngineState] = deque()
         self.begin: EngineState | None = None
         self.known = True
+        self.state_problem = ""  # why there are no states
         self.size = 0
         self.last = 0
 
@@ -150,6 +178,9 @@ class InputRing:
 
     def add_state(self, state: EngineState) -> None:
         """Add a state: what comes after it can be replayed from here."""
+        if state.problem:
+            self.state_problem = state.problem
+            return
         self._compress()  # no packet contains instants from before and after a state
         self.states.append(state)
         self.size += len(state.data)

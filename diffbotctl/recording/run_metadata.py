@@ -30,6 +30,7 @@ def check_run(values: Mapping[str, str]) -> None:
         ("seed", _is_integer, "a whole number"),
         ("goals", _is_json(_are_goals), "a list of goals"),
         ("duration", _is_json(_is_duration), "a time in s, or null"),
+        ("state_problem", _is_name, "a short text"),
         ("flight", lambda text: text in ("run", "state", "unknown"), "run, state or unknown"),
     ):
         if name in values:

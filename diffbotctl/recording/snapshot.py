@@ -7,6 +7,7 @@ files in the JSON form of `snapshot_json`, which `snapshot_restore` reads.
 from __future__ import annotations
 
 import pickle
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from diffbotctl.engine.loop import Engine
@@ -29,7 +30,20 @@ def take_snapshot(engine: Engine) -> bytes:
         state = (blocks, engine.compiled.state(), _log_state(engine.graph.book), events)
         return pickle.dumps(state, pickle.HIGHEST_PROTOCOL)
     except Exception as error:  # a block of a user may hold anything
-        raise StateError(str(error)) from error
+        raise StateError(culprit_text(blocks, pickle.dumps) or str(error)) from error
+
+
+def culprit_text(
+    blocks: Mapping[str, Mapping[str, Any]], save: Callable[[Any], object]
+) -> str | None:
+    """Which attribute of which block `save` cannot save; None when it is none of theirs."""
+    for name, attributes in blocks.items():
+        for attribute, value in attributes.items():
+            try:
+                save(value)
+            except Exception:
+                return f"`self.{attribute}` of block {name} holds more than plain data"
+    return None
 
 
 def without_log(state: dict[str, Any]) -> dict[str, Any]:

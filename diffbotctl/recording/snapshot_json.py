@@ -40,9 +40,12 @@ FindClass = Callable[[str, str], type]
 """The class of this module and name. Raises StateError for one that is not restored."""
 
 
-def to_json(state: Any) -> bytes:
-    """The JSON form of `state`. Raises StateError for what it cannot hold, such as a function."""
-    writer = _Writer()
+def to_json(state: Any, find_class: FindClass | None = None) -> bytes:
+    """The JSON form of `state`. Raises StateError for what it cannot hold, such as a function.
+
+    `find_class`, of the reader, refuses the classes that could not be restored.
+    """
+    writer = _Writer(find_class)
     writer.value(state, 0)
     _require(len(writer.objects), OBJECTS_MAX, "objects")
     data = json.dumps(writer.objects, separators=(",", ":")).encode()
@@ -74,7 +77,8 @@ def from_json(data: bytes, find_class: FindClass) -> Any:
 class _Writer:
     """Appends to `objects` all objects in a value, each after those in it."""
 
-    def __init__(self) -> None:
+    def __init__(self, find_class: FindClass | None) -> None:
+        self.find_class = find_class
         self.objects: list[list[Any]] = []
         self.indices: dict[int, int] = {}  # by id
         self.originals: list[Any] = []  # keeps the ids valid
@@ -87,7 +91,10 @@ class _Writer:
         index = self.indices.get(id(value))
         if index is None:
             parts = [self.value(part, depth + 1) for part in _parts(value)]
-            self.objects.append([_name(type(value)), *parts])
+            name = _name(type(value))
+            if ":" in name and self.find_class is not None:
+                self.find_class(*name.split(":"))
+            self.objects.append([name, *parts])
             self.originals.append(value)
             index = self.indices[id(value)] = len(self.objects) - 1
         return [index]

@@ -37,7 +37,7 @@ def restore_snapshot(data: bytes, time: int, engine: Engine) -> None:
 
     `data` is its JSON form. Raises StateError when it does not fit.
     """
-    state = from_json(data, _plain_classes(engine.graph.kinds.values()))
+    state = from_json(data, plain_classes(engine.graph.kinds.values()))
     try:
         blocks, wires, log_state, events = state
         for node in engine.graph.nodes:
@@ -62,8 +62,8 @@ def _restore_log(
     book.line_counts.update(counts)
 
 
-def _plain_classes(kinds: Iterable[type]) -> FindClass:
-    """What finds the plain classes, and the message classes of the pipeline."""
+def plain_classes(kinds: Iterable[type]) -> FindClass:
+    """What finds the plain classes, and the message classes of the pipeline, which are `kinds`."""
     messages = _message_classes(kinds)
 
     def find_class(module: str, name: str) -> type:

@@ -7,6 +7,8 @@ or Resume, the wires `operator.stop` and `operator.resume`.
 
 from __future__ import annotations
 
+import sys
+from contextlib import redirect_stdout
 from typing import Any, NamedTuple, TypeVar
 
 from diffbotctl.block import Block, In, inputs, outputs, robot_fields
@@ -113,7 +115,8 @@ def _node(use: BlockUse, unproven: bool) -> Node:
             if source is not None:
                 wires[port] = source
     try:
-        block = use.cls(**values)
+        with redirect_stdout(sys.stderr):  # a `print` must not be taken for JSON
+            block = use.cls(**values)
     except (Exception, SystemExit) as error:
         raise RunError(block_problem(use.name, use.cls, error)) from error
     block.connected = frozenset(wires)

@@ -48,8 +48,7 @@ class RunReports(NamedTuple):
 
     facts: dict[str, str]  # metadata of the recording
     progress: Callable[[], tuple[int, int]]  # goals reached, and goals in all
-    # the state of all blocks, or None when it has no bytes
-    take_snapshot: Callable[[], bytes | None]
+    take_snapshot: Callable[[], bytes]  # the state of all blocks; raises StateError
     announce: Report  # called with each black box file that was written
     loss: Report  # called once for each file that can no longer be written
     screen_closed: Callable[[], None] | None = None
@@ -315,7 +314,8 @@ def start_black_box(
     name = f"{datetime.now():%Y%m%d-%H%M%S}-{configuration.name}-{os.getpid()}"
     ours, theirs = socket.socketpair()
     ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, child_process.BUFFER_BYTES)
-    store = BlackBoxStore(theirs, RunMetadata(folder, name, wires, reports.facts))
+    about = RunMetadata(folder, name, wires, reports.facts, tuple(graph.kinds.values()))
+    store = BlackBoxStore(theirs, about)
 
     def lost(cause: str) -> None:
         reports.loss(f"BLACK BOX STOPPED: {cause}; the last minutes of this run are not kept")

@@ -313,11 +313,8 @@ class Run:
     def _end(self, code: int, cause: str) -> None:
         self.engine.end(code, cause)
 
-    def _take_snapshot(self) -> bytes | None:
-        try:
-            return snapshot.take_snapshot(self.engine)
-        except snapshot.StateError:
-            return None  # the black box then begins without a state, and states that
+    def _take_snapshot(self) -> bytes:
+        return snapshot.take_snapshot(self.engine)
 
     def _report_loss(self, text: str) -> None:
         """Report to the user and in the log that a file can no longer be written."""

@@ -1,10 +1,21 @@
 """Runs with a block in a file: the question, the recording, its replay, errors, and clients."""
 
+import hashlib
 import os
 import subprocess
 
 import pytest
 
+from diffbotctl.config import consents
+from diffbotctl.config.code_files import CodeConsentError
+from diffbotctl.config.load import load
+from diffbotctl.engine.clock import VirtualClock
+from diffbotctl.engine.loop import Engine
+from diffbotctl.recording.black_box import EngineState
+from diffbotctl.recording.black_box_store import InputRing, RunMetadata, start_of
+from diffbotctl.recording.snapshot import StateError, take_snapshot
+from diffbotctl.runs.build_graph import assemble
+from diffbotctl.time import SECOND
 from tests.config.test_code_files import NOSE, PIPELINE
 from tests.support.command_process import command_line
 from tests.support.running import PlainClient, cli, running
@@ -85,8 +96,8 @@ def test_no_client_of_the_socket_names_a_file(pipeline, tmp_path):
             ("set_parameter", {"parameter": "nose.every", "value": name}),
             ("set_parameter", {"parameter": "nose.block", "value": name}),
             ("set_parameter", {"parameter": name, "value": 1}),
-            ("call", {"action": f"{name}.react", "arguments": {}}),
-            ("call", {"action": "nose.react", "arguments": {"block": name}}),
+            ("call_action", {"action": f"{name}.react"}),
+            ("call_action", {"action": "nose.react", "arguments": {"block": name}}),
             ("publish", {"topic": "input.nose", "message": {"block": name}}),
             ("load", {"block": name}),
             ("replay", {"file": str(evil)}),
@@ -94,3 +105,54 @@ def test_no_client_of_the_socket_names_a_file(pipeline, tmp_path):
             assert "error" in client.request(method, **fields), (method, fields)
         assert client.request("status") is not None
     assert not (tmp_path / "evil").exists()
+
+
+def test_what_a_block_prints_is_logged_and_replayed(pipeline, tmp_path):
+    printing = NOSE.replace("self.count += 1", "print('was', self.count)\n        self.count += 1")
+    (tmp_path / "nose.py").write_text(printing)
+    recording = tmp_path / "a.mcap"
+    words = ("run", pipeline, "--fast", "--for", "1s", "--record", recording, "--allow-programs")
+    code, printed, _ = cli(tmp_path, *words)
+    assert code == 1 and "nose: was 3\n" in printed
+    consents.remember(f"code {hashlib.sha256(printing.encode()).hexdigest()}")
+    code, printed, _ = cli(tmp_path, "replay", recording, "--check")
+    assert code == 0 and "bit for bit" in printed
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "begins", "problem"),
+    [
+        ("", "", "state", ""),
+        ("self.count = 0", "self.count, self.seen = 0, {'x': [(1, 2)]}", "state", ""),
+        ("self.count = 0", "self.count, self.nose = 0, Memory()", "unknown", "`self.nose` of"),
+        ("self.count = 0", "self.count, self.key = 0, lambda: 1", "unknown", "`self.key` of"),
+        (
+            "self.count = 0",
+            "self.count, self.file = 0, print",
+            "unknown",
+            "`self.file`",
+        ),
+    ],
+)
+def test_a_flight_states_what_of_a_block_is_no_plain_data(
+    pipeline, tmp_path, old, new, begins, problem
+):
+    text = NOSE.replace(old, new) if old else NOSE
+    (tmp_path / "nose.py").write_text(text.replace("class Nose", "class Memory: pass\nclass Nose"))
+    with pytest.raises(CodeConsentError) as refused:
+        load(str(pipeline))
+    consents.allow_here(refused.value.files[0].consent_key)
+    graph = assemble(load(str(pipeline)), real=False).graph
+    engine = Engine(graph, [], VirtualClock())
+    engine.run(SECOND)
+    ring = InputRing(span_min=0)
+    ring.add_batch(1, b"")
+    try:
+        ring.add_state(EngineState(0, take_snapshot(engine)))
+    except StateError as error:
+        ring.add_state(EngineState(0, b"", str(error)))
+        ring.known = False  # as when the oldest inputs were dropped
+    kinds = tuple(graph.kinds.values())
+    start = start_of(RunMetadata(tmp_path, "nose", {}, {}, kinds), ring)
+    assert start.begins == begins and bool(start.state) == (begins == "state")
+    assert start.problem.startswith(problem) and bool(start.problem) == bool(problem)
