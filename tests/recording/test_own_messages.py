@@ -92,7 +92,8 @@ def test_a_replay_whose_block_raises_ends_as_a_run_does(options, output, install
     environment["PYTHONPATH"] = f"{ROOT}{os.pathsep}{tmp_path / 'site'}"
     done = subprocess.run(line, env=environment, capture_output=True, text=True, timeout=60)
     assert done.returncode == 1 and output in done.stdout, done.stdout
-    assert "block nose  E-BLOCK-RAISED\n  it raised ValueError: no nose" in done.stderr
+    assert "odd_noses/blocks.py:46:13  E-BLOCK-RAISED" in done.stderr
+    assert "block nose: it raised ValueError: no nose" in done.stderr
     drives_again = "--set" in options and "--same-motion" not in options
     assert ("the robot was stopped" in done.stderr) == drives_again
 
