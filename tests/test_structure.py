@@ -62,7 +62,7 @@ FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
 
 BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the folders
     ".": 3_000,
-    "blocks": 2_650,
+    "blocks": 2_750,
     "bluetooth": 800,
     "calibrate": 9_050,
     "cli": 8_660,
@@ -73,7 +73,7 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "diagnostics": 650,
     "drivers": 2_750,
     "emulator": 1_100,
-    "engine": 2_350,
+    "engine": 2_370,
     "estimation": 5_500,
     "flash": 1_500,
     "foxglove": 1_010,
@@ -86,7 +86,7 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "processes": 500,
     "programs": 660,
     "prompts": 550,
-    "recording": 3_750,
+    "recording": 3_800,
     "render": 1_850,
     "replay": 670,
     "ros2": 1_760,
@@ -94,7 +94,7 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "ui": 4_200,
     "web": 1_500,
 }
-PACKAGE_BUDGET = 78_260  # lines of all of them
+PACKAGE_BUDGET = 78_350  # lines of all of them
 
 SMALL_MODULE_LINES = 25
 SMALL_MODULES = {  # module: why it stands alone

@@ -128,8 +128,10 @@ class RobotRun:
             sinks[assembly.command].append(self._command_sink(self.robot, stopped))
         for wire in wires_of(assembly, GoalState):
             sinks[wire].append(operator.on_goal_state)
+        followed = {wire for node in assembly.graph.nodes for wire in node.wires.values()}
         for wire in wires_of(assembly, Path):
-            sinks[wire].append(operator.on_path)
+            if wire not in followed:  # otherwise a block follows it, such as path_follower
+                sinks[wire].append(operator.on_path)
         for wire in wires_of(assembly, Stop):
             sinks[wire].append(operator.stop_sink(wire))
         if box is not None:
