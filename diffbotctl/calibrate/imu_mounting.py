@@ -19,7 +19,7 @@ from diffbotctl.calibrate.result import GYRO_AXES, Finding
 from diffbotctl.calibrate.session import RobotSession
 from diffbotctl.calibrate.step import Event, Message
 from diffbotctl.errors import Problem, RunError
-from diffbotctl.links.diffbot_faults import gyro_fix
+from diffbotctl.links.diffbot_states import gyro_fix
 from diffbotctl.messages import Encoders
 from diffbotctl.prompts.question import ManualAction
 

@@ -20,7 +20,7 @@ from diffbotctl.cli.options import (
 )
 from diffbotctl.cli.output import print_json, write_output
 from diffbotctl.printable import keep_lines
-from diffbotctl.render.block_graph import Wire, dot_lines, mermaid_lines
+from diffbotctl.render.graph_layout import Wire, dot_lines, mermaid_lines
 
 if TYPE_CHECKING:
     from rich.tree import Tree

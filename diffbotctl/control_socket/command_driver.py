@@ -7,7 +7,7 @@ process that hangs changes nothing.
 
 from __future__ import annotations
 
-from typing import assert_never
+from typing import Any, assert_never
 
 from diffbotctl.control_socket import requests
 from diffbotctl.control_socket.engine_channel import (
@@ -20,7 +20,6 @@ from diffbotctl.control_socket.engine_channel import (
     ResultCode,
 )
 from diffbotctl.control_socket.protocol import DRIVE_LEASE_S
-from diffbotctl.control_socket.returned_value import sendable_value
 from diffbotctl.drivers.goal_queue import Operator
 from diffbotctl.drivers.input_leases import InputLeases
 from diffbotctl.engine.driver import Delivery
@@ -28,7 +27,33 @@ from diffbotctl.engine.live_changes import CallOutcome, LiveChanges
 from diffbotctl.engine.loop import Engine
 from diffbotctl.engine.profiler import BlockProfiler
 from diffbotctl.messages import Call, Goal, Message, Setting, Stop, StopCode, Twist
+from diffbotctl.recording.json_codec import plain
 from diffbotctl.time import MILLISECOND, NEVER, SECOND
+
+TEXT_MAX_LENGTH = 10_000  # characters
+PARTS_MAX = 1000  # of a tuple
+NESTING_MAX = 2  # of tuples and messages
+
+
+def sendable_value(value: Any, depth: int = 0) -> Any:
+    """`value` as JSON types; nan and infinities as texts. Raises ValueError for other values."""
+    if hasattr(value, "_asdict"):
+        return dict(zip(value._fields, _parts(value, depth), strict=True))
+    if isinstance(value, tuple | list):
+        return _parts(value, depth)
+    result = plain(value)
+    if not (result is None or isinstance(result, bool | int | float | str)):
+        raise ValueError(f"it is a {type(value).__name__}")
+    if isinstance(result, str) and len(result) > TEXT_MAX_LENGTH:
+        raise ValueError(f"it is a text of more than {TEXT_MAX_LENGTH} characters")
+    return result
+
+
+def _parts(values: tuple[Any, ...] | list[Any], depth: int) -> list[Any]:
+    if len(values) > PARTS_MAX or depth > NESTING_MAX:
+        raise ValueError(f"it has more than {PARTS_MAX} parts, or is nested too deeply")
+    return [sendable_value(value, depth + 1) for value in values]
+
 
 DRIVE_TIMEOUT = 300 * MILLISECOND  # with a telemetry period and the way down it is below 500 ms
 GATE_STOP = "gate.stop"  # the wire with the stop in force at the safety gate

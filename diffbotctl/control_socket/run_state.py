@@ -1,10 +1,11 @@
-"""What the server knows about the run: its metadata, the newest messages, rates, past stops."""
+"""What the server knows about the run: metadata, newest messages, rates, past stops, history."""
 
 import re
+import struct
 from collections import deque
 from collections.abc import Callable, Iterable
-from itertools import pairwise
-from math import nan
+from itertools import islice, pairwise
+from math import ceil, isfinite, nan
 from typing import Any, NamedTuple
 
 from diffbotctl import messages
@@ -12,15 +13,92 @@ from diffbotctl.control_socket.connection import Client, Subscriptions
 from diffbotctl.control_socket.engine_channel import EngineLink, EngineUpdate
 from diffbotctl.control_socket.protocol import RefusalError
 from diffbotctl.control_socket.requests import ALL, LOG_LINES_MAX
-from diffbotctl.control_socket.run_history import RunHistory
 from diffbotctl.engine.live_changes import LiveChanges
 from diffbotctl.engine.profiler import BlockLoad
 from diffbotctl.engine.stop_places import StopPlaces, pose_wire, stops_in_force
 from diffbotctl.errors import closest_match
+from diffbotctl.geometry.trail import Trail
 from diffbotctl.graph import LOG, Graph
-from diffbotctl.messages import GoalState, LogLine, Message, Odometry, Setting, Stop
+from diffbotctl.message_types import parts
+from diffbotctl.messages import GoalState, LogLine, Message, Odometry, Setting, Stop, fields
 from diffbotctl.recording.black_box_store import BlackBoxStore
-from diffbotctl.time import SECOND
+from diffbotctl.time import MILLISECOND, SECOND
+
+HISTORY_PERIOD = 200 * MILLISECOND  # of logical time, between two samples
+HISTORY_SAMPLES = 600  # of each topic: two minutes
+TRAIL_SPACING_M, TRAIL_MAX_POINTS = 0.02, 1000
+REPLY_MAX_VALUES = 20_000  # of a reply; a type with more than 30 fields is sent with gaps
+VALUE_DIGITS = 6  # more than a screen has rows
+NUMBER_TYPES = (int, float, bool)
+
+
+class TopicHistory:
+    """The last numbers of one topic, as bytes: a tenth of the memory of the messages."""
+
+    def __init__(self, kind: type) -> None:
+        self.names = [
+            name
+            for name, (hint, _) in fields(kind).items()
+            if name != "time" and any(part in NUMBER_TYPES for part in parts(hint))
+        ]
+        self.format = struct.Struct(f"{1 + len(self.names)}d")  # with the time
+        self.samples: deque[bytes] = deque(maxlen=HISTORY_SAMPLES)
+        self.trail = Trail(TRAIL_SPACING_M, TRAIL_MAX_POINTS) if kind is Odometry else None
+        self.time = -1
+
+    def add(self, message: Message) -> None:
+        """Add a sample, unless this message is one already."""
+        if message.time == self.time:
+            return
+        self.time = message.time
+        numbers = (_number(getattr(message, name)) for name in self.names)
+        self.samples.append(self.format.pack(float(message.time), *numbers))
+        if self.trail is not None and isinstance(message, Odometry):
+            self.trail.add((message.x, message.y))
+
+    def reply(self) -> dict[str, Any]:
+        """The samples as JSON values; null where there is no finite number."""
+        step = ceil(len(self.samples) * len(self.names) / REPLY_MAX_VALUES) or 1
+        rows = [self.format.unpack(sample) for sample in islice(self.samples, 0, None, step)]
+        times, *columns = zip(*rows, strict=True) if rows else ((), *[() for _ in self.names])
+        return {
+            "times": [round(time / SECOND, 3) for time in times],
+            "fields": {
+                name: [_rounded(value) for value in column]
+                for name, column in zip(self.names, columns, strict=True)
+            },
+            "trail": []
+            if self.trail is None
+            else [[round(x, 3), round(y, 3)] for x, y in self.trail.points],
+        }
+
+
+class RunHistory:
+    """The histories of all topics, sampled every HISTORY_PERIOD."""
+
+    def __init__(self, kinds: dict[str, type]) -> None:
+        self.topics = {wire: TopicHistory(kind) for wire, kind in kinds.items()}
+        self.due = 0
+
+    def sample(self, now: int, newest: dict[str, Message]) -> None:
+        """Add the newest message of each topic, when a sample is due."""
+        if now < self.due:
+            return
+        self.due = now + HISTORY_PERIOD
+        for wire, message in newest.items():
+            self.topics[wire].add(message)
+
+
+def _number(value: Any) -> float:
+    try:
+        return float(value)
+    except (OverflowError, TypeError, ValueError):  # too great, or none
+        return nan
+
+
+def _rounded(value: float) -> float | None:
+    return float(f"{value:.{VALUE_DIGITS}g}") if isfinite(value) else None
+
 
 RATE_SPAN = 2 * SECOND  # over which a rate is measured: long enough for 1 Hz
 TIMES_MAX = 512  # message times kept a wire; above 256 Hz the span of the rate is shorter

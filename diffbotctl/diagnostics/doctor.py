@@ -17,7 +17,7 @@ from diffbotctl.control_socket.address import EngineAddress, engines
 from diffbotctl.control_socket.client import ControlClient
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.estimation.imu_text import imu_text
-from diffbotctl.links.diffbot_faults import gyro_fix
+from diffbotctl.links.diffbot_states import gyro_fix
 from diffbotctl.messages import Imu
 from diffbotctl.ports.access import SystemUser, system_groups
 from diffbotctl.ports.diagnosis import PortSurvey

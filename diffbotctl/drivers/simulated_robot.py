@@ -9,7 +9,7 @@ from diffbotctl.config.configuration import Configuration
 from diffbotctl.drivers.robot_ports import is_duty_board
 from diffbotctl.engine.driver import Delivery
 from diffbotctl.errors import Problem, RunError
-from diffbotctl.links.diffbot_faults import (
+from diffbotctl.links.diffbot_states import (
     BATTERY_CAUSE,
     BUTTON_CAUSE,
     gyro_fix,

@@ -10,8 +10,8 @@ from math import isfinite
 
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import encode
-from diffbotctl.links.diffbot_faults import BATTERY_CAUSE, BUTTON_CAUSE, wheel_fault_cause
 from diffbotctl.links.diffbot_frames import ActionCode, ModeCode
+from diffbotctl.links.diffbot_states import BATTERY_CAUSE, BUTTON_CAUSE, wheel_fault_cause
 from diffbotctl.links.diffbot_telemetry import COMMAND_NUMBERS, SentCommand, State, Telemetry
 from diffbotctl.messages import Duty, Stop, Wheels
 from diffbotctl.time import MILLISECOND, NEVER, SECOND

@@ -19,7 +19,6 @@ from diffbotctl.links.board_search import (
 )
 from diffbotctl.links.diffbot_codec import FrameDecoder, encode
 from diffbotctl.links.diffbot_commands import CommandSender
-from diffbotctl.links.diffbot_faults import BATTERY_STOP_TEXT, gyro_cause, gyro_fix, storm_text
 from diffbotctl.links.diffbot_frames import (
     ActionCode,
     ItemCode,
@@ -29,7 +28,16 @@ from diffbotctl.links.diffbot_frames import (
 )
 from diffbotctl.links.diffbot_ranges import further_range, range_fault
 from diffbotctl.links.diffbot_settings import BAUDS, FIRST_BAUD, BoardSettings, settings_name
-from diffbotctl.links.diffbot_states import LINK_STATES, TRANSITIONS, HostEvent, HostState
+from diffbotctl.links.diffbot_states import (
+    BATTERY_STOP_TEXT,
+    LINK_STATES,
+    TRANSITIONS,
+    HostEvent,
+    HostState,
+    gyro_cause,
+    gyro_fix,
+    storm_text,
+)
 from diffbotctl.links.diffbot_telemetry import RawEdge, State, Telemetry, volts_of
 from diffbotctl.links.link_protocol import BITS_PER_BYTE, USB_BAUD, LinkOutput, Refusal
 from diffbotctl.messages import Battery, Duty, Encoders, Link, Text, Wheels

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from diffbotctl.config.simulation import GyroTruth
 from diffbotctl.links import diffbot_frames as frames
-from diffbotctl.links.diffbot_faults import GYRO_CAUSES
+from diffbotctl.links.diffbot_states import GYRO_CAUSES
 from diffbotctl.links.diffbot_telemetry import TURN
 from diffbotctl.plant.chassis import Chassis
 from diffbotctl.plant.imu_mounting import UP, Direction

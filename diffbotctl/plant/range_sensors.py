@@ -1,27 +1,124 @@
-"""The simulated sensors that measure distances in the world: Sharp sensors and laser scanners."""
+"""The simulated sensors that measure distances in the world: Sharp, echo and laser sensors."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from math import cos, inf, sin
+from math import cos, inf, radians, sin
 from random import Random
 
-from diffbotctl.config.simulation import SensorTruth
+from diffbotctl.config.simulation import EchoFault, SensorTruth
 from diffbotctl.geometry.distance_sensors import (
     ECHOES,
+    RESIDUAL_VOLTS,
+    SHARPS,
+    SPEED_OF_SOUND,
     TURN,
+    EchoFacts,
     SharpFacts,
+    echo_distance,
     further_sensors,
+    paper_volts,
     sensor_facts,
 )
-from diffbotctl.messages import Message, Scan, Volts
+from diffbotctl.messages import Message, Range, Scan, Volts
 from diffbotctl.model.laser_scanners import LASER_SCANNERS, ScannerModel
 from diffbotctl.plant.chassis import Pose
-from diffbotctl.plant.echo_sensor import EchoSensor
 from diffbotctl.plant.robot_parameters import MountedSensor
-from diffbotctl.plant.sharp_ir import Sharp
 from diffbotctl.plant.world import Wall, World
 from diffbotctl.time import NEVER, SECOND
+
+GP2Y0A41 = SHARPS["sharp_gp2y0a41sk0f"]
+CURVE = GP2Y0A41.points  # (distance in m, volts)
+MEASURING_PERIOD = round(GP2Y0A41.period * SECOND)  # ns
+SETTLING_TIME = 5_000_000  # ns, at most, from a measurement to its output
+
+
+def volts(distance: float) -> float:
+    """Voltage of a GP2Y0A41 at `distance` (m) of white paper."""
+    return paper_volts(GP2Y0A41, distance)
+
+
+class Sharp:
+    """One sensor. Its output is constant between two measurements.
+
+    The caller passes the true distance to `measure` at `due`, and reads `output` at any time.
+    """
+
+    def __init__(
+        self,
+        noise: float,
+        offset: float,
+        rng: Random,
+        now: int = 0,
+        facts: SharpFacts = GP2Y0A41,
+    ) -> None:
+        """`noise`: standard deviation in V of each reading; `offset` in V."""
+        self._noise, self._offset, self._rng = noise, offset, rng
+        self._facts, self._period = facts, round(facts.period * SECOND)
+        self.due = now + rng.randrange(self._period)
+        self._valid = self.due + SETTLING_TIME
+        self._before = self._after = RESIDUAL_VOLTS
+
+    def measure(self, distance: float) -> None:
+        """Do the measurement that is due, at `distance` (m)."""
+        self._before, self._after = self._after, paper_volts(self._facts, distance)
+        self._valid = self.due + SETTLING_TIME
+        self.due += self._period
+
+    def catch_up(self, now: int) -> None:
+        """Skip the measurements that were due before `now`: there was nothing to measure."""
+        if self.due < now:
+            self.due += -(-(now - self.due) // self._period) * self._period
+
+    def volts_at(self, distance: float) -> float:
+        """Voltage at `distance` (m), without noise."""
+        return paper_volts(self._facts, distance) + self._offset
+
+    def output(self, now: int) -> float:
+        """Voltage at the pin at `now`, with noise; never below 0."""
+        volts = self._after if now >= self._valid else self._before
+        return max(0.0, volts + self._offset + self._rng.gauss(0.0, self._noise))
+
+
+# An HC-SR04 detects objects within 15 degrees of its axis, those at the edge only if large.
+RAYS = tuple(radians(angle) for angle in (-12, -6, 0, 6, 12))
+ENDLESS_US, SILENT_US, NOTHING_US = 0xFFFF, 0, 60_000  # as the emulator takes them
+SHORTEST_US = 100  # the sensor detects nothing while its burst leaves
+
+
+class EchoSensor:
+    """One HC-SR04."""
+
+    def __init__(self, kind: str, truth: SensorTruth, rng: Random) -> None:
+        self.facts: EchoFacts = ECHOES[kind]
+        self.fault: EchoFault = truth.echo
+        self._spread, self._rng = truth.echo_spread, rng
+
+    def distance(self, world: World, pose: Pose) -> float:
+        """Distance (m) of the nearest object in the cone, with noise; inf when there is none."""
+        nearest = min(world.distance(pose.x, pose.y, pose.heading + ray) for ray in RAYS)
+        if nearest == inf:
+            return inf
+        return max(nearest + self._rng.gauss(0.0, self._spread), 0.0)
+
+    def reading(self, now: int, world: World, pose: Pose) -> Range:
+        """What a board makes of a measurement."""
+        if self.fault != "plain":
+            return Range(now, 0.0, "fault")
+        distance = self.distance(world, pose)
+        if distance == inf:
+            return Range(now, self.facts.reach, "clear")
+        return Range(now, *echo_distance(2 * distance / SPEED_OF_SOUND, self.facts))
+
+    def echo_us(self, world: World, pose: Pose) -> int:
+        """Length of the echo in us for an emulated board."""
+        if self.fault != "plain":
+            return ENDLESS_US if self.fault == "endless" else SILENT_US
+        distance = self.distance(world, pose)
+        if distance == inf:
+            return NOTHING_US
+        return min(max(round(2e6 * distance / SPEED_OF_SOUND), SHORTEST_US), NOTHING_US)
+
 
 TURN_TIME = round(TURN * SECOND)
 TARGET_WIDTH = 0.3  # m, of the board that `put_before` places

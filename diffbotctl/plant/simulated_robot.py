@@ -8,13 +8,12 @@ from typing import NamedTuple
 
 from diffbotctl.config.robot import Robot
 from diffbotctl.config.simulation import Simulation
-from diffbotctl.links.diffbot_faults import GYRO_CAUSES
 from diffbotctl.links.diffbot_frames import FLAG_GYRO_GRAVITY, REPORTED_DUTY_ONE
+from diffbotctl.links.diffbot_states import GYRO_CAUSES
 from diffbotctl.messages import Battery, Duty, Encoders, Message, Odometry, Volts, Wheels
 from diffbotctl.plant.battery import read_analog
 from diffbotctl.plant.chassis import Pose
-from diffbotctl.plant.components import draw_components
-from diffbotctl.plant.disturbances import DisturbanceSchedule
+from diffbotctl.plant.components import DisturbanceSchedule, draw_components
 from diffbotctl.plant.drive_train import Wheel
 from diffbotctl.plant.encoder_disc import LevelChange
 from diffbotctl.plant.gyro import SimulatedGyro

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from diffbotctl.render.block_graph import Wire
 from diffbotctl.render.graph_layout import (
     BOX_PADDING,
     LETTER_WIDTH,
     TITLE_HEIGHT,
     GraphBox,
     Point,
+    Wire,
     layout_graph,
 )
 from diffbotctl.render.svg import element, format_number, svg_document, text_element

@@ -10,7 +10,7 @@ from diffbotctl.config.load import load
 from diffbotctl.config.robot import SensorSection
 from diffbotctl.geometry.distance_sensors import RESIDUAL_VOLTS
 from diffbotctl.messages import Goal, Odometry, Resume, Volts
-from diffbotctl.plant.sharp_ir import volts
+from diffbotctl.plant.range_sensors import volts
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
 from diffbotctl.time import MILLISECOND as MS

@@ -5,7 +5,7 @@ import pytest
 from diffbotctl.blocks.range_sensor import REACH, RangeSensor
 from diffbotctl.config.load import load
 from diffbotctl.messages import Volts
-from diffbotctl.plant.sharp_ir import volts
+from diffbotctl.plant.range_sensors import volts
 
 SENSORS = load("goal", None, []).nominal.sensors
 STEP = 25_000_000  # ns between two frames

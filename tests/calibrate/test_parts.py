@@ -13,7 +13,7 @@ from diffbotctl.cli.calibrate import command
 from diffbotctl.config.load import load, load_robot
 from diffbotctl.config.lookup import simulated_copy_of
 from diffbotctl.errors import RunError
-from diffbotctl.plant.sharp_ir import CURVE
+from diffbotctl.plant.range_sensors import CURVE
 
 SHIPPED = Path(__file__).parent.parent.parent / "robots" / "book_2wd.yaml"
 ANSWERS = {

@@ -10,8 +10,7 @@ from diffbotctl.cli.graph import wires_of
 from diffbotctl.cli.output import has_mark
 from diffbotctl.config.load import load
 from diffbotctl.message_types import type_name
-from diffbotctl.render.block_graph import Wire, dot_lines, mermaid_lines
-from diffbotctl.render.graph_layout import layout_graph
+from diffbotctl.render.graph_layout import Wire, dot_lines, layout_graph, mermaid_lines
 from diffbotctl.render.graph_svg import graph_svg
 from diffbotctl.runs.build_graph import assemble
 from tests.support.running import cli

@@ -3,7 +3,7 @@
 from math import inf, nan
 from typing import NamedTuple
 
-from diffbotctl.control_socket.run_history import (
+from diffbotctl.control_socket.run_state import (
     HISTORY_SAMPLES,
     REPLY_MAX_VALUES,
     TRAIL_MAX_POINTS,

@@ -8,9 +8,8 @@ import tty
 
 import pytest
 
-from diffbotctl.drivers.board_watchdog import BoardWatchdog
 from diffbotctl.drivers.serial_port import SerialPortDevice
-from diffbotctl.drivers.serial_robot import SerialRobot
+from diffbotctl.drivers.serial_robot import BoardWatchdog, SerialRobot
 from diffbotctl.drivers.watchdog_process import WatchdogProcess
 from diffbotctl.links.rosserial_host import RosserialHost
 from diffbotctl.messages import Duty, Encoders, Stop

@@ -8,7 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diffbotctl.plant.sharp_ir import MEASURING_PERIOD, RESIDUAL_VOLTS, SETTLING_TIME, Sharp, volts
+from diffbotctl.plant.range_sensors import (
+    MEASURING_PERIOD,
+    RESIDUAL_VOLTS,
+    SETTLING_TIME,
+    Sharp,
+    volts,
+)
 
 
 @pytest.mark.parametrize(

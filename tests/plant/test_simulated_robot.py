@@ -8,8 +8,8 @@ import pytest
 from diffbotctl.config.simulation import MotorTruth, SensorTruth, Simulation, WiringTruth
 from diffbotctl.control.speed_loop import SpeedGains
 from diffbotctl.messages import Duty, Encoders, Volts, Wheels
+from diffbotctl.plant.range_sensors import RESIDUAL_VOLTS, volts
 from diffbotctl.plant.robot_parameters import MountedSensor, PlantParameters
-from diffbotctl.plant.sharp_ir import RESIDUAL_VOLTS, volts
 from diffbotctl.plant.simulated_robot import SimulatedRobot
 from diffbotctl.plant.world import Wall, World
 from diffbotctl.time import MILLISECOND as MS

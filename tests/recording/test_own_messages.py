@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diffbotctl.control_socket.returned_value import sendable_value
+from diffbotctl.control_socket.command_driver import sendable_value
 from diffbotctl.message_types import full_name, type_name, type_problem
 from diffbotctl.messages import BUILT_IN, Field, Goal, Range, fields
 from diffbotctl.recording.json_codec import message_decoder, message_encoder

@@ -10,7 +10,7 @@ from diffbotctl.emulator.emulated_robot import emulated_board
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_codec import encode
 from diffbotctl.messages import Duty
-from diffbotctl.plant.driver_pulses import firmware_levels, pulse_shares
+from diffbotctl.plant.robot_parameters import firmware_levels, pulse_shares
 from diffbotctl.plant.simulated_robot import draw_robot
 from diffbotctl.time import MILLISECOND
 from tests.sampling import each_once

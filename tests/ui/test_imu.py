@@ -10,7 +10,7 @@ from diffbotctl.messages import Imu
 from diffbotctl.processes.screen import RunSnapshot
 from diffbotctl.ui.dash.facts import facts_panel
 from diffbotctl.ui.live_view import facts_table
-from diffbotctl.web.picture import RunPicture
+from diffbotctl.web.engine_feed import RunPicture
 from tests.support.running import PlainClient, cli, running
 
 STUCK = "the rate that the IMU measures does not change"

@@ -16,7 +16,7 @@ from diffbotctl.calibrate import umbmark
 from diffbotctl.calibrate.dead_reckoning import EndError, Geometry, end_error, mean_distance
 from diffbotctl.calibrate.range_fit import FAR_FROM_M, RULER_DISTANCES_M, RulerPoint, fit_curve
 from diffbotctl.calibrate.steps.range import LISTEN_TIME_S
-from diffbotctl.plant.sharp_ir import CURVE
+from diffbotctl.plant.range_sensors import CURVE
 from tests.support.optiodom_session import OptiodomSession, is_session, read_session
 from tests.support.trials.row import NoData, Row
 
