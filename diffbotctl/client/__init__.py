@@ -1,1 +1,5 @@
-"""Programs between the engine and other clients: connections, rules of driving, goals."""
+"""Programs that command an engine: `RobotClient` for Python, and what bridges to others share."""
+
+from diffbotctl.client.robot_client import RobotClient
+
+__all__ = ["RobotClient"]

@@ -22,6 +22,7 @@ from typing import NamedTuple
 from diffbotctl.errors import Problem, RunError
 
 RUN_VARIABLE = "DIFFBOTCTL_RUN"  # where the folders of groups are, instead of /run
+SOCKET_VARIABLE = "DIFFBOTCTL_SOCKET"  # of a program: the socket of the engine that started it
 PREFIX = "diffbotctl"
 NAME_MAX_LENGTH = 40  # characters; the whole path of a socket must fit in 107 bytes
 NAME = re.compile(rf"[A-Za-z0-9_-]{{1,{NAME_MAX_LENGTH}}}")

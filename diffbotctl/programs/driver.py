@@ -13,6 +13,7 @@ import pickle
 import socket
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 from diffbotctl.config.configuration import ProgramUse
@@ -144,13 +145,17 @@ class ProgramsDriver:
         kinds: dict[str, type],
         inputs: InputLeases,
         operator: Operator,
+        control_socket: Path | None = None,
     ) -> None:
-        """Fork the supervisor; the programs start with the run."""
+        """Fork the supervisor; the programs start with the run.
+
+        `control_socket` is the engine's, for programs that command it.
+        """
         self.links = {use.name: ProgramLink(use) for use in programs}
         self.kinds = kinds
         self.inputs = inputs
         self.operator = operator
-        self.channel, self.pid = start_supervisor(programs)
+        self.channel, self.pid = start_supervisor(programs, control_socket)
         self.channel.setblocking(False)
         self.is_supervised = True
         self.has_started = False

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from diffbotctl.config.configuration import ProgramUse
+from diffbotctl.control_socket.address import SOCKET_VARIABLE
 from diffbotctl.processes.child_process import close_inherited_files, fork
 
 BACK_OFF_S = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0)  # before each start again
@@ -54,12 +55,18 @@ class Event(NamedTuple):
     text: str = ""
 
 
-def start_supervisor(programs: Sequence[ProgramUse]) -> tuple[socket.socket, int]:
-    """Fork the supervisor. Returns the engine's end of its channel and the pid."""
+def start_supervisor(
+    programs: Sequence[ProgramUse], control_socket: Path | None
+) -> tuple[socket.socket, int]:
+    """Fork the supervisor. Returns the engine's end of its channel and the pid.
+
+    `control_socket` is that of the engine, whose path the programs get as SOCKET_VARIABLE.
+    """
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
 
     def run() -> int:
         close_inherited_files({theirs.fileno()}, 0)
+        os.environ[SOCKET_VARIABLE] = "" if control_socket is None else str(control_socket)
         return _Supervisor(theirs, programs).run()
 
     pid = fork(run)

@@ -271,7 +271,9 @@ class Run:
         uses, driver = self.configuration.programs, self.options.programs
         if not uses or driver is None:
             return None
-        return driver(uses, self.assembly.graph.kinds, self.inputs, self.operator)
+        sockets = [each.path for each in self.outputs.control_sockets]
+        path = sockets[0] if sockets else None
+        return driver(uses, self.assembly.graph.kinds, self.inputs, self.operator, path)
 
     def _clock(self) -> Clock:
         if self.is_real:
