@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from diffbotctl.cli.bag_live import record, save
+from diffbotctl.cli.bag_play import play
 from diffbotctl.cli.contradictions import check_span, exclusive, needs
 from diffbotctl.cli.options import CommandGroup, Quantity, force_option, json_option, output_option
 from diffbotctl.cli.output import (
@@ -33,11 +34,12 @@ recording_argument = click.argument("file", type=click.Path(path_type=Path))
 
 @click.group(cls=CommandGroup)
 def command() -> None:
-    """Record a running engine; inspect recordings: content, plots, tables, differences."""
+    """Record a running engine, play into one; inspect recordings: content, plots, differences."""
 
 
 command.add_command(record)
 command.add_command(save)
+command.add_command(play)
 
 
 @command.command()

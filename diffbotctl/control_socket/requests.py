@@ -119,7 +119,7 @@ class ListTopicsRequest(NamedTuple):
 
 
 class DescribeTopicRequest(NamedTuple):
-    """The type of a topic, its fields as a JSON Schema, and its newest message."""
+    """The type, fields as a JSON Schema and newest message; whether motion depends on it."""
 
     topic: Topic
 

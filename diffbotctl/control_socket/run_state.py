@@ -125,6 +125,7 @@ class RunInfo(NamedTuple):
     is_replay: bool  # then commands are refused
     is_paced: bool  # False: logical time does not follow the clock of the machine
     scene: dict[str, Any]  # what a map draws that does not change, the reply to `scene`
+    motion_inputs: frozenset[str] = frozenset()  # wires of inputs on which motion depends
 
 
 class StopEpisode(NamedTuple):

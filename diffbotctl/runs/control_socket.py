@@ -57,6 +57,7 @@ class RunControlSocket:
             is_replay=is_replay,
             is_paced=is_paced,
             scene=_scene(configuration, assembly, port, is_replay),
+            motion_inputs=frozenset(use.wire for use in configuration.inputs if use.feeds_motion),
         )
         shared = options.group is not None
         end, self.pid = process.start_server(listener, path, info, shared, store)

@@ -35,7 +35,13 @@ def handle_describe_topic(
     kind = context.state.wires[wire]
     newest = context.state.newest.get(wire)
     last = None if newest is None else plain(newest)
-    return {"topic": wire, "type": type_name(kind), "schema": json_schema(kind), "last": last}
+    return {
+        "topic": wire,
+        "type": type_name(kind),
+        "schema": json_schema(kind),
+        "last": last,
+        "feeds_motion": wire in context.info.motion_inputs,
+    }
 
 
 def handle_read_history(context: RequestContext, request: requests.ReadHistoryRequest) -> Fields:
