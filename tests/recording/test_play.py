@@ -13,14 +13,14 @@ kind: pipeline
 include: goal
 goals: []
 inputs:
-  heard: {type: Odometry, timeout: 1 s}
+  pose: {type: Odometry, timeout: 1 s}
   lead: {type: Twist, timeout: 0.5 s}
 blocks:
   mux: {in: {autonomous: input.lead}}
 """
 
 
-BOTH = ("--map", "odometry.odometry=input.heard", "--map", "follower.twist=input.lead")
+BOTH = ("--map", "odometry.odometry=input.pose", "--map", "follower.twist=input.lead")
 
 
 @pytest.fixture(scope="module")
@@ -42,13 +42,13 @@ def play(folder, *words):
 def test_a_topic_is_played_at_a_rate_into_an_input(engine):
     release(engine)
     client = PlainClient(engine)
-    before = client.request("topic_rate", topic="input.heard")["messages"]
-    code, printed, complaints = play(engine, "--map", "odometry.odometry=input.heard", "--rate", 2)
+    before = client.request("topic_rate", topic="input.pose")["messages"]
+    code, printed, complaints = play(engine, "--map", "odometry.odometry=input.pose", "--rate", 2)
     assert code == 0, complaints
     count = int(printed.split()[0])
-    reply = client.request("topic_rate", topic="input.heard")
+    reply = client.request("topic_rate", topic="input.pose")
     assert reply["messages"] - before == count > 50
-    last = client.request("describe_topic", topic="input.heard")["last"]
+    last = client.request("describe_topic", topic="input.pose")["last"]
     end = cli(engine, "bag", "export", engine / "a.mcap", "odometry.odometry.x")[1].split(",")[-1]
     assert last["x"] == float(end)
     assert client.request("status")["held"] is None  # nothing depends on it
@@ -56,13 +56,13 @@ def test_a_topic_is_played_at_a_rate_into_an_input(engine):
 
 def test_a_loop_goes_on_until_it_is_interrupted(engine):
     words = ("bag", "play", engine / "a.mcap", "--loop", "--rate", 4)
-    line, environment = command(engine, *words, "--map", "odometry.odometry=input.heard")
+    line, environment = command(engine, *words, "--map", "odometry.odometry=input.pose")
     client = PlainClient(engine)
-    before = client.request("topic_rate", topic="input.heard")["messages"]
+    before = client.request("topic_rate", topic="input.pose")["messages"]
     with subprocess.Popen(line, env=environment, stderr=subprocess.DEVNULL) as process:
         client.until(
             lambda status: (
-                client.request("topic_rate", topic="input.heard")["messages"] > before + 250
+                client.request("topic_rate", topic="input.pose")["messages"] > before + 250
             )  # of about 110 in the recording
         )
         process.send_signal(signal.SIGINT)
@@ -91,7 +91,7 @@ def test_an_input_that_feeds_motion_needs_drive_and_stops_the_robot_at_its_end(e
         (("--map", "gate.wheels=robot.wheels", "--drive"), "only into what `inputs`"),
         (("--map", "odometry.odometry"), "no TOPIC=INPUT"),
         ((), "--map"),
-        (("--map", "odometry.odometri=input.heard"), "did you mean odometry.odometry?"),
+        (("--map", "odometry.odometri=input.pose"), "did you mean odometry.odometry?"),
         (("--map", "odometry.odometry=input.lead", "--drive"), "of type Odometry, not Twist"),
         (("--map", "odometry.odometry=input.nothing"), "E-REQUEST"),
         ((*BOTH, "--rate", "100", "--drive"), "lower --rate"),
