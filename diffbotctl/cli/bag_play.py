@@ -30,6 +30,12 @@ class PlayedSpan(NamedTuple):
     last: int
     messages: int
 
+    @property
+    def period(self) -> float:
+        """Time in ns from one begin of a loop to the next: the last message has a mean gap too."""
+        length = self.last - self.first
+        return length + (length / (self.messages - 1) if length else SECOND)
+
 
 @click.command()
 @click.argument("file", type=click.Path(path_type=Path))
@@ -68,7 +74,7 @@ def play(
     """
     inputs = dict(map(_read_map, maps))
     kinds = _recorded_kinds(file, inputs)
-    span = _span(file, inputs, rate)
+    span = _span(file, inputs, rate, loop)
     with attached(engine, "bag play") as client:
         moving = [
             inputs[topic] for topic in inputs if _feeds_motion(client, inputs[topic], kinds[topic])
@@ -77,13 +83,12 @@ def play(
             _require_drive(client, moving, drive, yes)
         click.echo(f"playing {span.messages} messages; Ctrl-C ends it", err=True)
         begin = time.monotonic()
-        pause = (span.last - span.first) / max(span.messages - 1, 1) or SECOND
         while True:
             for at, target, fields in _messages(file, inputs):
                 due = begin + (at - span.first) / SECOND / rate
                 _take_replies(client.stream(due))
                 client.send("publish", topic=target, message=fields)
-            begin += (span.last - span.first + pause) / SECOND / rate
+            begin += span.period / SECOND / rate
             if not loop:
                 break
         client.request("status")  # its reply comes after those to all messages
@@ -129,20 +134,21 @@ def _messages(file: Path, inputs: dict[str, str]) -> Iterator[tuple[int, str, di
             yield item.time, inputs[item.wire], fields
 
 
-def _span(file: Path, inputs: dict[str, str], rate: float) -> PlayedSpan:
+def _span(file: Path, inputs: dict[str, str], rate: float, loop: bool) -> PlayedSpan:
     """What is played. Raises click.UsageError for more than the control socket takes."""
     times = [at for at, _, _ in _messages(file, inputs)]
-    begin, busiest = 0, 0
+    span = PlayedSpan(times[0], times[-1], len(times))
+    begin, busiest = 0, span.messages * SECOND * rate / span.period if loop else 0.0
     for end, at in enumerate(times):
         while at - times[begin] >= SECOND * rate:
             begin += 1
         busiest = max(busiest, end - begin + 1)
     if busiest > MESSAGES_PER_SECOND_MAX:
         raise click.UsageError(
-            f"these are up to {busiest} messages in a second, and the control socket takes "
+            f"these are up to {busiest:.0f} messages in a second, and the control socket takes "
             f"{MESSAGES_PER_SECOND_MAX}: lower --rate, or map fewer topics"
         )
-    return PlayedSpan(times[0], times[-1], len(times))
+    return span
 
 
 def _feeds_motion(client: ControlClient, target: str, kind: str) -> bool:

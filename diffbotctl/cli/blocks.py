@@ -106,17 +106,23 @@ def _row_text(row: dict[str, Any]) -> str:
 @click.argument("name")
 @json_option
 def show(name: str, as_json: bool) -> int:
-    """Show the ports and parameters of the block or driver NAME."""
+    """Show the ports and parameters of the block or driver NAME, or of ./FILE.py:CLASS."""
+    from diffbotctl.block import Block
     from diffbotctl.config import registry
+    from diffbotctl.config.code_files import CodeFiles, is_code
     from diffbotctl.errors import Problem, UsageError
     from diffbotctl.ui.text import fold_text
 
     kind: type[Block] | type[DeviceDriver]
     try:
-        is_driver = name not in registry.names() and name in registry.driver_names()
-        kind = registry.driver(name) if is_driver else registry.block(name)
+        if is_code(name):
+            kind = CodeFiles().find(name, None, Block)
+        else:
+            is_driver = name not in registry.names() and name in registry.driver_names()
+            kind = registry.driver(name) if is_driver else registry.block(name)
     except registry.RegistryError as error:
-        raise UsageError(Problem(error.code, "blocks", str(error), error.fix)) from None
+        place = error.place or "blocks"
+        raise UsageError(Problem(error.code, place, str(error), error.fix)) from None
     if as_json:
         print_json(block_record(name, kind))
         return 0

@@ -17,11 +17,13 @@ from diffbotctl.config.configuration import BlockUse, Configuration
 from diffbotctl.config.robot import Robot, field_value
 from diffbotctl.drivers.robot_ports import is_duty_board
 from diffbotctl.engine.loop import block_problem
+from diffbotctl.engine.output_check import OWN_PACKAGE
 from diffbotctl.engine.safety_gate import Gate
 from diffbotctl.errors import RunError
 from diffbotctl.graph import Graph, Node, join_graphs
 from diffbotctl.log import Logbook
 from diffbotctl.messages import Encoders, Resume, Stop
+from diffbotctl.runs.signals import signals_as_interrupts
 from diffbotctl.time import SECOND
 
 GATE, WHEEL_SPEED = "gate", "wheel_speed"
@@ -115,12 +117,19 @@ def _node(use: BlockUse, unproven: bool) -> Node:
             if source is not None:
                 wires[port] = source
     try:
-        with redirect_stdout(sys.stderr):  # a `print` must not be taken for JSON
-            block = use.cls(**values)
+        block = _made(use.cls, values)
     except (Exception, SystemExit) as error:
         raise RunError(block_problem(use.name, use.cls, error)) from error
     block.connected = frozenset(wires)
     return Node(use.name, block, wires)
+
+
+def _made(kind: type[Block], values: dict[str, Any]) -> Block:
+    """The block, whose `reset` may be code of the user: it may print, or never end."""
+    if kind.__module__.startswith(OWN_PACKAGE):
+        return kind(**values)
+    with redirect_stdout(sys.stderr), signals_as_interrupts():
+        return kind(**values)
 
 
 def gate_node(robot: Robot, command: str) -> Node:

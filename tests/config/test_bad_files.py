@@ -23,6 +23,8 @@ NOT_FROM_FILES = {
     "E-BUSY",
     "E-CALIBRATION-SIMULATED",  # of a real robot
     "E-CODE",
+    "E-CODE-CONSENT",
+    "E-CODE-FILE",  # of a file with code
     "E-DEFECT",
     "E-DEVICE",
     "E-DISK-FULL",

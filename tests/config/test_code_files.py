@@ -7,11 +7,14 @@ import click
 import pytest
 
 from diffbotctl.block import Block
+from diffbotctl.cli.blocks import show
 from diffbotctl.cli.live_names import settings
 from diffbotctl.config import consents
 from diffbotctl.config.code_files import CodeConsentError, CodeFiles
 from diffbotctl.config.load import check, load
 from diffbotctl.config.registry import RegistryError
+from diffbotctl.errors import UsageError
+from tests.command_result import invoke
 
 HEAD = (
     "from diffbotctl.block import Block, In, Out\nfrom diffbotctl.messages import Odometry, Text\n"
@@ -85,6 +88,14 @@ def test_nothing_imports_a_file_before_the_consent_and_again_after_a_change(pipe
     imported.unlink()
     pipeline.with_name("nose.py").write_text(NOSE + "# changed\n")
     assert is_refused() and not imported.exists()
+
+
+def test_blocks_show_describes_a_block_in_a_file_once_it_is_allowed(pipeline):
+    with pytest.raises(UsageError, match="E-CODE-CONSENT"):
+        invoke(show, "./nose.py:Nose")
+    allow(pipeline)
+    _, printed = invoke(show, "./nose.py:Nose")
+    assert "odometry  Odometry" in printed and "every  int, default 10, at least 1" in printed
 
 
 def test_a_consent_is_to_the_content_wherever_it_is(pipeline, tmp_path):

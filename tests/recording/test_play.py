@@ -95,6 +95,7 @@ def test_an_input_that_feeds_motion_needs_drive_and_stops_the_robot_at_its_end(e
         (("--map", "odometry.odometry=input.lead", "--drive"), "of type Odometry, not Twist"),
         (("--map", "odometry.odometry=input.nothing"), "E-REQUEST"),
         ((*BOTH, "--rate", "100", "--drive"), "lower --rate"),
+        (("--map", "odometry.odometry=input.pose", "--rate", "20", "--loop"), "lower --rate"),
     ],
 )
 def test_what_is_refused(engine, words, said):

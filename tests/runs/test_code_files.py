@@ -77,8 +77,19 @@ def test_an_error_in_a_block_shows_its_file_and_line(pipeline, tmp_path, old, ne
     assert code == 1 and said in complaints
 
 
-def test_a_file_that_never_ends_its_import_is_interrupted(pipeline, tmp_path):
-    (tmp_path / "nose.py").write_text("print('looping', flush=True)\nwhile True: pass\n")
+LOOP = "print('looping', flush=True)"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        f"{LOOP}\nwhile True: pass\n",
+        NOSE.replace("self.count = 0", f"{LOOP}\n        while True: pass"),
+    ],
+    ids=["import", "reset"],
+)
+def test_a_file_that_never_ends_its_import_or_reset_is_interrupted(pipeline, tmp_path, text):
+    (tmp_path / "nose.py").write_text(text)
     words = command_line("run", pipeline, "--allow-programs")
     with subprocess.Popen(words, stderr=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         assert process.stderr.readline() == b"looping\n"
