@@ -65,8 +65,8 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "blocks": 2_750,
     "bluetooth": 800,
     "calibrate": 9_050,
-    "cli": 8_660,
-    "client": 730,
+    "cli": 8_860,
+    "client": 930,
     "config": 8_400,
     "control": 1_750,
     "control_socket": 3_510,
@@ -84,17 +84,17 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "plant": 3_610,
     "ports": 800,
     "processes": 500,
-    "programs": 660,
+    "programs": 680,
     "prompts": 550,
     "recording": 3_800,
     "render": 1_820,
     "replay": 670,
     "ros2": 1_760,
-    "runs": 1_250,
+    "runs": 1_270,
     "ui": 4_160,
     "web": 1_500,
 }
-PACKAGE_BUDGET = 78_350  # lines of all of them
+PACKAGE_BUDGET = 78_650  # lines of all of them
 
 SMALL_MODULE_LINES = 25
 SMALL_MODULES = {  # module: why it stands alone

@@ -41,8 +41,8 @@ class EngineState(NamedTuple):
 class BlackBox:
     """Gathers what drivers deliver: the first `sources` messages of each instant.
 
-    `snapshot` returns the state between two instants; it raises StateError when that of a block
-    cannot be saved.
+    `snapshot` returns the state between two instants, None for none; it raises StateError when that
+    of a block cannot be saved.
     `announce` is called with a line about each file that was written, `on_loss` once, with the
     reason, when recording has failed.
     """
@@ -51,7 +51,7 @@ class BlackBox:
         self,
         channel: socket.socket,
         sources: int,
-        snapshot: Callable[[], bytes],
+        snapshot: Callable[[], bytes | None],
         announce: Callable[[str], None],
         on_loss: Callable[[str], None],
     ) -> None:
@@ -78,10 +78,12 @@ class BlackBox:
         if self.last >= self.snapshot_due:
             self.snapshot_due = self.last + SNAPSHOT_PERIOD
             try:
-                state = EngineState(self.last, self.snapshot())
+                data = self.snapshot()
+                state = None if data is None else EngineState(self.last, data)
             except StateError as error:
                 state = EngineState(self.last, b"", str(error))
-            self.sender.send(state)
+            if state is not None:
+                self.sender.send(state)
         self._announce(self.sender.receive() or "")
 
     def finish(self, summary: dict[str, str]) -> None:

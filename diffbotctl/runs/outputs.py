@@ -48,7 +48,7 @@ class RunReports(NamedTuple):
 
     facts: dict[str, str]  # metadata of the recording
     progress: Callable[[], tuple[int, int]]  # goals reached, and goals in all
-    take_snapshot: Callable[[], bytes]  # the state of all blocks; raises StateError
+    take_snapshot: Callable[[], bytes | None]  # the state of all blocks; raises StateError
     announce: Report  # called with each black box file that was written
     loss: Report  # called once for each file that can no longer be written
     screen_closed: Callable[[], None] | None = None
