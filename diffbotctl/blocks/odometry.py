@@ -16,6 +16,7 @@ from diffbotctl.estimation.fine_wheel import (
 )
 from diffbotctl.estimation.geometry_deviation import (
     CalibratedValue,
+    GeometryDeviation,
     geometry_deviations,
     may_have_wrong_slots,
 )
@@ -35,6 +36,9 @@ RESIDUAL_JITTER_RATIO = 0.3  # jitter that TimestampFilter leaves, relative to i
 # ns; after a longer gap the commands in between are unknown: the host stops the robot after 0.25 s,
 # the dead-man stop of the board after 0.1 to 0.5 s.
 SILENCE_MAX = 400_000_000
+# Standard deviation of the share of edges that both encoders miss, or count twice, where the frames
+# have jitter and edges no times: then nothing shows it.
+HIDDEN_SHARE = 0.02
 SILENCE_TRAVEL_SD_PITCHES = 0.5  # pitches; position in the slot before and after the gap
 # ns without an edge after which a wheel that rolls out has stopped: four lags of a usual motor.
 # The model of a motor begins at rest: of one that rolls it would take the edges for faults.
@@ -87,6 +91,8 @@ class OdometryBlock(Block):
         geometry = geometry_deviations(
             self.track, *diameters, self.calibration, self.wheelbase is not None
         )
+        if self.stamp_jitter and not self.edge_times:
+            geometry += (GeometryDeviation(left=HIDDEN_SHARE, right=HIDDEN_SHARE),)
         self.pose = PoseFilter(self.track, self.slip, geometry)
         self.gyro: GyroHeading | None = None
         if self.imu is not None:

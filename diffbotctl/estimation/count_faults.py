@@ -2,8 +2,8 @@
 
 The speed of a wheel changes smoothly; a missed or an additional edge changes a count at once. The
 fourth difference of the counts in five successive spans removes the smooth part. What remains is
-the rounding to whole edges, or the cut of the slots where edges have times, the jitter of the
-frames, an uneven motor, and the faults: their variance for each edge is their share (Poisson
+the rounding to whole edges, or the cut of the slots where edges have times, an uneven motor, and
+the faults: their variance for each edge is their share (Poisson
 process).
 
 Whether edges were missing or counted twice would follow from the third moment, but on the few
@@ -65,15 +65,16 @@ ROUNDING_VARIANCE_MAX = 16.0 / 9.0
 # those are worth one independent one.
 DEVIATIONS_TAKEN, DEVIATIONS_PER_SAMPLE = 3, 1.3
 FAULTY_MIN, SHARE_MIN = 0.95, 0.004  # probability and share from which on faults are reported
+HIDDEN_SHARE = 0.003  # of one encoder more than of the other, where the jitter of frames hides it
 
 
 class CountFaults:
     """Share of missed or additional edges of one encoder."""
 
-    def __init__(self, has_edge_times: bool, frame_time: float = 0.0) -> None:
-        """`frame_time`: standard deviation (s) of the times of frames, where edges have none."""
+    def __init__(self, has_edge_times: bool, is_hidden: bool = False) -> None:
+        """`is_hidden`: the times of frames are filtered, so that regular counts prove nothing."""
         self.has_edge_times = has_edge_times
-        self.frame_time = 0.0 if has_edge_times else frame_time
+        self.is_hidden = is_hidden
         self.spans = CountSpans(has_edge_times)
         self.direction = 0
         self.unevenness = TIMED_UNEVENNESS if has_edge_times else UNEVENNESS
@@ -83,9 +84,13 @@ class CountFaults:
         """that there are faults"""
         self.share = sqrt(FAULTY * sum((share * share * part for share, part in SHARES), 0.0))
         """standard deviation: missed or additional edges per edge"""
+        if is_hidden:
+            self.share = HIDDEN_SHARE
 
     def add(self, seconds: float, edges: int, direction: int) -> None:
         """Take `edges` counted during `seconds` into account; direction 0: it is not known."""
+        if self.is_hidden:
+            return
         if direction != self.direction:
             self.direction = direction
             self.spans.restart()
@@ -102,9 +107,8 @@ class CountFaults:
         return f"edges are missing or counted twice: about {100.0 * self.share:.1f} %"
 
     def _take(self, deviation: Deviation) -> None:
-        square, edges, slope, seconds = deviation
-        jitter = BOUNDARY_SQUARES * (edges / seconds * self.frame_time) ** 2
-        usual = self._noise(edges, slope) + jitter
+        square, edges, slope = deviation
+        usual = self._noise(edges, slope)
         # Above 0: interference at a wheel that stands gives edges that nothing explains.
         density = normal_density(square, usual + (ROUGH_CHANGE * edges) ** 2)
         rough = ROUGH_SHARE * max(density, sys.float_info.min)

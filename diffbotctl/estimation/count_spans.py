@@ -32,8 +32,6 @@ class Deviation(NamedTuple):
     """in a span, on average"""
     slope: float
     """edges by which a span has more than the one before"""
-    seconds: float
-    """of a span"""
 
 
 class CountSpans:
@@ -100,4 +98,4 @@ class CountSpans:
         predicted = self.edges_mean + slope * scale
         is_new = self.number == 1 or abs(edges - predicted) > EDGES_CHANGE_MAX
         self.edges_mean = edges if is_new else predicted + EDGES_GAIN * (edges - predicted)
-        return Deviation(square, self.edges_mean, slope * scale, scale)
+        return Deviation(square, self.edges_mean, slope * scale)

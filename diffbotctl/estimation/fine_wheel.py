@@ -68,7 +68,8 @@ class FineWheelOdometer:
         self.reversals = 0
         # Two to four edges of a slot are not at equal distances: their times show less.
         is_even = counts == side.encoder.slots
-        self.faults = CountFaults(timing.has_edge_times and is_even, timing.frame_time)
+        is_hidden = timing.frame_time > 0.0 and not timing.has_edge_times
+        self.faults = CountFaults(timing.has_edge_times and is_even, is_hidden)
         self.explained = ExplainedEdges(side)
         self.duty = MotorDuty(speed_gains(motor))
         self.gaps = EdgeGaps(motor.rated * self.pitches_per_rad)

@@ -6,7 +6,7 @@ from statistics import median
 
 import pytest
 
-from diffbotctl.estimation.count_faults import CountFaults
+from diffbotctl.estimation.count_faults import HIDDEN_SHARE, CountFaults
 from tests.sampling import by_day
 
 PERIOD = 0.02  # s, of the frames
@@ -160,21 +160,11 @@ def test_missed_edges_are_found_in_spite_of_a_gear_that_cogs(seed):
     assert "edges are missing or counted twice" in faults.text
 
 
-def test_frames_whose_times_jitter_are_no_faults_of_the_encoder():
-    """0.4 ms at 5,000 edges/s are two edges in a frame of a hundred, of either sign."""
-    rng, faults = Random(3), CountFaults(has_edge_times=False, frame_time=0.0004)
-    blind = CountFaults(has_edge_times=False)
-    place, time = 0.0, 0.0
-    for _ in range(400):
-        arrived = PERIOD + time  # the true time of the frame; its stamp is off
-        stamp_error = rng.gauss(0.0, 0.0004)
-        edges = int(5000.0 * (arrived + stamp_error)) - int(place)
-        place += edges
-        time = arrived
+def test_where_the_jitter_of_frames_hides_faults_counts_prove_nothing():
+    faults = CountFaults(has_edge_times=False, is_hidden=True)
+    for edges in (100, 100, 90, 100, 100, 110) * 60:
         faults.add(PERIOD, edges, 1)
-        blind.add(PERIOD, edges, 1)
-    assert faults.text == "" and faults.share < 0.01
-    assert blind.share > 2.0 * faults.share
+    assert faults.share == HIDDEN_SHARE and faults.text == ""
 
 
 @pytest.mark.parametrize("has_edge_times", [False, True])
