@@ -126,8 +126,8 @@ def Param(  # noqa: N802 - reads as a declaration
     least: float | None = None,
     most: float | None = None,
 ) -> T:
-    """Declare a setting of type `kind`: float, int, bool, str, Pin, a Section, or a list[...],
-    dict[str, ...] or tuple[...] of them (a tuple is a list of fixed length in the file).
+    """Declare a setting of type `kind`: float, Spread, int, bool, str, Pin, a Section, or a
+    list[...], dict[str, ...] or tuple[...] of them (a tuple is a list of fixed length in the file).
 
     `unit`: SI unit; "" for a plain number or text, "1" for a ratio that may be written in %.
     `above`, `below`: exclusive bounds. `minimum`, `maximum`: inclusive bounds.
@@ -177,6 +177,13 @@ def Choice(  # noqa: N802 - reads as a declaration
     choices = get_args(options)
     kind = type(choices[0])
     return Param(kind, choices=choices, default=default, none=none, live=live, help=help)
+
+
+class Spread(NamedTuple):
+    """A quantity that is drawn between two values, written [low, high]; of one value, that one."""
+
+    low: float
+    high: float
 
 
 class Pin(str):

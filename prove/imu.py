@@ -180,9 +180,9 @@ def slide(encoders: str, trial: Trial, is_sliding: bool) -> SlideEnd:
     """One goal, on the way to which a wheel slides by a random share for a random time."""
     rng = Random(f"slide {trial.seed}")
     start, share = rng.uniform(2.5, 5.0), rng.uniform(0.2, 1.0)
-    disturbance = (
-        f"{{start: {start} s, end: {start + rng.uniform(0.3, 3.0)} s, "
-        f"{rng.choice(('left', 'right'))}_slide: {share}}}"
+    fault = (
+        f"{{fault: wheel_slide, at: {start} s, for: {rng.uniform(0.3, 3.0)} s, "
+        f"side: {rng.choice(('left', 'right'))}, size: {share}}}"
     )
     goal = Goal(0, 1, rng.uniform(0.8, 2.0), rng.uniform(-1.0, 1.0))
     with TemporaryDirectory() as folder:
@@ -190,7 +190,7 @@ def slide(encoders: str, trial: Trial, is_sliding: bool) -> SlideEnd:
         options = RunOptions(
             port="sim", goals=(goal,), seed=trial.seed, fast=True, duration=LONGEST
         )
-        sets = [*OPEN_FLOOR, *[f"robot.simulation.disturbances=[{disturbance}]"] * is_sliding]
+        sets = [*OPEN_FLOOR, *[f"robot.simulation.faults=[{fault}]"] * is_sliding]
         result = Run(load("goal", str(file), sets), options, tell=lambda _: None).go()
     assert result.truth is not None and result.odometry is not None
     truth, reported = result.truth.pose, result.odometry

@@ -118,7 +118,7 @@ def _run(kind: str, fault: str, start: float, seed: int) -> ObservedRun:
     text = (
         "format: 1\nkind: robot\ninclude: book_2wd\nboard: {telemetry: 30 Hz}\n"
         f"imu: {{type: {kind}}}\ndrive: {{polarity: checked_by_hand}}\n"
-        f"simulation: {{gyro: {{fault: {fault}, fault_start: {start} s}}}}\n"
+        f"simulation: {{faults: [{{fault: imu_{fault}, at: {start} s}}]}}\n"
         "calibration: {imu.scale: {value: 1.0, sd: 0.003}}\n"
     )
     with TemporaryDirectory() as folder:

@@ -14,8 +14,9 @@ from multiprocessing import Pool
 from pathlib import Path
 from statistics import median
 
+from diffbotctl.trials.random_robots import STOCK_FIRST
 from tests.support.matrix_case import EQUATIONS, Case, CaseResult, run_case
-from tests.support.random_robots import ENCODER_FAULTS, PERTURBATIONS, STOCK_FIRST
+from tests.support.random_robots import ENCODER_FAULTS, PERTURBATIONS
 from tests.support.trials.row import Row
 from tests.support.trials.section import drawn
 

@@ -15,8 +15,9 @@ from diffbotctl.engine.driver import Delivery
 from diffbotctl.messages import Twist
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
+from diffbotctl.trials.random_robots import yaml_text
 from prove.motion import OPEN_FLOOR, TOLERANCES, Trip, goals_within, share, trip
-from tests.support.matrix_case import EQUATIONS, yaml_text
+from tests.support.matrix_case import EQUATIONS
 from tests.support.trials.row import Row
 from tests.support.trials.section import drawn
 
@@ -110,7 +111,7 @@ def _goal_rows(folder: Path, plant: int, name: str, seed: int, number: int) -> I
         "<= 15, 60 mm; all that are off",
         half <= 15 and most <= 60 and reporting > 0,
     )
-    step = {"disturbances": [{"start": 1.5, "supply": 0.85}]}
+    step = {"faults": [{"fault": "battery_step", "at": 1.5, "size": 0.85}]}
     for what, changes in (
         ("battery -15 % under way", step),
         ("sag 0.30", {"battery": {"sag": 0.3}}),

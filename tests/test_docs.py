@@ -46,8 +46,8 @@ def test_the_robot_that_is_shown_is_fine(tmp_path):
     assert load_robot(str(file)).warnings == ()
     assert load("goal", str(file)).robot.drive.left.encoder.slots == 24
     file.write_text(f"format: 1\nkind: robot\ninclude: book_2wd\n{disturbed}")
-    disturbances = load_robot(str(file)).robot.simulation.disturbances
-    assert (disturbances[1].left_drag, disturbances[2].right_slide) == (2.0, 1.0)
+    faults = load_robot(str(file)).robot.simulation.faults
+    assert (faults[0].size, faults[1].at) == ((0.85, 0.85), (4.0, 6.0))
 
 
 def test_the_table_of_robots_is_true():

@@ -27,6 +27,7 @@ LAYERS = {
         "params",
         "block",
         "device",
+        "physics_model",
         "printable",
         "user_folders",
         "parts",
@@ -45,7 +46,7 @@ LAYERS = {
         "prompts",
     ],
     "runs": ["runs"],
-    "jobs": ["client", "replay", "flash", "calibrate", "diagnostics", "ros2"],
+    "jobs": ["client", "replay", "flash", "calibrate", "diagnostics", "ros2", "trials"],
     "screens and command line": [
         "ui",
         "web",
@@ -61,18 +62,18 @@ SOURCES = sorted((ROOT / "diffbotctl").rglob("*.py"))
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
 
 BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the folders
-    ".": 3_000,
+    ".": 3_080,
     "blocks": 2_750,
     "bluetooth": 800,
     "calibrate": 9_050,
-    "cli": 8_860,
+    "cli": 9_180,
     "client": 930,
-    "config": 8_400,
+    "config": 8_740,
     "control": 1_750,
     "control_socket": 3_510,
     "diagnostics": 650,
     "drivers": 2_720,
-    "emulator": 1_100,
+    "emulator": 1_130,
     "engine": 2_370,
     "estimation": 5_500,
     "flash": 1_500,
@@ -81,7 +82,7 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "links": 3_740,
     "model": 300,
     "parts": 50,
-    "plant": 3_610,
+    "plant": 4_070,
     "ports": 800,
     "processes": 500,
     "programs": 680,
@@ -91,10 +92,11 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "replay": 670,
     "ros2": 1_760,
     "runs": 1_270,
+    "trials": 1_670,
     "ui": 4_160,
     "web": 1_500,
 }
-PACKAGE_BUDGET = 78_650  # lines of all of them
+PACKAGE_BUDGET = 81_600  # lines of all of them
 
 SMALL_MODULE_LINES = 25
 SMALL_MODULES = {  # module: why it stands alone

@@ -26,9 +26,10 @@ SIMILAR_CODES_MAX = 12  # that are listed for a part of a code
 def check(
     files: tuple[str, ...], robot: str | None, sets: tuple[str, ...], real: bool, as_json: bool
 ) -> int:
-    """Check robot and pipeline files, or names. Nothing is started.
+    """Check robot, pipeline and trials files, or names. Nothing is started.
 
-    Without FILE, those in ./robots and ./pipelines, or the shipped robot and pipeline `goal`.
+    Without FILE, those in ./robots, ./pipelines and ./trials, or the shipped robot and pipeline
+    `goal`.
 
     Exit code: 0 when they can be run (warnings may be printed), 2 when they cannot.
     """
@@ -37,14 +38,14 @@ def check(
     from diffbotctl.ui.text import fold_text
 
     files = files or _files_here()
-    views = {file for file in files if _is_view(file)}
-    if not any(takes_robot(file) for file in files if file not in views):
+    others = {file for file in files if _is_view_or_trials(file)}
+    if not any(takes_robot(file) for file in files if file not in others):
         _refuse_pipeline_options(files[0], robot, sets)
     problems: list[Problem] = []
     reported: set[str] = set()
     for file in files:
-        is_view = file in views
-        file_problems, omissions = _problems(file, robot, sets, real, is_view)
+        is_other = file in others
+        file_problems, omissions = _problems(file, robot, sets, real, is_other)
         new_problems = [problem for problem in file_problems if problem.render() not in reported]
         reported |= {problem.render() for problem in new_problems}
         problems += new_problems
@@ -58,7 +59,7 @@ def check(
             click.echo(f"{file}: {_verdict(file_problems)}{above}")
             for omission in omissions:
                 click.echo(fold_text(f"  {omission.text()}", hang=4))
-            if not is_view:
+            if not is_other:
                 _print_pulses(file, file_problems)
     if problems and not as_json:
         click.echo(f"`diffbotctl explain {problems[0].code}` explains more.")
@@ -66,21 +67,22 @@ def check(
 
 
 def _files_here() -> tuple[str, ...]:
-    """The files in ./robots and ./pipelines; the names of shipped ones where there are none."""
+    """The user's files in the working directory; the names of shipped ones where there are none."""
     from pathlib import Path
 
-    folders = (Path("robots"), Path("pipelines"))
+    folders = (Path("robots"), Path("pipelines"), Path("trials"))
     found = [str(path) for folder in folders for path in sorted(folder.glob("*.yaml"))]
     return tuple(found) or ("book_2wd", "goal")
 
 
-def _is_view(file: str) -> bool:
+def _is_view_or_trials(file: str) -> bool:
     from pathlib import Path
 
     from diffbotctl.config.lookup import is_path
+    from diffbotctl.trials.plan import is_trials
     from diffbotctl.ui.saved_view import is_view
 
-    return is_path(file) and is_view(Path(file))
+    return is_path(file) and (is_view(Path(file)) or is_trials(file))
 
 
 def _print_pulses(file: str, problems: Sequence[Problem]) -> None:
@@ -120,17 +122,20 @@ def _verdict(problems: Sequence[Problem]) -> str:
 
 
 def _problems(
-    file: str, robot: str | None, sets: tuple[str, ...], real: bool, is_view: bool
+    file: str, robot: str | None, sets: tuple[str, ...], real: bool, is_other: bool
 ) -> tuple[Sequence[Problem], tuple[Omission, ...]]:
     from diffbotctl.config.load import check_all
     from diffbotctl.config.registry import clashes
-    from diffbotctl.errors import ConfigurationError, Problem
+    from diffbotctl.errors import Problem, UserError
+    from diffbotctl.trials.plan import is_trials, read_plan
     from diffbotctl.ui.saved_view import read_view
 
-    if is_view:
+    if is_other:
         try:
+            if is_trials(file):
+                return read_plan(file).warnings, ()
             read_view(file)
-        except ConfigurationError as error:
+        except UserError as error:
             return error.problems, ()
         return (), ()
     conflicts = [Problem(clash.code, "installation", str(clash), clash.fix) for clash in clashes()]

@@ -65,6 +65,7 @@ GROUPS = {
     ),
     "Run": (
         HelpRow("run", "Run a pipeline; simulated unless --port is given"),
+        HelpRow("trials", "Run a pipeline many times, with faults, and judge the runs"),
         HelpRow("emulate", "Start a virtual board that runs the real firmware"),
     ),
     "Look": (

@@ -81,7 +81,7 @@ def part_options(command: Any) -> Any:
 
 @click.group(cls=CommandGroup)
 def command() -> None:
-    """Write a new robot, pipeline, block, driver, message or program to start from."""
+    """Write a new robot, pipeline, trials, block, driver, message or program to start from."""
 
 
 @command.command()
@@ -178,6 +178,13 @@ def pipeline(name: str) -> None:
 
 @command.command()
 @click.argument("name")
+def trials(name: str) -> None:
+    """Write trials/NAME.yaml: simulated runs of a pipeline with faults, and what is expected."""
+    write("trials", name)
+
+
+@command.command()
+@click.argument("name")
 def block(name: str) -> None:
     """Write the folder NAME: a block, its test, and a package that installs it."""
     _write_package(name, "block", BLOCK_FILES)
@@ -263,21 +270,21 @@ def _write_package(name: str, what: str, files: dict[str, str]) -> None:
 def write(
     kind: str, name: str, template: str = "", fields: Mapping[str, str] | None = None
 ) -> None:
-    """Write a new `robot` or `pipeline` file. Raises UsageError when the file exists, and in a
-    checkout of diffbotctl.
+    """Write a new file of the kind `robot`, `pipeline` or `trials`.
 
-    `template`: default: the one of its kind. `fields`: values of it beside name and file.
+    `template`: default: the one of its kind. `fields`: values of it beside name and file. Raises
+    UsageError when the file exists, and in a checkout of diffbotctl.
     """
     from diffbotctl.config import lookup
 
     _check_word(name, kind)
-    path = Path(f"{kind}s") / f"{name}.yaml"
+    path = Path(f"{kind.removesuffix('s')}s") / f"{name}.yaml"
     if lookup.is_shipped(path):  # calibration and `param save` would refuse to write it
         raise lookup.shipped_folder_error(path, "E-FILE-WRITE")
     _write(path, template or f"{kind}.yaml", {"name": name, "file": str(path), **(fields or {})})
     _place_schemas()
-    also = f"diffbotctl wiring {path}" if kind == "robot" else f"diffbotctl graph {path}"
-    click.echo(f"Now: diffbotctl check {path}\n     {also}")
+    also = {"robot": "wiring", "pipeline": "graph", "trials": "trials"}[kind]
+    click.echo(f"Now: diffbotctl check {path}\n     diffbotctl {also} {path}")
 
 
 def _place_schemas() -> None:

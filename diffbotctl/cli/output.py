@@ -31,6 +31,7 @@ MARKS = {
     b"PK\x03\x04": b"diffbotctl_bundle/",  # the folder in a bundle of `doctor`
     b"<svg": b"<!-- diffbotctl -->",
     b"<?xml": b"<!-- diffbotctl -->",
+    b"<!doctype": b"<!-- diffbotctl -->",
     b"//": b"// diffbotctl\n",  # Graphviz
     b"%%": b"%% diffbotctl\n",  # Mermaid
 }

@@ -128,7 +128,7 @@ def command(**options: Any) -> int:
             f"`diffbotctl {command} --engine {next(iter(configuration.robots))}`"
         )
     if typed.dash:
-        return _run_with_dashboard(configuration, run_options, signals, view)
+        return run_with_dashboard(configuration, run_options, signals, view)
     if typed.web:
         page = show_page(typed.lan, typed.tcp_port, view)
         return _run_with_page(configuration, run_options, signals, page)
@@ -218,7 +218,7 @@ def _read_view(path: Path) -> ViewSettings:
     return read_view(str(path))
 
 
-def _run_with_dashboard(
+def run_with_dashboard(
     configuration: Configuration, options: RunOptions, signals: Signals, view: ViewSettings | None
 ) -> int:
     """The run with the dashboard as its screen; messages are printed when it is closed."""
@@ -264,7 +264,7 @@ def _finish(run: Run, stderr: NonBlockingStderr, as_json: bool) -> int:
     else:
         from diffbotctl.ui.run_text import summary_lines
 
-        verbose = click.get_current_context().params["verbose"]
+        verbose = click.get_current_context().params.get("verbose", False)
         for line in summary_lines(result, run.configuration.robot, verbose):
             click.echo(line)
     if result.failure is not None:

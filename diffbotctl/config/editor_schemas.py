@@ -13,7 +13,8 @@ from pathlib import Path
 from diffbotctl.config.lookup import folder
 
 FOLDER = Path("schemas")  # in the working directory, beside robots/ and pipelines/
-SCHEMA_FILES = ("robot.schema.json", "pipeline.schema.json", "view.schema.json")
+KINDS = ("robot", "pipeline", "trials", "view")
+SCHEMA_FILES = tuple(f"{kind}.schema.json" for kind in KINDS)
 TITLE_END = " of diffbotctl"  # of each schema; a file with another title is not replaced
 
 

@@ -34,6 +34,7 @@ from diffbotctl.config.configuration import (
     RobotFile,
 )
 from diffbotctl.config.declared_inputs import mark_motion, read_inputs, read_programs, read_sources
+from diffbotctl.config.faults import read_sizes
 from diffbotctl.config.motor_pulses import (
     calibrated_pulses,
     fields_of_other_pulses,
@@ -59,6 +60,7 @@ from diffbotctl.errors import (
     closest_match,
 )
 from diffbotctl.params import Section, declared
+from diffbotctl.physics_model import Plant
 
 FILE_KINDS: dict[str, type[Section]] = {"robot": Robot, "pipeline": Pipeline}
 KINDS = tuple(FILE_KINDS)
@@ -375,15 +377,35 @@ class _Loader:
         tree = self._without_other_pulses(robot_tree.spell_out_missing_encoders(tree))
         calibrated = robot_tree.overlay_calibration(tree, self.problems)
         whole = robot_tree.copy_common_to_sides(calibrated)
-        robot = read_section(whole, Robot, "the robot file", self.problems)
-        _fill_defaults(robot)
+        robot = self._robot_of(whole, self.problems)
         self.context.robot_tree, self.context.robot = whole, robot
         self.context.nominal = robot
         if robot.calibration:
             stated = robot_tree.copy_common_to_sides(tree)
-            self.context.nominal = read_section(stated, Robot, "the robot file", [])
-            _fill_defaults(self.context.nominal)
+            self.context.nominal = self._robot_of(stated, [])
         return file
+
+    def _plant(self, text: str, value: Value, problems: list[Problem]) -> type[Plant] | None:
+        """The class of physics that the robot file names."""
+        try:
+            if is_code(text):
+                file = lookup.file_of(value.value_place.source.name, self.files)
+                return self.code.find(text, file, Plant)
+            return registry.plant(text)
+        except registry.RegistryError as error:
+            problems.append(Problem(error.code, error.place or value.place, str(error), error.fix))
+            return None
+
+    def _robot_of(self, tree: Value, problems: list[Problem]) -> Robot:
+        robot = read_section(tree, Robot, "the robot file", problems)
+        faults = tree.at("simulation", "faults")
+        if robot.simulation is not None and faults is not None:
+            read_sizes(robot.simulation.faults, faults.items, problems)
+        plant = tree.at("simulation", "plant")
+        if robot.simulation is not None and robot.simulation.plant and plant is not None:
+            robot.simulation.plant = self._plant(robot.simulation.plant, plant, problems)
+        _fill_defaults(robot)
+        return robot
 
     def _without_other_pulses(self, tree: Value) -> Value:
         """The tree without the results of a calibration with other pulses of the motors."""

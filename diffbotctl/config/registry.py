@@ -17,10 +17,12 @@ from diffbotctl.device import DeviceDriver
 from diffbotctl.errors import Place, closest_match
 from diffbotctl.message_types import type_name, type_problem
 from diffbotctl.messages import BUILT_IN, STD_MSGS
+from diffbotctl.physics_model import Plant
 
 ENTRY_POINT_GROUP = "diffbotctl.blocks"
 MESSAGES_GROUP = "diffbotctl.messages"
 DRIVERS_GROUP = "diffbotctl.drivers"
+PLANTS_GROUP = "diffbotctl.plants"
 BLOCKS_FOLDER = Path(__file__).parents[1] / "blocks"
 # A built-in block is the class in the module of its name.
 BLOCKS = {
@@ -64,6 +66,16 @@ def driver(name: str) -> type[DeviceDriver]:
     if isinstance(candidate, type) and issubclass(candidate, DeviceDriver):
         return candidate
     cause = f"'{name}' ({path}) is not derived from diffbotctl.device.DeviceDriver"
+    raise RegistryError("E-BLOCK-IMPORT", cause, IMPORT_FIX)
+
+
+def plant(name: str) -> type[Plant]:
+    """The class of physics called `name`, of another package. Raises RegistryError."""
+    path = _path_in_packages(name, PLANTS_GROUP)
+    candidate = _attribute(name, path)
+    if isinstance(candidate, type) and issubclass(candidate, Plant):
+        return candidate
+    cause = f"'{name}' ({path}) is not derived from diffbotctl.physics_model.Plant"
     raise RegistryError("E-BLOCK-IMPORT", cause, IMPORT_FIX)
 
 
@@ -162,6 +174,9 @@ def _path_in_packages(name: str, group: str = ENTRY_POINT_GROUP) -> str:
         near = closest_match(name, driver_names())
         fix = f"did you mean {near}?" if near else f"there are {', '.join(driver_names())}"
         raise RegistryError("E-SOURCE", f"there is no driver '{name}'", fix)
+    if group == PLANTS_GROUP:
+        fix = "write ./my_plant.py:MyPlant, or install the package that has it"
+        raise RegistryError("E-BLOCK-UNKNOWN", f"there is no plant '{name}'", fix)
     near = closest_match(name, names())
     listed = ", ".join(names())
     fix = (

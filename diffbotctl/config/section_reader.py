@@ -17,7 +17,7 @@ from diffbotctl.config.motor_drivers import unknown_driver
 from diffbotctl.config.unsupported_parts import UnsupportedPart, unsupported_part
 from diffbotctl.config.yaml_tree import Value
 from diffbotctl.errors import Problem, closest_match, join_words
-from diffbotctl.params import Declaration, Pin, Section, declared
+from diffbotctl.params import Declaration, Pin, Section, Spread, declared
 from diffbotctl.units import KINDS, UnitError, example, plain_number, quantity
 
 S = TypeVar("S", bound=Section)
@@ -58,6 +58,11 @@ def read_parameters(
 ) -> dict[str, Any]:
     """The values of all parameters of the class `block` by attribute, from its mapping `with`."""
     return _Reader("", (title,), problems).entries(tree, block, (), is_whole=True)
+
+
+def read_setting(value: Value, declaration: Declaration, problems: list[Problem]) -> Any:
+    """The value of one setting as its declaration states it; None when it is not one."""
+    return _Reader("", (), problems).value(value, declaration.kind, declaration, (declaration.key,))
 
 
 @cache
@@ -115,6 +120,8 @@ class _Reader:
         if declaration.none and value.text in ("none", "null") and not value.quoted:
             return None
         origin = get_origin(kind) or kind
+        if kind is Spread:
+            return self._spread(value, declaration, path)
         if origin in (list, tuple):
             return self._items(value, kind, declaration, path)
         if origin is dict or issubclass(origin, Section):
@@ -138,6 +145,23 @@ class _Reader:
             self.value(item, item_kind, declaration, path)
             for item, item_kind in zip(value.items, kinds, strict=False)
         )
+
+    def _spread(self, value: Value, declaration: Declaration, path: Path) -> Spread | None:
+        """One value, or a list of two in order."""
+        if not isinstance(value.data, list):
+            one = self.value(value, float, declaration, path)
+            return None if one is None else Spread(one, one)
+        ends = self._items(value, tuple[float, float], declaration, path)
+        if len(ends) != 2 or None in ends:
+            return None
+        if ends[0] > ends[1]:
+            first, second = (item.text for item in value.items)
+            cause = f"the range {path[-1]} begins at {first} and ends at {second}"
+            self.problems.append(
+                Problem("E-RANGE", value.place, cause, f"write [{second}, {first}]")
+            )
+            return None
+        return Spread(*ends)
 
     def _mapping(self, value: Value, kind: Any, declaration: Declaration, path: Path) -> Any:
         is_mapping = self._has_kind(value, dict, declaration, path)

@@ -6,8 +6,9 @@ them, so what a block estimates can be compared with them.
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
+from diffbotctl.config.faults import FaultEntry
 from diffbotctl.links.diffbot_frames import SLOTS_MAXIMUM
 from diffbotctl.params import Choice, Param, Section
 from diffbotctl.units import POSE_MAX
@@ -21,8 +22,6 @@ Coasting = Literal["linear", "coulomb"]
 SlotPhase = Literal["random", "zero"]
 MotorWiring = Literal["plain", "reversed", "swapped", "dead", "floating"]
 EncoderPlugs = Literal["plain", "swapped"]
-EchoFault = Literal["plain", "silent", "endless"]
-GyroFault = Literal["plain", "silent", "bus_held", "stuck"]
 ImuAxis = Literal["x", "-x", "y", "-y", "z", "-z"]
 EncoderWiring = Literal["plain", "dead", "floating", "exchanged"]
 
@@ -229,11 +228,6 @@ class SensorTruth(Section):
         maximum=1.0,
         help="Standard deviation of an HC-SR04's distance.",
     )
-    echo: EchoFault = Choice(
-        EchoFault,
-        default="plain",
-        help="Fault of an HC-SR04: it does not answer its trigger, or its echo does not end.",
-    )
 
 
 class GyroTruth(Section):
@@ -293,14 +287,6 @@ class GyroTruth(Section):
         minimum=0.0,
         maximum=0.01,
         help="Rate that an acceleration of 1 m/s2 adds, forward and to the side.",
-    )
-    fault: GyroFault = Choice(
-        GyroFault,
-        default="plain",
-        help="Fault: it does not answer, the bus is held low, or its rate does not change.",
-    )
-    fault_start = Param(
-        float, default=0.0, unit="s", minimum=0.0, help="The fault begins at this time."
     )
 
 
@@ -385,77 +371,6 @@ class BatteryTruth(Section):
     )
 
 
-class Disturbance(Section):
-    """A disturbance that begins, and may end, while the simulated robot runs."""
-
-    start = Param(float, unit="s", minimum=0.0, default=0.0, help="Begins at this time.")
-    end: float | None = Param(
-        float,
-        unit="s",
-        minimum=0.0,
-        none=True,
-        default=None,
-        help="Ends at this time; none: never.",
-    )
-    supply = Param(
-        float,
-        unit="1",
-        minimum=0.0,
-        maximum=2.0,
-        default=1.0,
-        help="Factor of the battery's voltage.",
-    )
-    left_drag = Param(
-        float,
-        unit="1",
-        minimum=0.0,
-        maximum=10.0,
-        default=0.0,
-        help="Further friction of the left wheel, in duty; more than 1 blocks it.",
-    )
-    right_drag = Param(
-        float,
-        unit="1",
-        minimum=0.0,
-        maximum=10.0,
-        default=0.0,
-        help="Further friction of the right wheel, in duty; more than 1 blocks it.",
-    )
-    left_slide = Param(
-        float,
-        unit="1",
-        minimum=0.0,
-        maximum=1.0,
-        default=0.0,
-        help="Share of its turn by which the left wheel slides; 1: it spins in place.",
-    )
-    right_slide = Param(
-        float,
-        unit="1",
-        minimum=0.0,
-        maximum=1.0,
-        default=0.0,
-        help="Share of its turn by which the right wheel slides; 1: it spins in place.",
-    )
-    left_halved = Param(
-        bool,
-        default=False,
-        help="The left encoder, of one channel, gives a pulse for every second slot only.",
-    )
-    right_halved = Param(
-        bool,
-        default=False,
-        help="The right encoder, of one channel, gives a pulse for every second slot only.",
-    )
-    left_silent = Param(
-        bool, default=False, help="The left encoder, of one channel, gives no pulses."
-    )
-    right_silent = Param(
-        bool, default=False, help="The right encoder, of one channel, gives no pulses."
-    )
-    button = Param(bool, default=False, help="The stop button is pressed.")
-
-
 class Simulation(Section):
     """Actual properties of the simulated robot: random spreads and fixed errors."""
 
@@ -464,6 +379,13 @@ class Simulation(Section):
         default="exponential",
         help="Motion of the wheels: speeds that follow the duty exponentially, computed exactly; "
         "or, slower, torques, static friction, caster and inertia in steps of a millisecond.",
+    )
+    plant: Any = Param(
+        str,
+        none=True,
+        default=None,
+        help="Physics of your own in place of these equations: ./my_plant.py:MyPlant, or the name "
+        "of an installed one.",
     )
     motor = Param(MotorTruth, default=MotorTruth(), help="The gear motors.")
     encoder = Param(EncoderTruth, default=EncoderTruth(), help="The slotted discs.")
@@ -481,6 +403,4 @@ class Simulation(Section):
     gyro = Param(GyroTruth, default=GyroTruth(), help="Errors of the gyro.")
     start = Param(Start, default=Start(), help="Pose in the world at the start.")
     wiring = Param(WiringTruth, default=WiringTruth(), help="Wiring faults.")
-    disturbances = Param(
-        list[Disturbance], default=[], help="What changes while the simulated robot runs."
-    )
+    faults = Param(list[FaultEntry], default=[], help="What goes wrong while it runs.")

@@ -15,7 +15,7 @@ from diffbotctl.links.diffbot_states import (
     gyro_fix,
     wheel_fault_cause,
 )
-from diffbotctl.messages import Battery, Duty, Encoders, Link, Stop, Wheels
+from diffbotctl.messages import Battery, Duty, Encoders, Link, Resume, Stop, Wheels
 from diffbotctl.plant.simulated_robot import CapturedEdge, SimulatedRobot, draw_robot
 from diffbotctl.plant.world import build_world
 from diffbotctl.time import SECOND
@@ -23,6 +23,24 @@ from diffbotctl.time import SECOND
 STILL_TIME = SECOND // 4  # without an edge: at 4 cm/s and more they come faster than that
 LOW_READINGS_MAX = 5  # one in 2 s: 10 s, as in the firmware
 COASTING_TIME = 7 * SECOND // 10  # of zero command: four lags of a slow motor
+
+
+class OperatorFaults:
+    """The stops by the operator among the faults of a robot."""
+
+    def __init__(self, robot: SimulatedRobot) -> None:
+        self._robot, self._is_stopped = robot, False
+
+    def deliver(self, now: int) -> list[Delivery]:
+        """The stop when one begins, and what allows motion again at its end."""
+        is_stopped = self._robot.faults.active.has("operator_stop")
+        if is_stopped is self._is_stopped:
+            return []
+        self._is_stopped = is_stopped
+        if is_stopped:
+            stop = Stop(now, "operator_stop", "stopped by the operator (a fault of trials)", True)
+            return [Delivery("operator.halt", stop)]
+        return [Delivery("operator.resume", Resume(now))]
 
 
 class SimulatedRobotDriver:
@@ -39,6 +57,7 @@ class SimulatedRobotDriver:
         self._hold: Stop | None = None  # by the board, until a command after `resume`
         self._low_readings, self._volts = 0, 0.0
         self._drives = False
+        self._operator = OperatorFaults(robot)
         self._counts: tuple[int, int] | None = None
         self._still_since = self._zero_since = 0
 
@@ -64,6 +83,7 @@ class SimulatedRobotDriver:
             elif isinstance(message, Battery):
                 self._count_low(message)
         deliveries += self._check_hold(now)
+        deliveries += self._operator.deliver(now)
         if deliveries and now >= self.report_at:
             self.report_at = now + SECOND
             deliveries.append(Delivery("robot.link", Link(now, "up", received=self.frames)))

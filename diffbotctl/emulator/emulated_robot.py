@@ -14,6 +14,7 @@ from diffbotctl.config.configuration import Configuration
 from diffbotctl.config.motor_drivers import driver_facts
 from diffbotctl.config.robot import Robot
 from diffbotctl.drivers.robot_link import board_settings
+from diffbotctl.drivers.simulated_robot import OperatorFaults
 from diffbotctl.emulator.process import (
     FIRST_GYRO,
     FIRST_SONAR,
@@ -169,6 +170,10 @@ class EmulatedRobotDriver:
         self.host = host
         self.radio = radio
         self.uart = host.settings.uart
+        self._operator = OperatorFaults(board.plant)
+        self._resets = [
+            fault.start for fault in board.plant.faults.faults if fault.kind == "board_reset"
+        ]
         host.opened(board.now)
 
     def due(self) -> int:
@@ -190,9 +195,12 @@ class EmulatedRobotDriver:
         deliveries: list[Delivery] = []
         while self.board.now < now:
             self._send(self.board.now)
+            if self._resets and self.board.now >= min(self._resets):
+                self._resets.remove(min(self._resets))
+                self.board.emulator.reset()
             self.board.advance(min(now, self.board.now + STEP))
             deliveries += self._receive(self.board.now)
-        return deliveries
+        return deliveries + self._operator.deliver(now)
 
     def command(self, now: int, command: Wheels | Duty) -> None:
         """Pass the command to the protocol."""
@@ -216,16 +224,29 @@ class EmulatedRobotDriver:
     def _send(self, now: int) -> None:
         if self.host.due() <= now:
             data = self.host.send(now)
-            if data:
-                self.board.send(now + self.radio, self.uart, data)
+            if data and not self.robot.faults.loses():
+                at = now + self.radio + self.robot.faults.delay()
+                self.board.send(at, self.uart, self._damaged(data))
+
+    def _damaged(self, data: bytes) -> bytes:
+        """`data` with the bytes that the link damages."""
+        faults = self.robot.faults
+        share = faults.active.largest("link_damage")
+        if not share:
+            return data
+        rng = faults.rng
+        return bytes(
+            each ^ (1 << rng.randrange(8)) if rng.random() < share else each for each in data
+        )
 
     def _receive(self, now: int) -> list[Delivery]:
         messages = []
-        waiting = self.board.received
-        while waiting and waiting[0][0] + self.radio <= now:
+        waiting, faults = self.board.received, self.robot.faults
+        radio = self.radio + faults.delay()
+        while waiting and waiting[0][0] + radio <= now:
             time, uart, data = waiting.popleft()
-            if uart == self.uart:
-                messages += self.host.receive(time + self.radio, data)
+            if uart == self.uart and not faults.loses():
+                messages += self.host.receive(time + radio, self._damaged(data))
         messages += self.host.on_time(now)
         return [Delivery(f"robot.{port}", message) for port, message in messages]
 

@@ -25,14 +25,15 @@ def read_analog(voltage: float) -> float:
 class SimulatedBattery:
     """A battery whose voltage drops at once, in proportion to the duties of both motors.
 
-    `supply` is a factor of its voltage that a disturbance changes.
+    `supply` is a factor of its voltage, and `sag` the share that it loses at full duty; faults
+    change both.
     """
 
     def __init__(
         self, truth: BatteryTruth, full: float, bridge: BridgeModel = IDEAL_BRIDGE
     ) -> None:
         """`full`: voltage (V) at which the motors reach their rated speed."""
-        self._truth, self.full, self.supply = truth, full, 1.0
+        self._truth, self.full, self.supply, self.sag = truth, full, 1.0, truth.sag
         self._bridge = bridge
         self._volts = full if truth.volts is None else truth.volts
         self._rest_share = self._volts / full
@@ -46,7 +47,7 @@ class SimulatedBattery:
         return self.full * self._share(left, right)
 
     def _share(self, left: float, right: float) -> float:
-        drop = self._truth.sag * 0.5 * (abs(left) + abs(right))
+        drop = self.sag * 0.5 * (abs(left) + abs(right))
         return self._rest_share * self.supply * (1.0 - drop)
 
     def pin_voltage(self, voltage: float, divider: float) -> float:
@@ -78,7 +79,7 @@ class RecoveringBattery(SimulatedBattery):
 
     def load(self, current: float, seconds: float) -> None:
         """Let time pass with the mean `current` of both motors over their stall current."""
-        drop = self._truth.sag * current / SAG_LOAD
+        drop = self.sag * current / SAG_LOAD
         for number, (part, time) in enumerate(RECOVERIES):
             ratio = seconds / time
             decay = 1.0 - ratio if ratio < 0.01 else exp(-ratio)

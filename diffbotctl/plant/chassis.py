@@ -56,7 +56,7 @@ class Chassis:
         "_right_grip",
         "_right_since_slip",
         "_rng",
-        "_slip",
+        "_slips",
         "heading",
         "left_radius",
         "right_radius",
@@ -83,7 +83,7 @@ class Chassis:
         self.track, self.left_radius, self.right_radius = track, left_radius, right_radius
         self.x = self.y = self.heading = 0.0
         self.travel = self.turned = 0.0
-        self._slip, self._rng, self._play = slip, rng, 0.5 * backlash
+        self._slips, self._rng, self._play = (slip, slip), rng, 0.5 * backlash
         self._left_angle = self._right_angle = 0.0
         self._left_since_slip = self._right_since_slip = 0.0
         self._left_grip = self._right_grip = 1.0
@@ -91,6 +91,10 @@ class Chassis:
     def slide(self, left: float, right: float) -> None:
         """From now on the wheels slide by these shares of what they turn, and roll the rest."""
         self._left_grip, self._right_grip = 1.0 - left, 1.0 - right
+
+    def slip(self, left: float, right: float) -> None:
+        """From now on the wheels slip so much at random: m after 1 m of travel."""
+        self._slips = (left, right)
 
     @property
     def pose(self) -> Pose:
@@ -107,14 +111,14 @@ class Chassis:
         left = (left_angle - self._left_angle) * self.left_radius * self._left_grip
         right = (right_angle - self._right_angle) * self.right_radius * self._right_grip
         self._left_angle, self._right_angle = left_angle, right_angle
-        if self._slip:
+        if self._slips[0] or self._slips[1]:
             self._left_since_slip += abs(left)
             self._right_since_slip += abs(right)
             if self._left_since_slip > SLIP_STEP:
-                left += self._draw_slip(self._left_since_slip)
+                left += self._draw_slip(self._left_since_slip, self._slips[0])
                 self._left_since_slip = 0.0
             if self._right_since_slip > SLIP_STEP:
-                right += self._draw_slip(self._right_since_slip)
+                right += self._draw_slip(self._right_since_slip, self._slips[1])
                 self._right_since_slip = 0.0
         self._move(left, right)
 
@@ -136,8 +140,8 @@ class Chassis:
         self.travel += abs(distance)
         self.turned += abs(turn)
 
-    def _draw_slip(self, travel: float) -> float:
-        return self._rng.gauss(0.0, self._slip * sqrt(travel))
+    def _draw_slip(self, travel: float, slip: float) -> float:
+        return self._rng.gauss(0.0, slip * sqrt(travel))
 
 
 class PatchedFloorChassis(Chassis):
@@ -170,11 +174,11 @@ class PatchedFloorChassis(Chassis):
         self.travel += abs(distance)
         self.turned += abs(turn)
 
-    def _draw_slip(self, travel: float) -> float:
+    def _draw_slip(self, travel: float, slip: float) -> float:
         row, column = int(self.x // PATCH_SIZE), int(self.y // PATCH_SIZE)
         is_rough = (row * 7919 + column * 104729 + self._seed) % 3 == 0
         factor = ROUGH_FACTOR if is_rough else SMOOTH_FACTOR
-        return factor * super()._draw_slip(travel)
+        return factor * super()._draw_slip(travel, slip)
 
 
 def draw_chassis(parameters: PlantParameters, simulation: Simulation, rng: Random) -> Chassis:

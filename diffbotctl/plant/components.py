@@ -1,23 +1,22 @@
 """The components of a simulated robot, drawn at random about what the robot file states."""
 
-from collections.abc import Sequence
-from math import pi, prod
+from math import pi
 from random import Random
 from typing import NamedTuple
 
-from diffbotctl.config.simulation import Disturbance, Simulation
+from diffbotctl.config.simulation import Simulation
 from diffbotctl.geometry.distance_sensors import is_analog
 from diffbotctl.plant.battery import RecoveringBattery, SimulatedBattery
 from diffbotctl.plant.chassis import Chassis, draw_chassis
 from diffbotctl.plant.drive_train import DriveTrain, ExponentialDrive
 from diffbotctl.plant.encoder_disc import EncoderDisc, draw_disc, draw_eccentric
+from diffbotctl.plant.own_plant import OwnChassis, OwnDrive, plant_robot
 from diffbotctl.plant.quadrature import edges_of_two
 from diffbotctl.plant.range_sensors import RangeSensors, draw_echoes, draw_scanners, draw_sharps
 from diffbotctl.plant.robot_parameters import PlantParameters
 from diffbotctl.plant.torque_drive import TorqueDrive, TorqueWheel, draw_setup, draw_torque_motor
 from diffbotctl.plant.wheel import MotorModel, WheelModel, draw_motors
 from diffbotctl.plant.world import World
-from diffbotctl.time import NEVER, SECOND
 
 OVERHEAD_CAMERA = "overhead_camera"
 
@@ -60,6 +59,9 @@ def draw_components(
             draw_eccentric(disc, simulation.encoder.slot_spread, Random(seeds[0])) for disc in discs
         )
     battery, drive = _draw_drive(parameters, simulation, motors, discs, chassis, seeds)
+    if simulation.plant is not None:
+        own = OwnDrive(simulation.plant(plant_robot(parameters), seeds[0]), parameters.falling)
+        drive, chassis = own, OwnChassis(chassis, own)
     scanners = draw_scanners(parameters.sensors, simulation.sensors, rng)
     echoes = draw_echoes(parameters.sensors, simulation.sensors, rng)
     cameras = (sensor.name for sensor in parameters.sensors if sensor.kind == OVERHEAD_CAMERA)
@@ -103,56 +105,3 @@ def _draw_drive(
         for motor, disc, seed in zip(motors, discs, seeds, strict=False)
     )
     return battery, TorqueDrive((left, right), setup, battery)
-
-
-class DisturbanceState(NamedTuple):
-    """What acts at one time: factor of the supply, drag of the wheels (duty), shares of their turns
-    by which they slide, encoders that lose every second slot or all, the stop button."""
-
-    supply: float
-    left_drag: float
-    right_drag: float
-    left_slide: float
-    right_slide: float
-    left_halved: bool
-    right_halved: bool
-    left_silent: bool
-    right_silent: bool
-    button: bool
-
-
-class DisturbanceSchedule:
-    """The disturbances of one run. `due`: when the next one begins or ends, ns."""
-
-    def __init__(self, disturbances: Sequence[Disturbance]) -> None:
-        self._spans = [
-            (
-                round(disturbance.start * SECOND),
-                NEVER if disturbance.end is None else round(disturbance.end * SECOND),
-                disturbance,
-            )
-            for disturbance in disturbances
-        ]
-        self.due = self._next(-1)
-
-    def update(self, now: int) -> DisturbanceState:
-        """What acts from `now` on."""
-        active = [disturbance for start, end, disturbance in self._spans if start <= now < end]
-        self.due = self._next(now)
-        return DisturbanceState(
-            prod(disturbance.supply for disturbance in active),
-            sum(disturbance.left_drag for disturbance in active),
-            sum(disturbance.right_drag for disturbance in active),
-            max((disturbance.left_slide for disturbance in active), default=0.0),
-            max((disturbance.right_slide for disturbance in active), default=0.0),
-            any(disturbance.left_halved for disturbance in active),
-            any(disturbance.right_halved for disturbance in active),
-            any(disturbance.left_silent for disturbance in active),
-            any(disturbance.right_silent for disturbance in active),
-            any(disturbance.button for disturbance in active),
-        )
-
-    def _next(self, now: int) -> int:
-        """The first beginning or end after `now`."""
-        times = [time for start, end, _ in self._spans for time in (start, end)]
-        return min((time for time in times if time > now), default=NEVER)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from diffbotctl.plant.encoder_disc import LevelChange
+from diffbotctl.plant.encoder_disc import LevelChange, PulseFaults
 from diffbotctl.plant.wheel import WheelModel
 
 Edges = Sequence[int]
@@ -36,8 +36,8 @@ class Wheel(Protocol):
         """Ignore all edges from now on, for a run that looks at the truth alone."""
         ...
 
-    def lose_slots(self, halved: bool, silent: bool) -> None:
-        """Lose every second slot of the disc from now on, or all of them, or none."""
+    def set_encoder_faults(self, faults: PulseFaults) -> None:
+        """What is wrong with its encoder of one channel from now on."""
         ...
 
     def watch(self, on: bool) -> None:

@@ -25,6 +25,16 @@ class LevelChange(NamedTuple):
     level: int
 
 
+class PulseFaults(NamedTuple):
+    """What is wrong with an encoder of one channel at a time; see `EncoderDisc`."""
+
+    missed: float = 0.0
+    doubled: float = 0.0
+    bounce: float = 0.0  # s; of each edge
+    halved: bool = False  # every second slot gives no pulse
+    silent: bool = False  # no slot gives one
+
+
 class EncoderDisc(NamedTuple):
     """A slotted disc. `edges`: angles in one turn (rad), rising and falling alternately.
 
@@ -85,16 +95,19 @@ class EncoderPin:
     """The edges of a disc with one channel on their way to the board."""
 
     __slots__ = (
+        "_bounce",
+        "_bounce_share",
         "_changes",
         "_disc",
+        "_doubled",
+        "_faults",
         "_is_missing",
         "_keeps_order",
+        "_missed",
         "_previous",
         "_rng",
         "counted_level",
-        "halved",
         "pending",
-        "silent",
     )
     taken_directions = ()
 
@@ -105,10 +118,18 @@ class EncoderPin:
         self.pending: deque[int] = deque()  # times of counted edges that `take` has not returned
         self._changes: deque[LevelChange] | None = None
         self._is_missing = False
-        self.halved = False  # every second slot gives no pulse
-        self.silent = False  # no slot gives one
         self._previous = -SCRATCH_INTERVAL_MAX  # ns, the last counted edge
-        self._keeps_order = not disc.doubled and disc.bounce_share >= 1.0
+        self.set_faults(PulseFaults())
+
+    def set_faults(self, faults: PulseFaults) -> None:
+        """What is wrong from now on, beside the properties of the disc."""
+        disc = self._disc
+        self._faults = faults
+        self._missed = max(disc.missed, faults.missed)
+        self._doubled = max(disc.doubled, faults.doubled)
+        self._bounce = max(disc.bounce, faults.bounce)
+        self._bounce_share = 1.0 if faults.bounce else disc.bounce_share
+        self._keeps_order = not self._doubled and self._bounce_share >= 1.0
 
     def watch(self, on: bool) -> None:
         """Start or stop collecting what `changes` returns."""
@@ -144,7 +165,8 @@ class EncoderPin:
         """Whether the slot of edge number `index` gives no pulse."""
         disc = self._disc
         is_covered = bool(disc.covered) and (index % len(disc.edges)) // 2 in disc.covered
-        return self.silent or is_covered or (self.halved and (index // 2) % 2 == 1)
+        faults = self._faults
+        return faults.silent or is_covered or (faults.halved and (index // 2) % 2 == 1)
 
     def is_needed(self, index: int, is_forward: bool) -> bool:
         """Whether the time of edge number `index` is needed: it counts, or the pin is watched."""
@@ -156,20 +178,20 @@ class EncoderPin:
         disc, rng, is_counted = self._disc, self._rng, level == self.counted_level
         if self._is_dark(index):
             return
-        if disc.missed:
+        if self._missed:
             if is_counted:
-                self._is_missing = rng.random() < disc.missed
+                self._is_missing = rng.random() < self._missed
             if self._is_missing:
                 return
         if disc.jitter:
             # A light barrier can only be late. A mean delay is the same for every edge.
             time += int(abs(rng.gauss(0.0, disc.jitter)) * SECOND)
         times = [time]
-        if disc.bounce and (disc.bounce_share >= 1.0 or rng.random() < disc.bounce_share):
-            window = disc.bounce * SECOND
+        if self._bounce and (self._bounce_share >= 1.0 or rng.random() < self._bounce_share):
+            window = self._bounce * SECOND
             times += sorted(time + int(rng.random() * window) for _ in range(BOUNCE_EDGES))
         if is_counted:
-            if disc.doubled and rng.random() < disc.doubled:
+            if self._doubled and rng.random() < self._doubled:
                 times.append(self._second_edge(time))
             self._previous = time
             self._add_pending(times)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from math import inf, pi
 from random import Random
 
-from diffbotctl.plant.encoder_disc import EncoderDisc, EncoderPin, LevelChange
+from diffbotctl.plant.encoder_disc import EncoderDisc, EncoderPin, LevelChange, PulseFaults
 from diffbotctl.plant.quadrature import TwoChannelPins
 
 
@@ -52,10 +52,10 @@ class EncoderWheel:
         """Ignore all edges from now on, for a run that looks at the truth alone."""
         self._previous_edge, self._next_edge = -inf, inf
 
-    def lose_slots(self, halved: bool, silent: bool) -> None:
-        """Lose every second slot from now on, or all, or none; no effect with two channels."""
+    def set_encoder_faults(self, faults: PulseFaults) -> None:
+        """What is wrong with its encoder from now on; no effect with two channels."""
         if isinstance(self._pins, EncoderPin):
-            self._pins.halved, self._pins.silent = halved, silent
+            self._pins.set_faults(faults)
 
     def watch(self, on: bool) -> None:
         """Start or stop collecting what `changes` returns."""

@@ -9,16 +9,18 @@ from __future__ import annotations
 
 from math import cos, exp, sin, sqrt
 from random import Random
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from diffbotctl.config.simulation import GyroTruth
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_states import GYRO_CAUSES
 from diffbotctl.links.diffbot_telemetry import TURN
 from diffbotctl.plant.chassis import Chassis
+from diffbotctl.plant.faults import ActiveFaults
 from diffbotctl.plant.imu_mounting import UP, Direction
 from diffbotctl.time import SECOND
 
+GyroFault = Literal["plain", "silent", "bus_held", "stuck"]
 WARM_TIME_S = 60.0  # time constant of its warming
 # A fault is noticed by the board after this time, which it takes to exclude a disturbance.
 NOTICED_AFTER = {"silent": 100_000_000, "bus_held": 100_000_000, "stuck": 260_000_000}
@@ -71,7 +73,18 @@ class SimulatedGyro:
         self._lift = _Lift(0, 0, (0.0, 0.0), (0.0, 0.0))
         self._lifting = (0.0, 0.0)  # rad/s, mean since the measurement before the last one
         self._rate = 0.0  # rad/s, the last one that was measured
-        self._fault_start = round(truth.fault_start * SECOND)
+        self._fault: GyroFault = "plain"
+        self._fault_start = 0
+        self._fault_bias, self.is_upside_down = 0.0, False
+
+    def set_faults(self, now: int, faults: ActiveFaults) -> None:
+        """What is wrong from `now` (ns) on."""
+        kinds: tuple[GyroFault, ...] = ("silent", "bus_held", "stuck")
+        active: GyroFault = next((kind for kind in kinds if faults.has(f"imu_{kind}")), "plain")
+        if active != self._fault:
+            self._fault, self._fault_start = active, now
+        self._fault_bias = sum(faults.sizes("imu_biased"))
+        self.is_upside_down = faults.has("imu_upside_down")
 
     def lift(self, now: int, front: float, left: float, seconds: float) -> None:
         """From `now` (ns) on a hand lifts front and left side of the robot to angles (rad)."""
@@ -94,11 +107,13 @@ class SimulatedGyro:
         self._motion = _Motion(now, chassis.heading, chassis.travel, speed)
         if not self._is_faulty(now):
             share = direction.up * self.scale if direction.up else sin(self._truth.tilt)
+            share = -share if self.is_upside_down else share
             aside, ahead = speed * turned / span, (speed - before.speed) / span
             self._rate = (
                 share * turned / span
                 + self._lifted(direction)
                 + self.bias
+                + self._fault_bias
                 + self._drift * (1.0 - exp(-now / SECOND / WARM_TIME_S))
                 + self._truth.acceleration_effect * (aside + ahead)
                 + self._truth.noise / sqrt(span) * self._rng.gauss(0.0, 1.0)
@@ -130,20 +145,19 @@ class SimulatedGyro:
 
     def fault(self, now: int) -> str:
         """Why the board does not trust it; empty when it does."""
-        kind = self._truth.fault
-        if kind == "plain" or now < self._noticed_at():
+        if self._fault == "plain" or now < self._noticed_at():
             return ""
-        return GYRO_CAUSES[FAULT_FLAGS[kind]]
+        return GYRO_CAUSES[FAULT_FLAGS[self._fault]]
 
     @property
-    def fault_kind(self) -> str:
+    def fault_kind(self) -> GyroFault:
         """The fault that has begun, or `plain`."""
-        return self._truth.fault if self._is_faulty(self._motion.time) else "plain"
+        return self._fault
 
     def _noticed_at(self) -> int:
         """A gyro that never worked was never trusted."""
-        delay = NOTICED_AFTER[self._truth.fault] if self._fault_start else 0
+        delay = NOTICED_AFTER[self._fault] if self._fault_start else 0
         return self._fault_start + delay
 
     def _is_faulty(self, now: int) -> bool:
-        return self._truth.fault != "plain" and now >= self._fault_start
+        return self._fault != "plain" and now >= self._fault_start

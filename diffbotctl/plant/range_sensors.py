@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from math import cos, inf, radians, sin
 from random import Random
+from typing import Literal
 
-from diffbotctl.config.simulation import EchoFault, SensorTruth
+from diffbotctl.config.simulation import SensorTruth
 from diffbotctl.geometry.distance_sensors import (
     ECHOES,
     RESIDUAL_VOLTS,
@@ -23,6 +24,7 @@ from diffbotctl.geometry.distance_sensors import (
 from diffbotctl.messages import Message, Range, Scan, Volts
 from diffbotctl.model.laser_scanners import LASER_SCANNERS, ScannerModel
 from diffbotctl.plant.chassis import Pose
+from diffbotctl.plant.faults import ActiveFaults
 from diffbotctl.plant.robot_parameters import MountedSensor
 from diffbotctl.plant.world import Wall, World
 from diffbotctl.time import NEVER, SECOND
@@ -86,16 +88,26 @@ ENDLESS_US, SILENT_US, NOTHING_US = 0xFFFF, 0, 60_000  # as the emulator takes t
 SHORTEST_US = 100  # the sensor detects nothing while its burst leaves
 
 
+EchoFault = Literal["plain", "silent", "endless", "stuck"]
+
+
 class EchoSensor:
     """One HC-SR04."""
 
     def __init__(self, kind: str, truth: SensorTruth, rng: Random) -> None:
         self.facts: EchoFacts = ECHOES[kind]
-        self.fault: EchoFault = truth.echo
+        self.fault: EchoFault = "plain"
+        self._stuck: float | None = None
         self._spread, self._rng = truth.echo_spread, rng
 
     def distance(self, world: World, pose: Pose) -> float:
         """Distance (m) of the nearest object in the cone, with noise; inf when there is none."""
+        if self.fault == "stuck" and self._stuck is not None:
+            return self._stuck
+        self._stuck = self._measured(world, pose)
+        return self._stuck
+
+    def _measured(self, world: World, pose: Pose) -> float:
         nearest = min(world.distance(pose.x, pose.y, pose.heading + ray) for ray in RAYS)
         if nearest == inf:
             return inf
@@ -103,7 +115,7 @@ class EchoSensor:
 
     def reading(self, now: int, world: World, pose: Pose) -> Range:
         """What a board makes of a measurement."""
-        if self.fault != "plain":
+        if self.fault in ("silent", "endless"):
             return Range(now, 0.0, "fault")
         distance = self.distance(world, pose)
         if distance == inf:
@@ -112,7 +124,7 @@ class EchoSensor:
 
     def echo_us(self, world: World, pose: Pose) -> int:
         """Length of the echo in us for an emulated board."""
-        if self.fault != "plain":
+        if self.fault in ("silent", "endless"):
             return ENDLESS_US if self.fault == "endless" else SILENT_US
         distance = self.distance(world, pose)
         if distance == inf:
@@ -135,10 +147,13 @@ class Scanner:
         """`spread`: standard deviation of a distance, m."""
         self.model, self._spread, self._rng = model, spread, rng
         self.due = model.period
+        self.is_zero = self.is_blocked = False
 
     def measure(self, world: World, x: float, y: float, heading: float) -> tuple[float, ...]:
         """Distances (m) seen from (x, y) in the world: inf when clear, 0 when too close."""
         self.due += self.model.period
+        if self.is_zero:
+            return (0.0,) * self.model.rays
         nearest, reach, spread = self.model.nearest, self.model.reach, self._spread
         gauss = self._rng.gauss
         distances = []
@@ -162,6 +177,8 @@ class RangeSensors:
     """
 
     __slots__ = (
+        "_held",
+        "_silent",
         "_turn",
         "echoes",
         "further",
@@ -186,6 +203,8 @@ class RangeSensors:
         self.further = further_sensors(kinds)
         """names of the sensors that the board measures in turn"""
         self._turn = 0
+        self._silent: set[str] = set()
+        self._held: dict[str, float] = {}  # V, of sensors that are stuck
         self.next_turn = TURN_TIME if self.further else NEVER
         # In an empty world a Sharp sensor never measures anything.
         self.next_sharp = NEVER if world.empty else self._next_sharp()
@@ -193,7 +212,33 @@ class RangeSensors:
 
     def volts(self, now: int) -> dict[str, float]:
         """The Sharp sensors' output voltages, by sensor name."""
-        return {mounting.name: sensor.output(now) for mounting, sensor in self.sharps}
+        return {
+            mounting.name: self._output(mounting.name, sensor, now)
+            for mounting, sensor in self.sharps
+        }
+
+    def _output(self, name: str, sensor: Sharp, now: int) -> float:
+        if name in self._silent:
+            return 0.0
+        return self._held[name] if name in self._held else sensor.output(now)
+
+    def set_faults(self, now: int, faults: ActiveFaults) -> None:
+        """What is wrong from `now` (ns) on."""
+        self._silent = {
+            each.name for each, _ in self.sharps if faults.of("range_silent", each.name)
+        }
+        self._held = {
+            each.name: self._held[each.name] if each.name in self._held else sensor.output(now)
+            for each, sensor in self.sharps
+            if faults.of("range_stuck", each.name)
+        }
+        kinds: tuple[EchoFault, ...] = ("silent", "endless", "stuck")
+        for name, (_, echo) in self.echoes.items():
+            active = (kind for kind in kinds if faults.of(f"range_{kind}", name))
+            echo.fault = next(active, "plain")
+        for _, scanner in self.scanners:
+            scanner.is_zero = faults.has("lidar_zero")
+            scanner.is_blocked = faults.has("lidar_blocked")
 
     def sharp_curves(self) -> dict[str, Callable[[float], float]]:
         """The voltage of each Sharp sensor at a distance (m), without noise."""
@@ -215,7 +260,7 @@ class RangeSensors:
             mounting, echo = self.echoes[name]
             return name, echo.reading(now, self.world, _sensor_pose(mounting, pose))
         sharp = next(sharp for mounting, sharp in self.sharps if mounting.name == name)
-        return name, Volts(now, sharp.output(now))
+        return name, Volts(now, self._output(name, sharp, now))
 
     def echo_us(self, name: str, pose: Pose) -> int:
         """Length of the echo of a sensor in us, for an emulated board."""
@@ -228,6 +273,8 @@ class RangeSensors:
         for mounting, scanner in self.scanners:
             if scanner.due <= now:
                 distances = scanner.measure(self.world, *_sensor_pose(mounting, pose))
+                if scanner.is_blocked:
+                    continue
                 scans.append((mounting.name, Scan(now, 0.0, scanner.model.ray_angle, distances)))
         self.next_scan = self._next_scan()
         return scans
@@ -238,7 +285,11 @@ class RangeSensors:
         x, y, bearing = _sensor_pose(mounting, pose)
         c, s = cos(bearing), sin(bearing)
         x, y, half = x + distance * c, y + distance * s, 0.5 * TARGET_WIDTH
-        self.world = World([Wall(x - half * s, y + half * c, x + half * s, y - half * c)])
+        self.set_world(now, World([Wall(x - half * s, y + half * c, x + half * s, y - half * c)]))
+
+    def set_world(self, now: int, world: World) -> None:
+        """Other obstacles from `now` (ns) on."""
+        self.world = world
         for _, sensor in self.sharps:
             sensor.catch_up(now)
         self.next_sharp = self._next_sharp()

@@ -130,6 +130,7 @@ class PlantParameters(NamedTuple):
     encoder_reversed: tuple[bool, bool] = (False, False)  # setting: two channels count down forward
     gyro_axes: Directions | None = None  # of the axes printed on the IMU; None: no IMU
     gyro_direction: Direction = UP  # of the axis that the settings state as up
+    front: float = 0.0  # m, from the middle of the axle to the front of the body
     is_upward_checked: bool = True  # setting: that axis is compared with gravity
 
 
@@ -187,6 +188,7 @@ def plant_parameters(
         gyro_axes=None if nominal.imu.type is None else axis_directions(upward),
         gyro_direction=axis_direction(robot.imu.axes, upward),
         is_upward_checked=is_upward_checked,
+        front=nominal.body.front,
         channels=_assignment(
             *(side.motor.enable or side.motor.in1 for side in (left, built.left, built.right))
         ),

@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from math import copysign
+from math import copysign, cos, pi, sin
 from random import Random
 from typing import NamedTuple
 
@@ -13,20 +13,24 @@ from diffbotctl.links.diffbot_states import GYRO_CAUSES
 from diffbotctl.messages import Battery, Duty, Encoders, Message, Odometry, Volts, Wheels
 from diffbotctl.plant.battery import read_analog
 from diffbotctl.plant.chassis import Pose
-from diffbotctl.plant.components import DisturbanceSchedule, draw_components
+from diffbotctl.plant.components import draw_components
 from diffbotctl.plant.drive_train import Wheel
 from diffbotctl.plant.encoder_disc import LevelChange
+from diffbotctl.plant.faults import Fault, FaultSchedule
 from diffbotctl.plant.gyro import SimulatedGyro
 from diffbotctl.plant.imu_mounting import UP
 from diffbotctl.plant.motor_bridge import BridgeHeat
+from diffbotctl.plant.own_plant import OwnDrive
 from diffbotctl.plant.robot_parameters import PlantParameters, board_kind, plant_parameters
 from diffbotctl.plant.simulated_board import BOARD_MODELS, JITTER_MAX_SD, BoardKind, SimulatedBoard
 from diffbotctl.plant.wiring import PlantWiring
-from diffbotctl.plant.world import World
+from diffbotctl.plant.world import Pillar, World
+from diffbotctl.time import SECOND
 
 NO_COVARIANCE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # of a pose that is known exactly
 BATTERY_PERIOD = 2_000_000_000  # ns between two battery messages
 CAPTURE_RESOLUTION = 64_000  # ns, of the board's times of captured edges
+OBSTACLE_RADIUS = 0.1  # m, of one that appears
 ROLL_PERIOD = 20_000_000  # ns between two arcs of the chassis: 6 mm at 0.3 m/s, 0.08 rad at 4 rad/s
 
 
@@ -85,7 +89,9 @@ class SimulatedRobot:
         # A generator of its own: a robot is the same with and without an IMU.
         self.gyro = None if parameters.gyro_axes is None else _draw_gyro(simulation, rng)
         self._battery = components.battery
-        self._disturbances = DisturbanceSchedule(simulation.disturbances)
+        self.faults = _draw_faults(simulation, rng)
+        self._built_world, self._appeared = self._sensors.world, dict[Fault, Pillar]()
+        self._pushed_at = 0  # ns
         self.button_pressed = False
         self.board = self._new_board(0)
         if not parameters.has_encoders:
@@ -105,6 +111,17 @@ class SimulatedRobot:
         self._next_frame = model.period
         self._shown_side = 1  # whose level was in the last frame: 0 left, 1 right
         self._arriving: deque[tuple[int, str, Message]] = deque()
+        self._late: deque[tuple[int, str, Message]] = deque()
+
+    @property
+    def world(self) -> World:
+        """The obstacles around it now."""
+        return self._sensors.world
+
+    @property
+    def has_contact(self) -> bool:
+        """Whether a plant of one's own reports contact; the shipped ones drive through walls."""
+        return isinstance(self.drive, OwnDrive) and self.drive.last.has_contact
 
     @property
     def wheels(self) -> Sequence[Wheel]:
@@ -156,21 +173,21 @@ class SimulatedRobot:
         """Let time pass until `until`."""
         if until <= self.now:
             return
-        board, sensors, disturbances = self.board, self._sensors, self._disturbances
-        rare = min(sensors.next_sharp, sensors.next_scan, sensors.next_turn, disturbances.due)
+        board, sensors, faults = self.board, self._sensors, self.faults
+        rare = min(sensors.next_sharp, sensors.next_scan, sensors.next_turn, faults.due)
         while True:
             at = min(self._next_roll, self._next_frame, board.due, rare)
             if at > until:
                 break
             self._turn_wheels(at)
-            if at == disturbances.due:
-                self._disturb(at)
+            if at == faults.due:
+                self._begin_and_end_faults(at)
             if at == board.due:
                 board.serve(at)
                 self._update_motor_duties()
             if at == self._next_roll:
                 self._next_roll += ROLL_PERIOD
-                self._roll()
+                self._roll(at)
                 self._heat_bridge(at)
             if at == rare:
                 if at == sensors.next_sharp:
@@ -179,9 +196,7 @@ class SimulatedRobot:
                     self._scan(at)
                 if at == sensors.next_turn:
                     self._measure_in_turn(at)
-                rare = min(
-                    sensors.next_sharp, sensors.next_scan, sensors.next_turn, disturbances.due
-                )
+                rare = min(sensors.next_sharp, sensors.next_scan, sensors.next_turn, faults.due)
             if at == self._next_frame:
                 self._next_frame += self._model.period
                 self._send_frame(at)
@@ -191,6 +206,9 @@ class SimulatedRobot:
     def deliver(self) -> list[tuple[str, Message]]:
         """(port, message) of what has arrived at the host by now, in order."""
         arrived = []
+        while self._late and self._late[0][0] <= self.now:
+            _, port, message = self._late.popleft()
+            arrived.append((port, message))
         while self._arriving and self._arriving[0][0] <= self.now:
             _, port, message = self._arriving.popleft()
             arrived.append((port, message))
@@ -198,7 +216,8 @@ class SimulatedRobot:
 
     def command(self, now: int, command: Wheels | Duty) -> None:
         """The host sends `command` at `now`. Raises TypeError where the board takes the other."""
-        self.board.command(now, command)
+        if not self.faults.loses():
+            self.board.command(now + self.faults.delay(), command)
 
     def capture(self, on: bool) -> None:
         """Start or stop collecting all changes of the encoders' pins in `captured_edges`."""
@@ -231,8 +250,8 @@ class SimulatedRobot:
         Returns the changes of the encoders' pins, in order: `capture` must be on. For a board that
         is not simulated here; not to be mixed with `advance`.
         """
-        if self.now >= self._disturbances.due:
-            self._disturb(self.now)
+        if self.now >= self.faults.due:
+            self._begin_and_end_faults(self.now)
         if shorted is None:
             self._short_between(left, right)
         else:
@@ -369,10 +388,17 @@ class SimulatedRobot:
         changes = self.wheels[number].changes(until)
         return changes if pickup is None else pickup.changes(until)
 
-    def _roll(self) -> None:
-        """Move the chassis to the wheels' angles, within the world's field."""
+    def _roll(self, now: int | None = None) -> None:
+        """Move the chassis to the wheels' angles, and as it is pushed, within the world's field."""
         left, right = self.wheels
         self.chassis.roll(left.angle, right.angle)
+        now = self.now if now is None else now
+        push = self.faults.active.pushes() if self.faults.faults else 0.0
+        if push:
+            aside = push * (now - self._pushed_at) / SECOND
+            self.chassis.x -= aside * sin(self.chassis.heading)
+            self.chassis.y += aside * cos(self.chassis.heading)
+        self._pushed_at = now
         if self._sensors.world.field is not None:
             pose = self.pose_in_world()
             inside = self._sensors.world.kept(pose.x, pose.y)
@@ -388,18 +414,43 @@ class SimulatedRobot:
         if self.gyro is not None:
             self.gyro.put_down(self.chassis.heading)
 
-    def _disturb(self, now: int) -> None:
-        """Begin and end the disturbances that are due."""
-        state = self._disturbances.update(now)
-        self._battery.supply = state.supply
-        self.drive.set_drag(state.left_drag, state.right_drag)
-        self.chassis.slide(state.left_slide, state.right_slide)
-        left, right = self.wheels
-        left.lose_slots(state.left_halved, state.left_silent)
-        right.lose_slots(state.right_halved, state.right_silent)
-        self.button_pressed = state.button and self.parameters.has_button
+    def _begin_and_end_faults(self, now: int) -> None:
+        """Begin and end the faults that are due."""
+        self._roll(now)  # with the pushes until now
+        active, truth = self.faults.update(now), self.simulation
+        self._battery.supply = active.supply()
+        self._battery.sag = active.largest("battery_sag", truth.battery.sag)
+        self.drive.set_drag(*active.drags())
+        self.drive.set_raised(active.has("wheel_lifted", 0) and active.has("wheel_lifted", 1))
+        self.chassis.slide(*active.slides())
+        self.chassis.slip(*(active.largest("wheel_slip", truth.slip, side) for side in (0, 1)))
+        for side, wheel in enumerate(self.wheels):
+            wheel.set_encoder_faults(active.encoder(side))
+        self._wiring.set_faults(now, active)
+        self._sensors.set_faults(now, active)
+        if self.gyro is not None:
+            self.gyro.set_faults(now, active)
+        self._change_surroundings(now)
+        if self.faults.beginning("board_reset", now):
+            self.restart_board(self.parameters)
+        self.button_pressed = active.has("stop_button") and self.parameters.has_button
         self.board.press(now, self.button_pressed)
         self._update_motor_duties()
+
+    def _change_surroundings(self, now: int) -> None:
+        """Put the robot elsewhere, and an obstacle before it or away."""
+        for fault in self.faults.beginning("robot_moved", now):
+            rng, pose = self.faults.rng, self.pose_in_world()
+            bearing, heading = rng.uniform(-pi, pi), rng.uniform(-pi, pi)
+            x, y = pose.x + fault.size * cos(bearing), pose.y + fault.size * sin(bearing)
+            self.teleport(x, y, heading)
+        for fault in self.faults.beginning("obstacle_appears", now):
+            ahead = self.parameters.front + fault.size + OBSTACLE_RADIUS
+            at = self.pose_in_world().to_parent(Pose(ahead))
+            self._appeared[fault] = Pillar(at.x, at.y, OBSTACLE_RADIUS)
+        pillars = [pillar for fault, pillar in self._appeared.items() if now < fault.end]
+        if self._appeared:
+            self._sensors.set_world(now, self._built_world.with_pillars(pillars))
 
     def _update_motor_duties(self) -> None:
         (a, b), sides = self.parameters.channels, self.board.sides
@@ -458,8 +509,12 @@ class SimulatedRobot:
         if model.stamp_jitter:
             deviation = self._rng.gauss(0.0, 1.0)
             late = int(min(max(deviation, -JITTER_MAX_SD), JITTER_MAX_SD) * model.stamp_jitter)
-        arrival = now + model.frame_delay + late
+        arrival = now + model.frame_delay + late + self.faults.delay()
+        if self._arriving:
+            arrival = max(arrival, self._arriving[-1][0])
         frame = self._with_shown_side(self._with_turn(self.board.sample(now)))
+        if self.faults.loses():
+            return
         if late:  # the driver dates a frame by its arrival, less the usual delay
             frame = frame._replace(time=now + late)
         self._arriving.append((arrival, "encoders", frame))
@@ -502,7 +557,8 @@ class SimulatedRobot:
         direction = self.parameters.gyro_direction
         self.gyro.measure(frame.time, self.chassis, direction)
         fault = self.gyro.fault(frame.time)
-        if self.parameters.is_upward_checked and direction != UP:
+        is_upward = direction == UP and not self.gyro.is_upside_down
+        if self.parameters.is_upward_checked and not is_upward:
             fault = fault or GYRO_CAUSES[FLAG_GYRO_GRAVITY]
         return frame._replace(turn=self.gyro.reported(), turn_fault=fault)
 
@@ -528,8 +584,9 @@ class SimulatedRobot:
     def _scan(self, now: int) -> None:
         """Put the scans of every scanner whose turn ends at `now` on their way to the host."""
         self._roll()
+        late = round(self.faults.active.largest("lidar_late") * SECOND)
         for name, scan in self._sensors.scan(now, self.pose_in_world()):
-            self._add_arriving(now, name, scan)
+            self._add_arriving(now, name, scan, late)
 
     def _measure_in_turn(self, now: int) -> None:
         """Let the sensor measure whose turn it is, and put the result on its way to the host.
@@ -541,8 +598,14 @@ class SimulatedRobot:
         if self._model.has_speed_loop:
             self._add_arriving(now, name, message)
 
-    def _add_arriving(self, now: int, name: str, message: Message) -> None:
-        """Put a message behind what already waits, so that messages arrive in order."""
+    def _add_arriving(self, now: int, name: str, message: Message, late: int = 0) -> None:
+        """Put a message behind what already waits, so that messages arrive in order.
+
+        One that is `late` (ns) waits apart until then.
+        """
+        if late:
+            self._late.append((now + late, name, message))
+            return
         waiting = [arrival for arrival, _, _ in self._arriving]
         arrival = max([now + self._model.frame_delay, *waiting])
         self._arriving.append((arrival, name, message))
@@ -553,6 +616,14 @@ def _draw_gyro(simulation: Simulation, rng: Random) -> SimulatedGyro:
     gyro = SimulatedGyro(simulation.gyro, Random(rng.getrandbits(64)))
     rng.setstate(state)
     return gyro
+
+
+def _draw_faults(simulation: Simulation, rng: Random) -> FaultSchedule:
+    """The robot is the same with and without faults."""
+    state = rng.getstate()
+    faults = FaultSchedule(simulation.faults, Random(rng.getrandbits(64) ^ 1))
+    rng.setstate(state)
+    return faults
 
 
 def _start_pose(simulation: Simulation) -> Pose:

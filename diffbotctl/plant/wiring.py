@@ -6,6 +6,7 @@ from random import Random
 
 from diffbotctl.config.simulation import WiringTruth
 from diffbotctl.plant.encoder_disc import LevelChange
+from diffbotctl.plant.faults import ActiveFaults
 from diffbotctl.plant.robot_parameters import PlantParameters
 
 MAINS_PERIOD = 20_000_000  # ns; 50 Hz
@@ -55,17 +56,42 @@ class PlantWiring:
     `pickups`: by wheel, the signal on the wire of an encoder that does not work.
     """
 
-    __slots__ = ("_parameters", "_wiring", "outputs", "pickups", "pins", "wheels_at")
+    __slots__ = (
+        "_built_pickups",
+        "_faults",
+        "_parameters",
+        "_wiring",
+        "outputs",
+        "pickups",
+        "pins",
+        "wheels_at",
+    )
 
     def __init__(self, wiring: WiringTruth, parameters: PlantParameters, rng: Random) -> None:
-        self._wiring = wiring
-        self.pickups = _pickups(wiring, rng)
+        self._wiring, self._faults = wiring, ActiveFaults()
+        self.pickups = self._built_pickups = _pickups(wiring, rng)
         self.set_board(parameters)
+
+    def set_faults(self, now: int, faults: ActiveFaults) -> None:
+        """What is wrong from `now` (ns) on, beside the wires as they were built."""
+        self._faults = faults
+        pickups = dict(self._built_pickups)
+        for wheel in (0, 1):
+            kept = self.pickups.get(wheel)
+            for kind, rng in (
+                ("encoder_dead", None),
+                ("encoder_floating", Random(f"pickup {wheel}")),
+            ):
+                if faults.has(kind, wheel):
+                    pickups[wheel] = kept or MainsPickup(rng)
+                    pickups[wheel].changes(now)  # what was before has not been picked up
+        self.pickups = pickups
+        self.set_board(self._parameters)
 
     def set_board(self, parameters: PlantParameters) -> None:
         """Update what depends on the board's settings; the wires stay."""
         self._parameters = parameters
-        self.outputs = _outputs(self._wiring, parameters)
+        self.outputs = _with_faults(_outputs(self._wiring, parameters), self._faults)
         self.pins = (self._pin(0, parameters), self._pin(1, parameters))
         self.wheels_at = tuple(
             next((wheel for wheel in (0, 1) if self.pins[wheel] == side), None) for side in (0, 1)
@@ -73,7 +99,8 @@ class PlantWiring:
 
     def socket(self, wheel: int) -> int:
         """The socket that the encoder of `wheel` is plugged into: 0 stated for left, 1 right."""
-        return 1 - wheel if self._wiring.encoders == "swapped" else wheel
+        is_crossed = self._wiring.encoders == "swapped"
+        return 1 - wheel if is_crossed != self._faults.has("encoders_exchanged") else wheel
 
     def channel(self, wheel: int, channel: int) -> int:
         """The input (0 for A, 1 for B) that this channel of a wheel's encoder is connected to."""
@@ -85,7 +112,7 @@ class PlantWiring:
 
     def _exchanged(self, wheel: int) -> bool:
         wiring = self._wiring.right_encoder if wheel else self._wiring.left_encoder
-        return wiring == "exchanged"
+        return (wiring == "exchanged") != self._faults.has("encoder_reversed", wheel)
 
     def _pin(self, wheel: int, parameters: PlantParameters) -> int | None:
         socket = self.socket(wheel)
@@ -103,6 +130,20 @@ def _outputs(wiring: WiringTruth, parameters: PlantParameters) -> tuple[MotorRow
         side = parameters.channels[output]
         matrix[motor][output] = -sign if parameters.reversed[side] else sign
     return (matrix[0][0], matrix[0][1]), (matrix[1][0], matrix[1][1])
+
+
+def _with_faults(
+    outputs: tuple[MotorRow, MotorRow], faults: ActiveFaults
+) -> tuple[MotorRow, MotorRow]:
+    """The matrix with motors that are dead, reversed or exchanged."""
+    rows = list(outputs)
+    if faults.has("motors_exchanged"):
+        rows.reverse()
+    for motor, (left, right) in enumerate(rows):
+        factor = -1.0 if faults.has("motor_reversed", motor) else 1.0
+        factor *= not faults.has("motor_dead", motor)
+        rows[motor] = (factor * left, factor * right)
+    return rows[0], rows[1]
 
 
 def _pickups(wiring: WiringTruth, rng: Random) -> dict[int, MainsPickup]:

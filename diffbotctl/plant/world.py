@@ -1,5 +1,7 @@
 """Walls and round obstacles around the simulated robot, and ray casting. Metres."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from math import asin, atan2, ceil, cos, floor, hypot, inf, pi, sin, sqrt
 from typing import NamedTuple
@@ -47,6 +49,12 @@ class World:
                 Wall(right, top, 0.0, top),
                 Wall(0.0, top, 0.0, 0.0),
             )
+
+    def with_pillars(self, pillars: Sequence[Pillar]) -> World:
+        """The same with further round obstacles."""
+        world = World(self.walls, [*self.pillars, *pillars])
+        world.field = self.field  # whose walls are among them already
+        return world
 
     @property
     def empty(self) -> bool:

@@ -28,7 +28,7 @@ include: book_2wd
 board: {{telemetry: 30 Hz}}
 imu: {{type: {type}, axes: {axes}}}
 drive: {{polarity: {polarity}}}
-simulation: {{geometry: {{{geometry}}}, gyro: {{{gyro}}}, wiring: {{{wiring}}}}}
+simulation: {{geometry: {{{geometry}}}, gyro: {{{gyro}}}, wiring: {{{wiring}}}, faults: [{faults}]}}
 calibration: {{}}
 """
 ANSWERS = """\
@@ -41,7 +41,7 @@ geometry: {measure: tape, noise: 1 mm}
 def opened(tmp_path):
     def open_one(port="sim", seed=1, **values):
         usual = {"type": "mpu6050", "axes": "z", "polarity": "checked_by_hand"}
-        values = usual | {"geometry": "", "gyro": "", "wiring": ""} | values
+        values = usual | {"geometry": "", "gyro": "", "wiring": "", "faults": ""} | values
         robot, answers = tmp_path / "robot.yaml", tmp_path / "answers.yaml"
         robot.write_text(ROBOT.format(**values))
         answers.write_text(ANSWERS)
@@ -225,7 +225,7 @@ def test_a_robot_without_an_imu_does_not_move(opened):
 
 
 def test_a_gyro_that_fails_in_the_turns_gives_no_scale_and_the_robot_stands(opened):
-    session, prompter, _ = opened(gyro="fault: stuck, fault_start: 20 s")
+    session, prompter, _ = opened(faults="{fault: imu_stuck, at: 20 s}")
     with session:
         with pytest.raises(RunError) as error:
             run_step(make_step("imu"), session, prompter, SilentScreen())

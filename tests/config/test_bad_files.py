@@ -19,6 +19,10 @@ NOT_FROM_FILES = {
     "E-BLOCK-IMPORT",
     "E-BLOCK-RAISED",
     "E-BLOCK-OUTPUT",  # found while it runs
+    "E-TRIALS",  # of a file of trials, as the next two
+    "E-TRIALS-BASELINE",
+    "E-TRIALS-LONG",
+    "E-TRIALS-ONLY",
     "E-WATCHDOG",  # found while it runs
     "E-BUSY",
     "E-CALIBRATION-SIMULATED",  # of a real robot

@@ -116,7 +116,7 @@ def test_random_inputs_to_every_part():
 
 @pytest.mark.parametrize("slots", [8, 20, 375, 4096, 16_384])
 @pytest.mark.parametrize("seed", range(3))
-def test_the_plant_models_the_speed_loop(seed, slots):
+def test_the_physics_models_the_speed_loop(seed, slots):
     """The same edges and commands at the same times: equal within fixed-point rounding.
 
     The wheel follows a target of its own, stands at times, and turns too slowly at others.

@@ -10,10 +10,11 @@ from diffbotctl.config.load import load_robot
 from diffbotctl.config.simulation import GyroTruth
 from diffbotctl.links.diffbot_telemetry import TURN
 from diffbotctl.messages import Encoders, Wheels
+from diffbotctl.plant.faults import ActiveFaults, Fault
 from diffbotctl.plant.gyro import SimulatedGyro
 from diffbotctl.plant.imu_mounting import axis_direction, axis_directions
 from diffbotctl.plant.simulated_robot import draw_robot
-from diffbotctl.time import MILLISECOND, SECOND
+from diffbotctl.time import MILLISECOND, NEVER, SECOND
 
 IDEAL = {
     "scale_spread": 0.0,
@@ -82,7 +83,9 @@ def test_the_board_reports_whole_units():
 
 
 def test_a_failure_is_reported_after_the_board_has_noticed_it():
-    gyro = SimulatedGyro(truth_of(fault="stuck", fault_start=1.0), Random(1))
+    gyro = SimulatedGyro(truth_of(), Random(1))
+    stuck = Fault("imu_stuck", SECOND, NEVER, (True, True), 0.0)
+    gyro.set_faults(SECOND, ActiveFaults([stuck]))
     assert turned(gyro, 2.0, radians(10.0)) == pytest.approx(radians(20.0), abs=0.005)
     assert gyro.fault(SECOND) == ""
     assert gyro.fault(3 * SECOND // 2) == "the rate that the IMU measures does not change"

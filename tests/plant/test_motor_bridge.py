@@ -7,8 +7,9 @@ from random import Random
 
 import pytest
 
+from diffbotctl.config.faults import FaultEntry
 from diffbotctl.config.motor_drivers import MOTOR_DRIVERS
-from diffbotctl.config.simulation import BatteryTruth, Disturbance, MotorTruth
+from diffbotctl.config.simulation import BatteryTruth, MotorTruth
 from diffbotctl.messages import Duty
 from diffbotctl.plant.battery import RecoveringBattery
 from diffbotctl.plant.motor_bridge import (
@@ -150,7 +151,7 @@ def test_a_blocked_robot_loses_its_motors_for_a_while(equations):
         "stock",
         equations=equations,
         motor=MotorTruth(gain_spread=0.0, ripple=0.0),
-        disturbances=[Disturbance(left_drag=5.0)],
+        faults=[FaultEntry(fault="wheel_blocked", side="left")],
         machine={"bridge": hot, "shorted_between": 1.0},
     )
     driven(made, 3.0, 1.0, 1.0, Duty)

@@ -55,7 +55,8 @@ def test_four_sensors_by_name(make):
 @DRIVERS
 @pytest.mark.parametrize("fault", ["silent", "endless"])
 def test_a_faulty_sensor_is_reported_and_the_others_go_on(make, fault):
-    deliveries = delivered(make, f"robot.simulation.sensors.front.echo={fault}")
+    faults = f"[{{fault: range_{fault}, sensor: front}}]"
+    deliveries = delivered(make, f"robot.simulation.faults={faults}")
     readings = [each.message for each in deliveries if each.wire == "robot.front"]
     assert readings and {each.state for each in readings} == {"fault"}
     assert last(deliveries, "left").state == "measured"

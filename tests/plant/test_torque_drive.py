@@ -5,8 +5,10 @@ from random import Random
 
 import pytest
 
-from diffbotctl.config.simulation import BatteryTruth, Disturbance, EncoderTruth, MotorTruth
+from diffbotctl.config.faults import FaultEntry
+from diffbotctl.config.simulation import BatteryTruth, EncoderTruth, MotorTruth
 from diffbotctl.messages import Duty
+from diffbotctl.params import Spread
 from diffbotctl.plant.battery import RecoveringBattery
 from diffbotctl.plant.encoder_disc import EncoderDisc
 from diffbotctl.plant.torque_drive import (
@@ -129,9 +131,10 @@ def test_a_drawn_motor_reaches_the_stated_speed_at_full_duty(seed):
 
 
 @pytest.mark.parametrize("equations", ["exponential", "torque"])
-def test_a_disturbance_blocks_one_wheel_for_its_time(equations):
-    blocked = Disturbance(start=1.0, end=2.0, left_drag=2.0)
-    made = robot("stock", equations=equations, disturbances=[blocked])
+def test_a_fault_blocks_one_wheel_for_its_time(equations):
+    second = Spread(1.0, 1.0)
+    blocked = FaultEntry(fault="wheel_blocked", at=second, duration=second, side="left")
+    made = robot("stock", equations=equations, faults=[blocked])
     speeds = []
     for second in range(1, 4):
         driven(made, second, 0.6, 0.6, Duty)

@@ -25,7 +25,8 @@ board: {{telemetry: 29 Hz}}
 imu: {{type: {type}, axes: {axes}}}
 drive: {{polarity: checked_by_hand}}
 simulation:
-  gyro: {{scale_spread: 0, tilt: 0 rad, fault: {fault}, fault_start: {start} s, axes: {true}}}
+  gyro: {{scale_spread: 0, tilt: 0 rad, axes: {true}}}
+  faults: [{fault}]
 calibration: {{imu.scale: {{value: 1.0, sd: 0.003}}}}
 """
 UNO = "tests/support/uno.yaml"
@@ -61,7 +62,8 @@ def drive(tmp_path, request):
         file = tmp_path / "robot.yaml"
         if include == UNO:
             include = str(request.config.rootpath / UNO)
-        values = {"include": include, "axes": axes, "fault": fault, "start": start, "type": type}
+        fault = "" if fault == "plain" else f"{{fault: imu_{fault}, at: {start} s}}"
+        values = {"include": include, "axes": axes, "fault": fault, "type": type}
         values["true"] = true
         file.write_text(ROBOT.format(**values))
         options = RunOptions(port=port, goals=(goal,), seed=seed, fast=True, duration=60 * SECOND)
@@ -191,7 +193,7 @@ def test_an_imu_and_two_distance_sensors_have_29_hz_at_9600_baud(tmp_path):
     """The check computes what fits, and 29 Hz do."""
     file = tmp_path / "robot.yaml"
     sensors = "sensors: {side: {type: hc_sr04, trigger: 24, echo: 50, at: {heading: 90 deg}}}\n"
-    values = {"include": "book_2wd", "axes": "z", "fault": "plain", "start": 0, "true": "none"}
+    values = {"include": "book_2wd", "axes": "z", "fault": "", "true": "none"}
     text = ROBOT.format(type="mpu6050", **values) + sensors
     file.write_text(text)
     assert not [problem for problem in check(str(file)) if "LINK" in problem.code]

@@ -8,9 +8,10 @@ from diffbotctl.config.load import check, load
 from diffbotctl.messages import Goal
 from diffbotctl.plant.simulated_robot import draw_robot
 from diffbotctl.time import SECOND
+from diffbotctl.trials.random_robots import draw_design, yaml_text
 from tests.sampling import by_day, each_once
-from tests.support.matrix_case import Case, run_case, set_up, yaml_text
-from tests.support.random_robots import PERTURBATIONS, draw_design
+from tests.support.matrix_case import Case, run_case, set_up
+from tests.support.random_robots import PERTURBATIONS
 from tests.support.true_pose_controller import TruePoseController
 
 

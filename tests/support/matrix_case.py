@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from math import cos, hypot, pi, sin, sqrt
 from pathlib import Path
 from random import Random
@@ -19,13 +18,9 @@ from diffbotctl.runs.build_graph import wires_of
 from diffbotctl.runs.options import RunOptions, RunResult
 from diffbotctl.runs.run import Run
 from diffbotctl.time import SECOND
+from diffbotctl.trials.random_robots import RobotDesign, draw_design, yaml_text
 from tests.support.nominal_calibration import calibrate
-from tests.support.random_robots import (
-    ENCODER_FAULTS,
-    PERTURBATIONS,
-    RobotDesign,
-    draw_design,
-)
+from tests.support.random_robots import ENCODER_FAULTS, PERTURBATIONS
 from tests.support.true_pose_controller import TruePoseController
 
 EQUATIONS = {1: "exponential", 2: "torque"}
@@ -144,9 +139,8 @@ def set_up(case: Case, folder: Path) -> CaseSetting:
     file.write_text(yaml_text(tree))
     configuration = load("goal", str(file), sets)
     assert configuration.robot is not None
-    disturbances = simulation.get("disturbances", [])
-    keys = (key.split("_") for one in disturbances for key in one)
-    sides = {key[0] for key in keys if key[-1] in ("drag", "halved", "silent")}
+    faults = simulation.get("faults", [])
+    sides = {fault["side"] for fault in faults if "side" in fault}
     wheel = sides.pop() if len(sides) == 1 else ""
     return CaseSetting(
         configuration,
@@ -154,7 +148,7 @@ def set_up(case: Case, folder: Path) -> CaseSetting:
         _draw_goal(configuration.robot, design, rng),
         design.tolerances,
         plant_seed,
-        min((one["start"] for one in disturbances), default=0.0),
+        min((fault["at"] for fault in faults), default=0.0),
         perturbation.fatal,
         wheel,
     )
@@ -356,29 +350,3 @@ def _ignore(text: str) -> None:
 
 def _copied(tree: dict[str, Any]) -> dict[str, Any]:
     return {key: dict(value) if isinstance(value, dict) else value for key, value in tree.items()}
-
-
-def yaml_text(tree: dict[str, Any]) -> str:
-    """`tree` as a file that a person could have written."""
-    return "\n".join(_yaml_lines(tree, "")) + "\n"
-
-
-def _yaml_lines(tree: dict[str, Any], indent: str) -> Iterator[str]:
-    for key, value in tree.items():
-        if isinstance(value, dict) and any(isinstance(inner, dict) for inner in value.values()):
-            yield f"{indent}{key}:"
-            yield from _yaml_lines(value, indent + "  ")
-        else:
-            yield f"{indent}{key}: {_flow(value)}"
-
-
-def _flow(value: Any) -> str:
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{key}: {_flow(inner)}" for key, inner in value.items()) + "}"
-    if isinstance(value, list):
-        return "[" + ", ".join(_flow(inner) for inner in value) + "]"
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, float):
-        return f"{value:.10f}".rstrip("0") if abs(value) > 1e-9 else "0.0"
-    return str(value)

@@ -21,7 +21,7 @@ include: book_2wd
 board: {telemetry: 30 Hz}
 imu: {type: mpu6050}
 drive: {polarity: checked_by_hand}
-simulation: {gyro: {fault: stuck, fault_start: 3 s}}
+simulation: {faults: [{fault: imu_stuck, at: 3 s}]}
 """
 
 

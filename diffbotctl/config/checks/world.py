@@ -22,7 +22,7 @@ RANGES = (("simulation", "motor", "lag"), ("simulation", "motor", "start_duty"))
 
 
 def check_ranges(context: CheckContext) -> None:
-    """Refuse a range, or a time, of the simulated robot that ends before it begins."""
+    """Refuse a range of the simulated robot that ends before it begins."""
     for path in RANGES:
         values, value = context.values(".".join(path)), context.robot_value(*path)
         if values is None or value is None or len(values[0]) != 2 or None in values[0]:
@@ -32,15 +32,6 @@ def check_ranges(context: CheckContext) -> None:
             first, second = (item.text for item in value.items)
             cause = f"the range {path[-1]} begins at {first} and ends at {second}"
             context.error("E-RANGE", value.place, cause, f"write [{second}, {first}]")
-    disturbances = context.values("simulation.disturbances")
-    places = context.robot_value("simulation", "disturbances")
-    for entry, value in zip(
-        disturbances[0] if disturbances else (), places.items if places else (), strict=False
-    ):
-        if entry is None or None in (entry.start, entry.end) or entry.start < entry.end:
-            continue
-        cause = f"this begins at {entry.start:g} s and ends at {entry.end:g} s: it has no effect"
-        context.error("E-RANGE", value.place, cause, "end must be after start")
 
 
 def check_slip(context: CheckContext) -> None:
@@ -233,9 +224,9 @@ def goal_problems(
 
 
 def typed_goal_problems(
-    configuration: Configuration, text: str, x: float, y: float, is_simulated: bool
+    configuration: Configuration, place: Place | str, x: float, y: float, is_simulated: bool
 ) -> list[Problem]:
-    """As `goal_problems`, of a goal that was typed as `text` for a checked configuration."""
+    """As `goal_problems`, of a goal that was given at `place` for a checked configuration."""
     robot, world = configuration.robot, configuration.world
     room = None
     if robot is not None and is_simulated:
@@ -244,7 +235,7 @@ def typed_goal_problems(
             walls = [(*wall.start, *wall.end) for wall in world.walls]
             rounds = [(*obstacle.at, obstacle.radius) for obstacle in world.obstacles]
             room = StandingRoom(walls, rounds, robot.body.width)
-    return list(goal_problems(text, x, y, room))
+    return list(goal_problems(place, x, y, room))
 
 
 def check_body(context: CheckContext) -> None:

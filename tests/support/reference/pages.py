@@ -12,9 +12,11 @@ from diffbotctl.block import Every, In, action_arguments, actions, inputs, outpu
 from diffbotctl.codes import code_texts
 from diffbotctl.config import registry
 from diffbotctl.config.configuration import Pipeline
+from diffbotctl.config.faults import FAULTS
 from diffbotctl.config.motor_drivers import MOTOR_DRIVERS
 from diffbotctl.config.robot import Robot
-from diffbotctl.params import Declaration, Section, declared, with_unit
+from diffbotctl.params import Declaration, Section, Spread, declared, with_unit
+from diffbotctl.trials.sections import Trials
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "reference.md"
 
@@ -24,7 +26,9 @@ def page() -> str:
     parts = ["# Reference", "Made from the declarations in the code; do not edit."]
     parts += ["## Robot files", *section(Robot, "")]
     parts += ["## Motor drivers", motor_drivers()]
+    parts += ["## Faults", faults()]
     parts += ["## Pipeline files", *section(Pipeline, "")]
+    parts += ["## Files of trials", *section(Trials, "")]
     parts += ["## Blocks", *blocks(), "## Drivers", *drivers()]
     parts += ["## Messages", *kinds(), "## Codes", *codes()]
     return "\n\n".join(parts) + "\n"
@@ -86,9 +90,34 @@ def motor_drivers() -> str:
     return "\n".join(lines)
 
 
+def faults() -> str:
+    """Every fault of a simulated robot, with its size."""
+    lines = [
+        "`simulation.faults` of a robot file and `faults` of a file of trials are lists of them:",
+        "`{fault: wheel_drag, at: 2 s, for: 1 s, side: left, size: 0.2}`. A range `[low, high]` is",
+        "drawn by the seed of the run.",
+        "",
+        "| `fault` | what goes wrong | `side` | `size` | usual | bounds |",
+        "|---|---|---|---|---|---|",
+    ]
+    for name, kind in FAULTS.items():
+        side, size = "yes" if kind.has_side else "", kind.size
+        columns = ("", "", "")
+        if size is not None:
+            columns = (size.help, default_of(size), bounds_of(size))
+        lines.append(f"| `{name}` | {kind.help} | {side} | {' | '.join(columns)} |")
+    return "\n".join(lines)
+
+
 def kind_of(setting: Declaration) -> str:
     """Type and unit."""
-    names = {float: "number", int: "whole number", str: "text", bool: "true or false"}
+    names = {
+        float: "number",
+        Spread: "number or range",
+        int: "whole number",
+        str: "text",
+        bool: "true or false",
+    }
     if inside(setting.kind) is not None:
         return "section"
     name = names.get(setting.kind, getattr(setting.kind, "__name__", "").lower() or "list")
@@ -104,6 +133,8 @@ def default_of(setting: Declaration) -> str:
         return "none"
     if isinstance(value, Section) or inside(setting.kind) is not None:
         return ""
+    if isinstance(value, Spread):
+        value = value.low
     if isinstance(value, float):
         return with_unit(value, setting.unit)
     return f"`{value}`"

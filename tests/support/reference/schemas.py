@@ -1,4 +1,4 @@
-"""JSON Schemas (draft 2020-12) of robot, pipeline and view files, for editors.
+"""JSON Schemas (draft 2020-12) of robot, pipeline, trials and view files, for editors.
 
 `python -m tests.support.reference.schemas` writes them to schemas/. An editor sees a file before
 includes and variables are applied: with an include any mapping may be incomplete, because includes
@@ -13,9 +13,11 @@ from typing import Any, get_args, get_origin
 from diffbotctl.block import In, inputs
 from diffbotctl.config import lookup, registry
 from diffbotctl.config.configuration import Pipeline
+from diffbotctl.config.faults import FAULTS, FaultEntry
 from diffbotctl.config.node_ports import NODE_NAME
 from diffbotctl.config.robot import Robot
-from diffbotctl.params import BOUNDS, Declaration, Pin, Section, declared
+from diffbotctl.params import BOUNDS, Declaration, Pin, Section, Spread, declared
+from diffbotctl.trials.sections import Trials
 from diffbotctl.ui.saved_view import SavedView
 from diffbotctl.units import NUMBER, magnitude_max, of_kind
 
@@ -60,9 +62,15 @@ def view() -> Schema:
     return of_section(SavedView, "A saved view of diffbotctl")
 
 
+def trials() -> Schema:
+    """The schema of a file of trials."""
+    return of_section(Trials, "Trials of diffbotctl")
+
+
 SCHEMAS = {
     "robot.schema.json": robot,
     "pipeline.schema.json": pipeline,
+    "trials.schema.json": trials,
     "view.schema.json": view,
 }
 
@@ -98,6 +106,18 @@ def _when_driver(kind: str) -> Schema:
     return {
         "if": {"properties": {"driver": {"const": kind}}, "required": ["driver"]},
         "then": {"properties": {"with": of_parameters(registry.driver(kind))}},
+    }
+
+
+def _when_fault(fault: str) -> Schema:
+    """What the size of this fault may be."""
+    size = FAULTS[fault].size
+    allowed: Schema = {"type": "null", "description": "This fault has no size."}
+    if size is not None:
+        allowed = of_declaration(size, {})
+    return {
+        "if": {"properties": {"fault": {"const": fault}}, "required": ["fault"]},
+        "then": {"properties": {"size": allowed}},
     }
 
 
@@ -213,6 +233,8 @@ def _reference(kind: type[Section], definitions: Schema, is_partial: bool) -> Sc
     if name not in definitions:
         definitions[name] = {}  # a place, so that a section may contain its like
         definitions[name] = _object(kind, definitions, is_partial)
+        if kind is FaultEntry:
+            definitions[name]["allOf"] = [_when_fault(fault) for fault in FAULTS]
     return {"$ref": f"#/$defs/{name}"}
 
 
@@ -270,6 +292,9 @@ def _bounds(declaration: Declaration) -> Schema:
 
 def _leaf(kind: Any, declaration: Declaration) -> Schema:
     bounds = _bounds(declaration)
+    if kind is Spread:
+        one = _leaf(float, declaration)
+        return {"anyOf": [one, {"type": "array", "items": one, "minItems": 2, "maxItems": 2}]}
     if declaration.choices:
         return {"enum": list(declaration.choices)}
     if kind is float:
@@ -301,6 +326,8 @@ def _default(declaration: Declaration) -> Any:
     default = declaration.default
     if isinstance(default, bool | int | float | str):
         return default
+    if isinstance(default, Spread):
+        return default.low if default.low == default.high else list(default)
     return list(default) if isinstance(default, tuple) else None
 
 

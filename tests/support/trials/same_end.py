@@ -114,8 +114,10 @@ SCENARIOS: dict[str, Scenario] = {
     "second plant": Scenario(("equations=torque",)),
     "missed edges": Scenario(("encoder.missed=0.05",)),
     "doubled edges": Scenario(("encoder.doubled=0.03",)),
-    "left wheel blocked": Scenario(("disturbances=[{start: 0 s, left_drag: 3.0}]",)),
-    "right wheel blocked under way": Scenario(("disturbances=[{start: 2 s, right_drag: 3.0}]",)),
+    "left wheel blocked": Scenario(("faults=[{fault: wheel_blocked, side: left}]",)),
+    "right wheel blocked under way": Scenario(
+        ("faults=[{fault: wheel_blocked, at: 2 s, side: right}]",)
+    ),
     "left motor dead": Scenario(("wiring.left=dead",)),
     "both motors dead": Scenario(("wiring.left=dead", "wiring.right=dead")),
     "left encoder dead": Scenario(("wiring.left_encoder=dead",)),
@@ -125,10 +127,10 @@ SCENARIOS: dict[str, Scenario] = {
     "low battery": Scenario(_low_battery(6.0), (4.0, 0.0, None)),
     "full battery, measured": Scenario(_low_battery(8.0)),
     "stop button": Scenario(
-        (BUTTON, "disturbances=[{start: 2 s, end: 3 s, button: true}]"), duration=6.0
+        (BUTTON, "faults=[{fault: stop_button, at: 2 s, for: 1 s}]"), duration=6.0
     ),
     "stop button held at the start": Scenario(
-        (BUTTON, "disturbances=[{start: 0 s, button: true}]"), duration=4.0
+        (BUTTON, "faults=[{fault: stop_button}]"), duration=4.0
     ),
     "silent host": Scenario(silence=(2.0, 3.0)),
     "silent host, short dead-man": Scenario(("robot.board.deadman=150 ms",), silence=(1.5, 2.5)),

@@ -135,7 +135,7 @@ def book_robot(equations: str) -> Kit:
     return Kit(text, 20, 0.15, 8.0)
 
 
-def random_robot(rng: Random, equations: str, disturbance: str = "") -> Kit:
+def random_robot(rng: Random, equations: str, faults: str = "") -> Kit:
     """A robot of the whole range of kits, whose wheels can start; the loop is not calibrated, the
     lag of one in two has been measured."""
     while True:
@@ -154,7 +154,7 @@ def random_robot(rng: Random, equations: str, disturbance: str = "") -> Kit:
         f"motor: {{lag: [{lag:.4f} s, {lag:.4f} s], gain_spread: {gain:.3f}, "
         f"start_duty: [{0.5 * start:.3f}, {start:.3f}], keep_share: {keep:.3f}}}, "
         f"encoder: {{jitter: {jitter:.3f} us}}, "
-        f"battery: {{volts: {full * supply:.3f} V, sag: {sag:.3f}}}{disturbance}}}"
+        f"battery: {{volts: {full * supply:.3f} V, sag: {sag:.3f}}}{faults}}}"
     )
     drive = (
         f"drive: {{track: 200 mm, motor: {{rated: {rated:.4f} rad/s}}, "
@@ -315,9 +315,10 @@ def _stall_margin(rng: Random, seed: int, number: int, emulated: bool) -> float:
     under_way = rng.random() < 0.5
     block = 1.5 + rng.random() if under_way else 0.0
     sides = rng.choice((("left",), ("right",), ("left", "right")))
-    drag = ", ".join(f"{side}_drag: 9" for side in sides)
-    start = f"start: {block + 0.6 * emulated:.3f} s, " if under_way else ""
-    kit = random_robot(rng, EQUATIONS[number % 2], f", disturbances: [{{{start}{drag}}}]")
+    side = sides[0] if len(sides) == 1 else "both"
+    start = f"at: {block + 0.6 * emulated:.3f} s, " if under_way else ""
+    fault = f"{{fault: wheel_blocked, {start}side: {side}}}"
+    kit = random_robot(rng, EQUATIONS[number % 2], f", faults: [{fault}]")
     target = rng.choice((0.5, rng.uniform(0.5, 3.0), rng.uniform(0.5, max(3.0, kit.speed))))
     pitch_time = 2 * pi / kit.slots / target
     allowed = max(1.0, 2.2 * pitch_time + kit.lag + 0.3)

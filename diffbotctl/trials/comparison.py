@@ -1,0 +1,145 @@
+"""Compares trials with the same ones of another pipeline, robot or setting, seed by seed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from diffbotctl.config.load import takes_robot
+from diffbotctl.errors import Problem, UsageError
+from diffbotctl.trials.plan import TrialsPlan, read_plan
+from diffbotctl.trials.statistics import ConfidenceInterval, mean_difference, paired_shares
+from diffbotctl.trials.verdict import JudgedRun
+
+WORSE_RATIO = 0.1  # of the mean: what is worse by less is no regression, though it may be proven
+NAMES_SHOWN_MAX = 5
+MM = 1000.0
+UNREADABLE = "this is not what `diffbotctl trials FILE --json` printed"
+
+
+class ComparedRun(NamedTuple):
+    """What is compared of a run: lengths in m, times in s."""
+
+    name: str
+    passed: bool
+    error: float | None
+    time: float
+
+    @staticmethod
+    def of(judged: JudgedRun) -> ComparedRun:
+        """Of a run that was judged now."""
+        found = judged.result
+        error = found.error if found.is_claimed else None
+        return ComparedRun(found.name, judged.passed, error, found.time)
+
+
+def other_plan(file: str, other: str, sets: Sequence[str]) -> TrialsPlan:
+    """The trials of `file` with `other` in place of its own: a setting, a robot or a pipeline.
+
+    Raises UserError as `read_plan` does.
+    """
+    if "=" in other:
+        return read_plan(file, (*sets, other))
+    is_robot = not takes_robot(other)
+    if is_robot:
+        return read_plan(file, sets, robot=other)
+    return read_plan(file, sets, pipeline=other)
+
+
+def read_baseline(path: Path) -> list[ComparedRun]:
+    """The runs that `--json` once printed. Raises UsageError."""
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+        records = [json.loads(line) for line in lines]
+        return [_compared(record) for record in records if "run" in record]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        fix = "write it with: diffbotctl trials FILE --json > base.json"
+        raise UsageError(Problem("E-TRIALS-BASELINE", str(path), UNREADABLE, fix)) from error
+
+
+def _compared(record: dict[str, Any]) -> ComparedRun:
+    is_claimed = record["outcome"] in ("reached", "reached_unsure")
+    error = record["error"] if is_claimed else None
+    return ComparedRun(record["run"], bool(record["passed"]), error, float(record["time"]))
+
+
+class Comparison(NamedTuple):
+    """Pairs of runs with the same seed, the other one first; `name` is what the other one is."""
+
+    name: str
+    pairs: Sequence[tuple[ComparedRun, ComparedRun]]
+
+    @property
+    def lost(self) -> list[str]:
+        """Runs that passed with the other, and fail."""
+        return [after.name for before, after in self.pairs if before.passed and not after.passed]
+
+    @property
+    def gained(self) -> int:
+        """How many runs failed with the other, and pass."""
+        return sum(after.passed and not before.passed for before, after in self.pairs)
+
+    def differences(self, field: str) -> list[tuple[float, float]]:
+        """Values of both, where both reached their goals."""
+        return [
+            (getattr(before, field), getattr(after, field))
+            for before, after in self.pairs
+            if before.error is not None and after.error is not None
+        ]
+
+    def is_worse(self, field: str) -> bool:
+        """Whether a mean is larger than the other's by a tenth, and this is proven."""
+        values = self.differences(field)
+        interval = mean_difference([after - before for before, after in values])
+        mean = sum(before for before, _ in values) / max(len(values), 1)
+        return interval is not None and interval.low > 0.0 and interval.value > WORSE_RATIO * mean
+
+    @property
+    def is_regression(self) -> bool:
+        """Whether more runs were lost than gained, or error or time are worse."""
+        return len(self.lost) > self.gained or self.is_worse("error") or self.is_worse("time")
+
+    def lines(self) -> Iterator[str]:
+        """The comparison as text."""
+        count = len(self.pairs)
+        yield f"against {self.name}, {count} pairs with equal seeds:"
+        before, after = (sum(pair[side].passed for pair in self.pairs) for side in (0, 1))
+        share = paired_shares([(first.passed, second.passed) for first, second in self.pairs])
+        yield f"  passed  {after} of {count}, was {before}: {_interval_text(share, 100.0, '%')}"
+        for field, factor, unit in (("error", MM, "mm"), ("time", 1.0, "s")):
+            values = self.differences(field)
+            interval = mean_difference([second - first for first, second in values])
+            if interval is None:
+                yield f"  {field:7} reached by both in {len(values)} pairs: too few to compare"
+                continue
+            first, second = (
+                sum(value[side] for value in values) / len(values) * factor for side in (0, 1)
+            )
+            text = _interval_text(interval, factor, unit)
+            yield f"  {field:7} {second:.1f} {unit}, was {first:.1f} {unit}: {text}"
+        if self.is_regression:
+            names = ", ".join(self.lost[:NAMES_SHOWN_MAX]) or "error or time"
+            more = "" if len(self.lost) <= NAMES_SHOWN_MAX else f" and {len(self.lost) - 5} more"
+            yield f"REGRESSION: worse than {self.name}: {names}{more}"
+
+
+def _interval_text(interval: ConfidenceInterval, factor: float, unit: str) -> str:
+    value, low, high = (each * factor for each in interval)
+    proof = "proven" if interval.is_proven else "not proven"
+    return f"{value:+.1f} {unit} (95 %: {low:+.1f} to {high:+.1f}; a difference is {proof})"
+
+
+def compare(name: str, before: Sequence[ComparedRun], after: Sequence[ComparedRun]) -> Comparison:
+    """Pair the runs in their order, or those of a baseline by their names. Raises UsageError."""
+    known = {run.name: run for run in before}
+    if known.keys() & {run.name for run in after}:
+        pairs = [(known[run.name], run) for run in after if run.name in known]
+    elif len(before) == len(after):
+        pairs = list(zip(before, after, strict=True))
+    else:
+        cause = "it has none of these runs"
+        fix = "write it again with --json, of the same file of trials"
+        raise UsageError(Problem("E-TRIALS-BASELINE", name, cause, fix))
+    return Comparison(name, pairs)

@@ -1,0 +1,109 @@
+"""What runs prove, by published figures, and what a comparison with others finds."""
+
+import json
+import re
+
+import pytest
+
+from diffbotctl.errors import UsageError
+from diffbotctl.trials.comparison import ComparedRun, compare, read_baseline
+from diffbotctl.trials.plan import read_plan
+from diffbotctl.trials.report import html
+from diffbotctl.trials.sections import Expectation
+from diffbotctl.trials.statistics import mean_difference, paired_shares, proven_share
+from diffbotctl.trials.summary import record
+from diffbotctl.trials.verdict import judge
+from tests.trials.test_trials import trials_file
+from tests.trials.test_verdict import GOOD, STOPPED
+
+
+@pytest.mark.parametrize(
+    ("passed", "runs", "share"),
+    [
+        (30, 30, 0.05 ** (1 / 30)),  # 0.905: all of 30
+        (300, 300, 0.990),  # the rule of three: 1 - 3 / 300
+        (9, 10, 0.606),  # tables of Clopper and Pearson, one-sided 95 %
+        (0, 10, 0.0),
+    ],
+)
+def test_what_runs_prove(passed, runs, share):
+    assert proven_share(passed, runs) == pytest.approx(share, abs=0.001)
+
+
+def test_the_interval_of_a_mean_difference():
+    # 10 values 1 to 10: mean 5.5, standard deviation 3.028, t of 9 degrees 2.262.
+    found = mean_difference([float(value) for value in range(1, 11)])
+    half = 2.262 * 3.0277 / 10**0.5
+    assert (found.value, found.low, found.high) == pytest.approx(
+        (5.5, 5.5 - half, 5.5 + half), abs=0.01
+    )
+    assert found.is_proven and not mean_difference([-1.0, 0.0, 1.0]).is_proven
+    assert mean_difference([1.0, 2.0]) is None
+
+
+def test_the_interval_of_paired_shares():
+    same = [(True, True)] * 20
+    assert paired_shares(same).value == 0.0 and not paired_shares(same).is_proven
+    worse = paired_shares(same + [(True, False)] * 10)
+    assert worse.value == pytest.approx(-1 / 3) and worse.high < 0.0
+
+
+def runs(passed=10, error=0.004, time=6.0, name="healthy"):
+    return [
+        ComparedRun(f"{name}/{seed}", seed < passed, error + 0.0001 * seed, time + 0.01 * seed)
+        for seed in range(10)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "is_regression"),
+    [
+        (runs(), runs(), False),
+        (runs(), runs(passed=9), True),
+        (runs(passed=8), runs(passed=9), False),
+        (runs(), runs(error=0.006), True),
+        (runs(), runs(error=0.0042), False),  # proven, but less than a tenth
+        (runs(), runs(time=7.0), True),
+        (runs(), runs(time=5.0, error=0.002), False),
+        (runs(), runs(name="other"), False),  # paired by their places
+    ],
+)
+def test_a_regression(before, after, is_regression):
+    comparison = compare("base", before, after)
+    assert comparison.is_regression is is_regression
+    assert len(comparison.pairs) == 10
+    lines = list(comparison.lines())
+    assert lines[0] == "against base, 10 pairs with equal seeds:"
+    assert lines[-1].startswith("REGRESSION") is is_regression
+
+
+def test_a_baseline_is_what_json_has_printed(tmp_path):
+    judged = [judge(GOOD, Expectation()), judge(STOPPED, Expectation(reach=9.0))]
+    file = tmp_path / "base.json"
+    file.write_text("".join(f"{json.dumps(record(each))}\n" for each in judged))
+    assert read_baseline(file) == [ComparedRun.of(each) for each in judged]
+    assert [run.passed for run in read_baseline(file)] == [True, False]
+    file.write_text("nothing\n")
+    with pytest.raises(UsageError, match="E-TRIALS-BASELINE"):
+        read_baseline(file)
+    with pytest.raises(UsageError, match="it has none of these runs"):
+        compare("base", runs(name="other")[:3], runs())
+
+
+def test_the_report_is_one_file_with_the_failed_runs_first(tmp_path):
+    plan = read_plan(str(trials_file(tmp_path)))
+    path = tuple((0.001 * step, 0.0005 * step) for step in range(120))
+    judged = [
+        judge(
+            GOOD._replace(name=trial.name, case=trial.case, path=path, cause="<b>", error=0.2),
+            Expectation(error=0.1 if trial.case == "blocked" else 1.0),
+        )
+        for trial in plan.trials
+    ]
+    text = html(plan, judged, 12.0)
+    assert not re.search(r"https?://|src=|href=", text)
+    names = [name.replace("<wbr>", "") for name in re.findall(r"<b>(.*?)</b>", text)]
+    assert [name.split("/")[0] for name in names] == ["blocked", "blocked", "healthy", "healthy"]
+    assert f"--only {names[0]} --watch" in text and "prefers-color-scheme:dark" in text
+    assert text.count("<svg") == 4
+    assert len(text) - len(html(plan, judged[:2], 12.0)) < 2 * 4500  # 1 MB for 210 runs

@@ -1,0 +1,191 @@
+"""Trials: equal results whatever runs them, what they print, and what they refuse."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from diffbotctl.block import Block, In, Out
+from diffbotctl.cli.main import program
+from diffbotctl.errors import UserError
+from diffbotctl.messages import Twist
+from diffbotctl.trials.plan import read_plan
+from diffbotctl.trials.verdict import judge
+from diffbotctl.trials.workers import run_trials
+
+TWO_CASES = """
+format: 1
+kind: trials
+pipeline: goal
+set: [robot.drive.polarity=checked_by_hand]
+goals: [{x: 0.2 m}]
+seeds: 2
+time_limit: 8 s
+expect: {reach: 8 s, error: 30 mm}
+cases:
+  healthy: {}
+  blocked: {faults: [{fault: wheel_blocked, at: [0.2 s, 0.4 s], side: either}]}
+"""
+
+
+def trials_file(folder, text=TWO_CASES, **changes):
+    for old, new in changes.items():
+        text = text.replace(f"{old}:", new, 1) if ":" in new else text
+    path = folder / "two.yaml"
+    path.write_text(text)
+    return path
+
+
+def command(*words, **environment):
+    line = [sys.executable, "-m", "diffbotctl", "trials", *map(str, words)]
+    return subprocess.run(
+        line, capture_output=True, text=True, env={**os.environ, **environment}, check=False
+    )
+
+
+def test_results_are_equal_with_any_number_of_workers_and_other_hash_seeds(tmp_path):
+    file = trials_file(tmp_path)
+    runs = [
+        command(file, "--json", "--workers", workers, PYTHONHASHSEED=str(seed))
+        for workers, seed in ((1, 0), (2, 1), (7, 2))
+    ]
+    assert {done.returncode for done in runs} == {1}
+    assert len({done.stdout for done in runs}) == 1
+    records = [json.loads(line) for line in runs[0].stdout.splitlines()]
+    assert [record["run"] for record in records] == [
+        "healthy/book_2wd/1/0",
+        "healthy/book_2wd/1/1",
+        "blocked/book_2wd/1/0",
+        "blocked/book_2wd/1/1",
+    ]
+    assert [record["passed"] for record in records] == [True, True, False, False]
+    assert all(0.2 <= record["fault_at"] <= 0.4 for record in records[2:])
+    assert records[2]["path"] != records[3]["path"]
+
+
+def test_a_failed_run_shows_its_seed_and_the_command_that_shows_it(tmp_path):
+    file, junit = trials_file(tmp_path), tmp_path / "found.xml"
+    done = command(file, "--only", "blocked/*/1", "--junit", junit)
+    assert done.returncode == 1
+    assert "FAILED blocked/book_2wd/1/1 (seed 1): not reached" in done.stdout
+    assert f"diffbotctl trials {file} --only blocked/book_2wd/1/1 --watch" in done.stdout
+    assert "0 of 1 runs as expected" in done.stdout
+    (suite,) = ElementTree.parse(junit).getroot()
+    assert (suite.get("tests"), suite.get("failures"), suite.get("errors")) == ("1", "1", "0")
+    assert "not reached" in suite.find("testcase/failure").get("message")
+
+
+class Endless(Block):
+    """Does not return, ends its process, or raises; prints."""
+
+    twist, requested = Out(Twist), In(Twist)
+    what = ""
+
+    def react(self, now, requested):
+        print("nobody reads this")
+        if now > 100_000_000:
+            if self.what == "exit":
+                os._exit(3)
+            while self.what == "endless":
+                pass
+            raise ValueError("broken")
+        return requested
+
+
+class Exiting(Endless):
+    """Ends its process."""
+
+    what = "exit"
+
+
+class Looping(Endless):
+    """Does not return."""
+
+    what = "endless"
+
+
+def with_block(trial, kind):
+    """The trial with another block in place of the one that limits the acceleration."""
+    blocks = []
+    for use in trial.configuration.blocks:
+        if use.name == "limiter":
+            wires = {"requested": use.wires["twist"]}
+            use = replace(use, cls=kind, values={}, wires=wires)
+        blocks.append(use)
+    return trial._replace(configuration=replace(trial.configuration, blocks=tuple(blocks)))
+
+
+def test_a_run_that_crashes_or_does_not_end_is_a_result_and_the_others_go_on(tmp_path, capfd):
+    (trial, *_) = read_plan(str(trials_file(tmp_path))).trials
+    chosen = [with_block(trial, kind) for kind in (Endless, Exiting, Looping)] + [trial]
+    began = time.monotonic()
+    outcomes = run_trials(chosen, 2, 1.0, lambda number, outcome: None)
+    assert time.monotonic() - began < 120.0  # s; the limit of those that use no processor time
+    raised, ended, looped, healthy = [judge(each.result, trial.expect) for each in outcomes]
+    assert "it raised ValueError: broken" in raised.unmet[0]
+    assert "exit code 3" in ended.unmet[0] and ended.result.outcome == "crashed"
+    assert "more than 1 s of processor time" in looped.unmet[0]
+    assert healthy.passed
+    assert capfd.readouterr().out == ""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "code", "part"),
+    [
+        ("seeds: 2", "seeds: none", "E-TYPE", "not a whole number"),
+        ("wheel_blocked", "wheel_blockd", "E-CHOICE", "did you mean wheel_blocked?"),
+        ("fault: wheel_blocked", "fault: stop_button", "E-FAULT", "no stop button is connected"),
+        ("{x: 0.2 m}", "{x: 2.5 m}", "E-GOAL-WALL", "move the goal or the wall"),
+        ("pipeline: goal", "pipeline: goal\nport: /dev/ttyUSB0", "E-CHOICE", "port cannot be"),
+        ("pipeline: goal", "pipeline: hello", "E-TRIALS", "does not have one robot"),
+        (
+            "pipeline: goal",
+            "pipeline: ./seeing.yaml",
+            "E-TRIALS",
+            "the devices stick at real ports",
+        ),
+        ("pipeline: goal", "pipeline: goalie", "E-FILE-NAME", "did you mean goal?"),
+        ("8 s, error", "8 kg, error", "E-UNIT", "kg"),
+        ("kind: trials", "kind: trails", "E-KIND", "write `kind: trials`"),
+    ],
+)
+def test_a_mistake_is_shown_where_it_is_and_nothing_runs(tmp_path, old, new, code, part):
+    (tmp_path / "seeing.yaml").write_text(
+        "format: 1\nkind: pipeline\ninclude: goal\nsources: {stick: {driver: joystick}}\n"
+    )
+    file = trials_file(tmp_path, TWO_CASES.replace(old, new))
+    with pytest.raises(UserError) as caught:
+        read_plan(str(file))
+    assert code in {problem.code for problem in caught.value.problems}
+    assert part in " ".join(str(caught.value).replace("|", " ").split())
+
+
+def test_robots_are_drawn_within_what_check_accepts(tmp_path):
+    text = TWO_CASES.replace("seeds: 2", "seeds: 1\nrandom_robots: {count: 3}")
+    trials = read_plan(str(trials_file(tmp_path, text))).trials
+    robots = {trial.robot: trial.configuration.robot for trial in trials}
+    assert len(trials) == 6 and len(robots) == 3
+    assert len({robot.drive.track for robot in robots.values()}) == 3
+    again = read_plan(str(trials_file(tmp_path, text))).trials
+    assert [trial.name for trial in again] == [trial.name for trial in trials]
+
+
+def test_many_trials_are_not_begun_without_a_consent(tmp_path):
+    file = trials_file(tmp_path, TWO_CASES.replace("seeds: 2", "seeds: 5000"))
+    done = command(file, "--only", "*")
+    assert done.returncode == 2
+    assert "10000 runs take about" in done.stderr and "--yes" in done.stderr
+
+
+def test_the_file_that_new_writes_is_fine(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    program.main(["new", "trials", "first"], standalone_mode=False)
+    assert len(read_plan("first").trials) == 30
+    assert program.main(["check"], standalone_mode=False) == 0
+    assert Path("schemas/trials.schema.json").is_file()
