@@ -330,20 +330,30 @@ class Text(NamedTuple):
     text: Annotated[str, Field("", "The text.")]
 
 
+class Pen(NamedTuple):
+    """The pen of a turtle."""
+
+    colour: Annotated[str, Field("", "#rrggbb.")]
+    width: Annotated[float, Field("m", "Width of the line.")]
+    is_down: Annotated[bool, Field("", "True while it draws.")]
+
+
 class Canvas(NamedTuple):
     """The canvas on which a simulated turtle draws."""
 
     time: Time
     sheet: Annotated[int, Field("", "Increases each time the drawing is cleared.")]
     background: Annotated[str, Field("", "Background colour, #rrggbb.")]
-    pen: Annotated[str, Field("", "Pen colour, #rrggbb.")]
-    is_down: Annotated[bool, Field("", "True while the pen draws.")]
+    pen: Annotated[str, Field("", "Colour of the pen of turtle 1, #rrggbb.")]
+    is_down: Annotated[bool, Field("", "True while that pen draws.")]
     turtles: Annotated[
         tuple[float, ...],
         Field("m, rad", "Number, x, y and heading of each further turtle, concatenated."),
     ] = ()
     pen_width: Annotated[float, Field("m", "Width of the line.")] = 0.07
     has_first: Annotated[bool, Field("", "False after turtle 1 was killed.")] = True
+    names: Annotated[tuple[str, ...], Field("", "Name of each further turtle.")] = ()
+    pens: Annotated[tuple[Pen, ...], Field("", "Pen of each further turtle.")] = ()
 
 
 class Color(NamedTuple):

@@ -2,21 +2,38 @@
 
 from __future__ import annotations
 
+import re
+from typing import NamedTuple
+
 from diffbotctl.block import Block, In, Out, action
-from diffbotctl.messages import Canvas, Odometry, Stop, StopCode, TurtlePlacement, Twist
+from diffbotctl.messages import Canvas, Odometry, Pen, Stop, StopCode, TurtlePlacement, Twist
 from diffbotctl.params import Param
 
 TURTLES_MAX = 100  # limit of one datagram of a screen
 KILLED: StopCode = "turtle_killed"
-KILLED_CAUSE = "turtle 1 was killed; `diffbotctl call canvas.spawn number=1` brings it back"
+KILLED_CAUSE = "turtle1 was killed; `diffbotctl call canvas.spawn name=turtle1` brings it back"
+FIRST = "turtle1"  # the robot
+NUMBERED = re.compile(r"turtle([1-9]\d{0,3})")  # the name that a turtle has without its own
+NAME = re.compile(r"[A-Za-z]\w{0,31}", re.ASCII)  # as of a node of ROS
+NEW_PEN = Pen("#b3b8ff", 0.07, True)  # as in turtlesim
+
+
+class SpawnedTurtle(NamedTuple):
+    """A further turtle: where it was put (m, rad), and its pen."""
+
+    name: str
+    pose: tuple[float, float, float]
+    pen: Pen
 
 
 class TurtleCanvas(Block):
-    """Keep the colours of the canvas and the pen, and where turtles were spawned.
+    """Keep the colours of the canvas, the pens, and where turtles were spawned.
 
-    It sends the state of the canvas whenever that changes. The screen draws the line, from the pose
-    of the turtle. A block `turtle` moves the spawned turtle that has its number. Turtle 1 is the
-    robot: its velocity passes through this block, and is zero after it was killed.
+    It sends the state of the canvas whenever that changes. The screen draws the lines, from the
+    poses of the turtles. A block `turtle` moves the spawned turtle that has its number: turtle2 has
+    the number 2, one with a name of its own the highest that is free. Turtle 1 is the robot: its
+    pen is set by parameters; its velocity passes through this block, and is zero after it was
+    killed.
 
     blocks:
       canvas: {block: canvas, in: {odometry: robot.pose, twist: limiter.twist}}
@@ -48,6 +65,8 @@ class TurtleCanvas(Block):
         minimum=1,
         help="Highest number of a turtle with a block `turtle`; those above stand still.",
     )
+    width = Param(float, unit="m", default=11.09, above=0.0, help="Width of the canvas, along x.")
+    height = Param(float, unit="m", default=11.09, above=0.0, help="Height of the canvas, along y.")
 
     odometry = In(Odometry, help="Pose of the turtle, in the frame of the canvas.")
     twist = In(
@@ -60,9 +79,9 @@ class TurtleCanvas(Block):
 
     def reset(self) -> None:
         self.sheet = 0
-        self.turtles: dict[int, tuple[float, float, float]] = {}
+        self.turtles: dict[int, SpawnedTurtle] = {}  # by number
         self.placements: tuple[TurtlePlacement, ...] = ()  # not sent yet: one an instant
-        self.number = 1  # the highest one that there was
+        self.number = 1  # of the last turtle that was named by its number
         self.has_first = True  # turtle 1, the robot, which draws
         self.reported_first = True
         self.last_twist: Twist | None = None
@@ -79,80 +98,129 @@ class TurtleCanvas(Block):
         self.clear(now)
         self.has_first = True
         for number in list(self.turtles):
-            self.kill(now, number)
+            self._remove(number)
+        self.number = 1
 
-    @action(x="m", y="m", heading="rad", number="1")
+    @action(x="m", y="m", heading="rad")
     def spawn(
-        self, now: int, x: float = 0.0, y: float = 0.0, heading: float = 0.0, number: float = 0.0
-    ) -> int:
-        """Add a turtle at x and y in m, heading in rad; returns its number.
+        self, now: int, x: float = 0.0, y: float = 0.0, heading: float = 0.0, name: str = ""
+    ) -> str:
+        """Add a turtle at x and y in m, heading in rad; returns its name.
 
-        The numbers start at 2; 0: the next one; 1: turtle 1 again, after it was killed.
+        Without a name it gets the next one of turtle2, turtle3 and so on. turtle1: that one again,
+        after it was killed.
         """
-        if number == 1:
+        if name == FIRST:
             return self._bring_back(x, y, heading)
+        self._require_inside(x, y)
+        if name in self._names():
+            raise ValueError(f"there is a turtle called {name} already; kill it first")
         if len(self.turtles) >= TURTLES_MAX:
             raise ValueError(f"there are {TURTLES_MAX} turtles already; kill some")
-        if number and (number < 2 or number != int(number)):
-            raise ValueError(f"{number:g} is no number of a further turtle: they start at 2")
-        if number in self.turtles:
-            raise ValueError(f"there is a turtle {number:g} already; kill it first")
-        given = int(number) or self._next_number()
-        self.number = max(self.number, given)
-        self._place(given, (x, y, heading))
-        if given > self.driven:
-            self.log.warning(f"turtle {given} stands still: {self._who_drives()}")
-        return given
+        number = self._free_number(name)
+        self._place(number, SpawnedTurtle(name or f"turtle{number}", (x, y, heading), NEW_PEN))
+        if number > self.driven:
+            self.log.warning(f"{self.turtles[number].name} stands still: {self._who_drives()}")
+        return self.turtles[number].name
 
-    def _bring_back(self, x: float, y: float, heading: float) -> int:
+    def _bring_back(self, x: float, y: float, heading: float) -> str:
         if self.has_first:
-            raise ValueError("there is a turtle 1 already; kill it first")
+            raise ValueError("there is a turtle called turtle1 already; kill it first")
         if x or y or heading:
-            raise ValueError("turtle 1 is where it was killed: `call robot.teleport` moves it")
+            raise ValueError("turtle1 is where it was killed: `call robot.teleport` moves it")
         self.has_first = True
-        return 1
+        return FIRST
 
-    def _next_number(self) -> int:
-        """The next number; when those that can be driven are used up, the first free one."""
-        free = (n for n in range(2, self.driven + 1) if n not in self.turtles)
+    def _free_number(self, name: str) -> int:
+        """The number for a new turtle: that in its name, the next one, or for a name of its own
+        the highest with a block, so that the low ones stay free."""
+        with_block = [n for n in range(2, self.driven + 1) if n not in self.turtles]
+        numbered = NUMBERED.fullmatch(name)
+        if numbered is not None:
+            number = int(numbered[1])
+            if number in self.turtles:
+                raise ValueError(f"the block {name} moves {self.turtles[number].name}; kill that")
+            return number
+        if name:
+            if NAME.fullmatch(name) is None:
+                raise ValueError(f"'{name[:40]}' is no name: use letters, digits and _")
+            return max(with_block, default=max(self.driven, 1, *self.turtles) + 1)
         following = self.number + 1
-        return following if following <= self.driven else next(free, following)
+        while following in self.turtles:
+            following += 1
+        if following > self.driven:
+            following = min(with_block, default=following)
+        self.number = max(self.number, following)
+        return following
 
     def _who_drives(self) -> str:
         if self.driven == 1:
             return "this pipeline draws spawned turtles; the pipeline `turtles` drives them"
         return f"this pipeline drives turtles 2 to {self.driven}; kill one of these first"
 
-    @action(number="1")
-    def kill(self, now: int, number: float) -> None:
-        """Remove the turtle with this number; turtle 1 stops."""
-        if number == 1:
+    @action
+    def kill(self, now: int, name: str) -> None:
+        """Remove the turtle with this name; turtle1 stops."""
+        if name == FIRST:
             self._kill_first()
-            return
-        removed = self._turtle(number)
-        self.turtles.pop(removed)
-        self.placements += (TurtlePlacement(0, removed, is_present=False),)
+        else:
+            self._remove(self._number(name))
+
+    def _remove(self, number: int) -> None:
+        self.turtles.pop(number)
+        self.placements += (TurtlePlacement(0, number, is_present=False),)
 
     def _kill_first(self) -> None:
         if "twist" not in self.connected:
             raise ValueError(
-                "turtle 1 is the robot, and its velocity does not pass through this block: "
+                "turtle1 is the robot, and its velocity does not pass through this block: "
                 "wire `twist` of the canvas as the pipeline `turtle` does"
             )
         if not self.has_first:
-            raise ValueError("turtle 1 was killed already")
+            raise ValueError("turtle1 was killed already")
         self.has_first = False
 
-    @action(number="1", x="m", y="m", heading="rad")
+    @action(x="m", y="m", heading="rad")
     def teleport(
-        self, now: int, number: float, x: float = 0.0, y: float = 0.0, heading: float = 0.0
+        self, now: int, name: str, x: float = 0.0, y: float = 0.0, heading: float = 0.0
     ) -> None:
-        """Move the turtle with this number; `robot.teleport` moves the first one."""
-        self._place(self._turtle(number), (x, y, heading))
+        """Move the turtle with this name; `robot.teleport` moves the first one."""
+        number = self._number(name, "`call robot.teleport` moves it")
+        self._require_inside(x, y)
+        self._place(number, self.turtles[number]._replace(pose=(x, y, heading)))
 
-    def _place(self, number: int, pose: tuple[float, float, float]) -> None:
-        self.turtles[number] = pose
-        self.placements += (TurtlePlacement(0, number, *pose),)
+    @action(red="1", green="1", blue="1", width="m")
+    def set_pen(
+        self,
+        now: int,
+        name: str,
+        red: float = 179,
+        green: float = 184,
+        blue: float = 255,
+        width: float = 0.07,
+        pen: str = "down",
+    ) -> None:
+        """Set colour (0 to 255) and width of the pen of a further turtle; pen is up or down."""
+        number = self._number(name, "`param set canvas.pen_red 255` sets its pen")
+        parts = [int(part) for part in (red, green, blue)]
+        if not all(0 <= part <= 255 for part in parts):
+            raise ValueError("red, green and blue are 0 to 255")
+        if not 0.0 < width <= 5.0:
+            raise ValueError("the width of the pen is above 0 m, and at most 5 m")
+        if pen not in ("down", "up"):
+            raise ValueError("pen is down or up")
+        own = Pen(colour(*parts), width, pen == "down")
+        self.turtles[number] = self.turtles[number]._replace(pen=own)
+
+    def _require_inside(self, x: float, y: float) -> None:
+        """Raise ValueError for a place outside of the canvas."""
+        for axis, place, end in (("x", x, self.width), ("y", y, self.height)):
+            if not 0.0 <= place <= end:
+                raise ValueError(f"{axis} is 0 to {end:g} m on the canvas; it is {place:g} m")
+
+    def _place(self, number: int, turtle: SpawnedTurtle) -> None:
+        self.turtles[number] = turtle
+        self.placements += (TurtlePlacement(0, number, *turtle.pose),)
 
     def react(
         self, now: int, odometry: Odometry | None, twist: Twist | None
@@ -186,23 +254,33 @@ class TurtleCanvas(Block):
             colour(self.pen_red, self.pen_green, self.pen_blue),
             self.pen == "down",
             tuple(
-                value for number, pose in self.turtles.items() for value in (float(number), *pose)
+                value
+                for number, turtle in self.turtles.items()
+                for value in (float(number), *turtle.pose)
             ),
             self.pen_width,
             self.has_first,
+            tuple(turtle.name for turtle in self.turtles.values()),
+            tuple(turtle.pen for turtle in self.turtles.values()),
         )
         if self.last_sent is not None and canvas[1:] == self.last_sent[1:]:
             return None
         self.last_sent = canvas
         return canvas
 
-    def _turtle(self, number: float) -> int:
-        if number == 1:
-            raise ValueError("turtle 1 is the robot itself: `call robot.teleport` moves it")
-        if number not in self.turtles:
-            numbers = ", ".join(map(str, self.turtles)) or "none but 1"
-            raise ValueError(f"there is no turtle {number:g}; there is {numbers}")
-        return int(number)
+    def _names(self) -> dict[str, int]:
+        """The number of each further turtle, by its name."""
+        return {turtle.name: number for number, turtle in self.turtles.items()}
+
+    def _number(self, name: str, of_first: str = "") -> int:
+        """The number of the further turtle `name`. Raises ValueError; `of_first`: for turtle1."""
+        if name == FIRST:
+            raise ValueError(f"turtle1 is the robot itself: {of_first}")
+        names = self._names()
+        if name not in names:
+            others = ", ".join(names) or "none but turtle1"
+            raise ValueError(f"there is no turtle called '{name[:40]}'; there is {others}")
+        return names[name]
 
 
 def colour(red: int, green: int, blue: int) -> str:

@@ -59,9 +59,12 @@ def echo(topic: str, once: bool, duration: float | None, as_json: bool, engine: 
     os.nice(WATCHER_NICENESS)
     with attached(engine, "topic echo") as client:
         name, path = _split_field(client, topic)
-        wire = client.request("subscribe", topic=name, last=once)["topic"]
+        reply = client.request("subscribe", topic=name, last=once)
+        wire = reply["topic"]
         if wire != name:
             click.echo(f"{name} is {wire} here", err=True)
+        if reply.get("silence"):
+            click.echo(reply["silence"], err=True)
         units = {} if name == "*" or as_json else _units(client, wire)
         for event in client.stream(until):
             _print_event(event, path, name == "*", as_json, units)
@@ -245,11 +248,14 @@ def pub(topic: str, message: str, rate: float | None, engine: str | None) -> int
         raise click.UsageError("MESSAGE is nested too deeply") from None
     with attached(engine, "topic pub") as client:
         try:
-            while True:
+            client.request("publish", topic=topic, message=fields)
+            if not client.request("topic_rate", topic=topic)["is_read"]:
+                click.echo(f"no block and no program of this pipeline reads {topic}", err=True)
+            time.sleep(VELOCITY_PERIOD_S if rate is None else 1.0 / rate)
+            while rate is not None:
                 client.request("publish", topic=topic, message=fields)
-                time.sleep(VELOCITY_PERIOD_S if rate is None else 1.0 / rate)
-                if rate is None:
-                    return 0
+                time.sleep(1.0 / rate)
+            return 0
         finally:
             # Without the release the engine would report a lost operator.
             client.send("release")

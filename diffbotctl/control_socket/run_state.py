@@ -20,7 +20,18 @@ from diffbotctl.errors import closest_match
 from diffbotctl.geometry.trail import Trail
 from diffbotctl.graph import LOG, Graph
 from diffbotctl.message_types import parts
-from diffbotctl.messages import GoalState, LogLine, Message, Odometry, Setting, Stop, fields
+from diffbotctl.messages import (
+    Canvas,
+    GoalState,
+    LogLine,
+    Message,
+    Odometry,
+    Setting,
+    Stop,
+    TurtlePlacement,
+    TurtlePose,
+    fields,
+)
 from diffbotctl.recording.black_box_store import BlackBoxStore
 from diffbotctl.time import MILLISECOND, SECOND
 
@@ -103,6 +114,7 @@ def _rounded(value: float) -> float | None:
 RATE_SPAN = 2 * SECOND  # over which a rate is measured: long enough for 1 Hz
 TIMES_MAX = 512  # message times kept a wire; above 256 Hz the span of the rate is shorter
 STOPS_MAX = 20  # that are kept
+SILENCE_MAX_S = 2.0  # the link of a robot is reported each second
 
 
 class RunInfo(NamedTuple):
@@ -126,6 +138,7 @@ class RunInfo(NamedTuple):
     is_paced: bool  # False: logical time does not follow the clock of the machine
     scene: dict[str, Any]  # what a map draws that does not change, the reply to `scene`
     motion_inputs: frozenset[str] = frozenset()  # wires of inputs on which motion depends
+    readers: frozenset[str] = frozenset()  # wires that a program or a device reads
 
 
 class StopEpisode(NamedTuple):
@@ -200,6 +213,8 @@ class RunState:
                     self.standstill.append(self.stops[-1])
             elif type(message) is Stop:
                 self.places.ends(wire)
+            elif type(message) is TurtlePlacement and not message.is_present:
+                self._forget_pose(message.number)
             elif type(message) is Setting:
                 self.changes.set(now, message)
                 self.changed.add((message.block, message.name))
@@ -208,6 +223,35 @@ class RunState:
                 if message.level == "error":
                     self.errors[message.source] = message
         self.history.sample(now, self.newest)
+
+    def _forget_pose(self, number: int) -> None:
+        """A turtle that was removed has no pose any more."""
+        for wire, message in list(self.newest.items()):
+            if type(message) is TurtlePose and message.number == number:
+                del self.newest[wire]
+
+    def turtles(self) -> dict[str, int] | None:
+        """The number of each further turtle on the canvas by its name; None without a canvas."""
+        canvas = next((each for each in self.newest.values() if type(each) is Canvas), None)
+        if canvas is None:
+            return None
+        return dict(zip(canvas.names, map(int, canvas.turtles[::4]), strict=False))
+
+    def absent_turtle(self, wire: str) -> str:
+        """That the turtle to which `wire` belongs is not there; empty for all other wires."""
+        found, turtles = OF_TURTLE.fullmatch(wire), self.turtles()
+        if found is None or turtles is None or int(found[1]) in turtles.values():
+            return ""
+        return f"there is no turtle {found[1]} on the canvas"
+
+    def silence(self, wire: str) -> str:
+        """Why nothing comes on `wire`, or how old its newest message is; empty if it is new."""
+        age = self.age(wire)
+        if absence := self.absent_turtle(wire):
+            return absence
+        if age is None:
+            return f"no message has come on {wire} yet"
+        return f"the newest message on {wire} is {age:.0f} s old" if age > SILENCE_MAX_S else ""
 
     def rate(self, wire: str) -> TopicRate:
         """The rate of `wire` over the last RATE_SPAN."""
@@ -267,6 +311,7 @@ ROS_TOPICS: dict[str, str | type] = {
 
 
 FURTHER_TURTLE = re.compile(r"turtle([2-9]|[1-9]\d+)")  # turtlesim's; turtle1 is the robot itself
+OF_TURTLE = re.compile(r"(?:input\.)?turtle(\d+)(?:_twist|_goal|\.pose)")  # wires of `turtles`
 
 
 class RequestContext(NamedTuple):
@@ -290,7 +335,7 @@ class RequestContext(NamedTuple):
         wires = self.state.wires
         if name in wires:
             return name
-        ros_wire = _ros_wire(name, wires)
+        ros_wire = _ros_wire(name, wires, self.state.turtles())
         if ros_wire is not None:
             return ros_wire
         outputs = [wire for wire in wires if wire.partition(".")[0] == name]
@@ -315,10 +360,17 @@ class RequestContext(NamedTuple):
             raise RefusalError("E-REQUEST", cause, suggestion(name, sources))
 
 
-def _ros_wire(name: str, wires: dict[str, type]) -> str | None:
-    """The wire that a ROS user means by `name`, such as `/odom`; None when there is none."""
+def _ros_wire(name: str, wires: dict[str, type], turtles: dict[str, int] | None) -> str | None:
+    """The wire that a ROS user means by `name`, such as `/odom`; None when there is none.
+
+    `turtles`: the numbers of the further turtles by their names; None without a canvas.
+    """
     *namespace, last = name.strip("/").split("/")
-    turtle = next((part for part in namespace if FURTHER_TURTLE.fullmatch(part)), None)
+    numbered = (part for part in namespace if FURTHER_TURTLE.fullmatch(part))
+    named = (f"turtle{turtles[part]}" for part in namespace if turtles and part in turtles)
+    turtle = next(named, next(numbered, None))
+    if turtle is None and turtles is not None and namespace not in ([], ["turtle1"]):
+        return None  # a turtle that is not there
     if turtle is not None:
         own = {"cmd_vel": f"input.{turtle}_twist", "goal": f"input.{turtle}_goal"}
         wire = own.get(last, f"{turtle}.{last}")

@@ -46,8 +46,15 @@ class OperatorFaults:
 class SimulatedRobotDriver:
     """A driver that lets time pass in the plant and delivers what its board sends."""
 
-    def __init__(self, robot: SimulatedRobot, takes_duty: bool) -> None:
+    def __init__(
+        self,
+        robot: SimulatedRobot,
+        takes_duty: bool,
+        field: tuple[float, float] | None = None,
+    ) -> None:
+        """`field`: width and depth in m of the walled field that the robot cannot leave."""
         self.robot = robot
+        self.field = field
         self.command_class: type[Duty] | type[Wheels] = Duty if takes_duty else Wheels
         self.frames = 0
         self.report_at = 0
@@ -152,8 +159,15 @@ class SimulatedRobotDriver:
     @action(x="m", y="m", heading="rad")
     def teleport(self, now: int, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> None:
         """Move the robot to a pose in the world: x and y in m, heading in rad."""
+        self._require_inside(x, y)
         self.robot.advance(now)
         self.robot.teleport(x, y, heading)
+
+    def _require_inside(self, x: float, y: float) -> None:
+        """Raise ValueError for a place outside of the field."""
+        for axis, place, end in zip("xy", (x, y), self.field or (), strict=False):
+            if not 0.0 <= place <= end:
+                raise ValueError(f"{axis} is 0 to {end:g} m in the field; it is {place:g} m")
 
     @action(distance="m", turn="rad")
     def hop(self, now: int, distance: float = 0.0, turn: float = 0.0) -> None:
@@ -162,6 +176,7 @@ class SimulatedRobotDriver:
         pose = self.robot.truth_in_world()
         heading = pose.heading + turn
         x, y = pose.x + distance * cos(heading), pose.y + distance * sin(heading)
+        self._require_inside(x, y)
         self.robot.teleport(x, y, heading)
 
     @action
@@ -195,4 +210,4 @@ def simulated_robot_driver(configuration: Configuration, seed: int) -> Simulated
     robot, nominal = configuration.robot, configuration.nominal
     assert robot is not None and nominal is not None
     plant = draw_robot(robot, nominal, seed, build_world(configuration.world))
-    return SimulatedRobotDriver(plant, is_duty_board(robot))
+    return SimulatedRobotDriver(plant, is_duty_board(robot), configuration.world.field)

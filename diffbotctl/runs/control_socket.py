@@ -58,6 +58,9 @@ class RunControlSocket:
             is_paced=is_paced,
             scene=_scene(configuration, assembly, port, is_replay),
             motion_inputs=frozenset(use.wire for use in configuration.inputs if use.feeds_motion),
+            readers=frozenset(
+                wire for use in configuration.programs for wire in use.wires.values()
+            ),
         )
         shared = options.group is not None
         end, self.pid = process.start_server(listener, path, info, shared, store)

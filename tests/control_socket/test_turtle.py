@@ -85,14 +85,16 @@ def test_its_colours_are_parameters(folder):
 def test_others_are_spawned_moved_killed_and_the_sheet_is_wiped(folder):
     done(folder, "call", "canvas.spawn", "x=2", "y=3", "heading=90deg")
     becomes(folder, "canvas.canvas", lambda sheet: sheet["turtles"] == [2, 2, 3, pi / 2])
-    done(folder, "call", "canvas.teleport", "number=2", "x=9", "y=8")
+    done(folder, "call", "canvas.teleport", "name=turtle2", "x=9", "y=8")
     becomes(folder, "canvas.canvas", lambda sheet: sheet["turtles"] == [2, 9, 8, 0])
-    code, _, complaint = cli(folder, "call", "canvas.kill", "number=7")
-    assert code == 1 and "there is no turtle 7" in complaint
-    done(folder, "call", "canvas.kill", "number=2")
+    code, _, complaint = cli(folder, "call", "canvas.kill", "name=turtle7")
+    assert code == 1 and "no turtle called 'turtle7'" in complaint
+    done(folder, "call", "canvas.kill", "name=turtle2")
     done(folder, "call", "canvas.clear")
     becomes(folder, "canvas.canvas", lambda sheet: sheet["turtles"] == [] and sheet["sheet"] == 1)
     done(folder, "call", "canvas.spawn", "x=2")
+    code, _, complaint = cli(folder, "call", "robot.teleport", "x=20")
+    assert code == 1 and "x is 0 to 11.09 m in the field; it is 20 m" in complaint
     done(folder, "call", "robot.teleport", "x=9")
     for word in ("/reset", "reset"):
         assert done(folder, "call", word) == "robot.home: done\ncanvas.start_over: done\n"
@@ -101,14 +103,14 @@ def test_others_are_spawned_moved_killed_and_the_sheet_is_wiped(folder):
 
 
 def test_turtle_1_is_killed_and_comes_back(folder):
-    done(folder, "call", "canvas.kill", "number=1")
-    assert "turtle 1 was killed" in done(folder, "why")
+    done(folder, "call", "canvas.kill", "name=turtle1")
+    assert "turtle1 was killed" in done(folder, "why")
     becomes(folder, "canvas.canvas", lambda sheet: not sheet["has_first"])
     before = last(folder, "robot.pose")
     cli(folder, "drive", "--v", "0.5", "--for", "0.5s")
     after = last(folder, "robot.pose")
     assert (after["x"], after["y"]) == (before["x"], before["y"])
-    assert done(folder, "call", "canvas.spawn", "number=1").startswith("canvas.spawn: 1")
+    assert done(folder, "call", "canvas.spawn", "name=turtle1") == "canvas.spawn: turtle1\n"
     done(folder, "drive", "--v", "0.5", "--distance", "0.3m")
     becomes(folder, "robot.pose", lambda pose: pose["x"] != before["x"])
 
@@ -183,6 +185,25 @@ def test_spawned_turtles_are_driven_at_once_and_replayed(tmp_path):
         process.wait(REPLY_TIMEOUT_S)
     code, output, complaint = cli(tmp_path, "replay", str(recording), "--check")
     assert code == 0 and "bit for bit" in output, complaint
+
+
+def test_a_turtle_that_is_not_there_is_named(tmp_path):
+    twist = '{"linear": 1.0, "angular": 0.0}'
+    with running(tmp_path, "turtles", sets=()):
+        code, _, complaint = cli(tmp_path, "topic", "pub", "/turtle2/cmd_vel", twist)
+        assert code == 1 and "there is no turtle 2 on the canvas" in complaint
+        assert done(tmp_path, "call", "canvas.spawn", "x=2", "y=3", "name=ada").endswith(" ada\n")
+        done(tmp_path, "topic", "pub", "/ada/cmd_vel", twist)
+        becomes(tmp_path, "/ada/pose", lambda pose: pose["x"] > 2.0 and pose["number"] == 10)
+        done(tmp_path, "call", "canvas.kill", "name=ada")
+        words = ("topic", "echo", "turtle10.pose", "--for", "0.2s")
+        code, output, complaint = cli(tmp_path, *words)
+        assert (code, output) == (0, "") and "there is no turtle 10 on the canvas" in complaint
+        described = PlainClient(tmp_path).request("describe_topic", topic="turtle10.pose")
+        assert described["last"] is None
+        assert "no topic '/ada/pose'" in cli(tmp_path, "topic", "echo", "/ada/pose", "--once")[2]
+        _, output, complaint = cli(tmp_path, "topic", "echo", "operator.goal", "--for", "0.2s")
+        assert output == "" and "no message has come on operator.goal yet" in complaint
 
 
 def test_the_names_of_turtlesim_are_known(folder):

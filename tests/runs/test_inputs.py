@@ -162,9 +162,19 @@ def test_the_neutral_message_comes_at_the_start(tmp_path_factory):
 
 def test_a_number_of_ros_is_published(tmp_path_factory):
     client = PlainClient(shared_run(tmp_path_factory))
-    assert client.request("publish", topic="input.count", message={"data": -128})["ok"]
-    described = client.request("describe_topic", topic="input.count")
-    assert (described["type"], described["last"]["data"]) == ("Int8", -128)
+    client.request("subscribe", topic="input.count")
+    client.send('{"method": "publish", "topic": "input.count", "message": {"data": -128}}')
+    while (line := client.read()) is not None and "message" not in line:
+        pass
+    assert line["message"]["data"] == -128
+    assert client.request("describe_topic", topic="input.count")["type"] == "Int8"
+
+
+def test_what_is_published_to_no_block_is_reported(tmp_path_factory):
+    folder = shared_run(tmp_path_factory)
+    code, _, complaint = cli(folder, "topic", "pub", "input.count", '{"data": 1}')
+    assert code == 0 and "no block and no program of this pipeline reads input.count" in complaint
+    assert cli(folder, "topic", "pub", "input.words", '{"text": "hi"}')[2] == ""
 
 
 def leases(pipeline):

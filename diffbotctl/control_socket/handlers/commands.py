@@ -42,7 +42,8 @@ ROS_SERVICES = {
 }
 # Those that are parameters here.
 ROS_PARAMETERS = {
-    "set_pen": "`diffbotctl param set canvas.pen_red 255`, and pen_green, pen_blue, pen_width, pen"
+    "set_pen": "`diffbotctl param set canvas.pen_red 255`, and pen_green, pen_blue, pen_width, "
+    "pen; `diffbotctl call canvas.set_pen name=turtle2 red=255` for a further turtle"
 }
 VALUE_MAX = 1e300  # beyond any parameter; a larger whole number may not fit into a float
 
@@ -125,6 +126,9 @@ def handle_publish(context: RequestContext, request: requests.PublishRequest) ->
 
 def _input_message(context: RequestContext, wire: str, fields: Fields) -> PublishInput:
     """A message for the declared input `wire`. Raises RefusalError for one of another type."""
+    absence = context.state.absent_turtle(wire)
+    if absence:
+        raise RefusalError("E-REQUEST", absence, "`diffbotctl call canvas.spawn` adds one")
     parsers = context.state.parsers
     if wire not in parsers:
         parsers[wire] = message_parser(context.state.wires[wire])

@@ -25,7 +25,8 @@ def handle_list_topics(context: RequestContext, request: requests.ListTopicsRequ
 
 def handle_topic_rate(context: RequestContext, request: requests.TopicRateRequest) -> Fields:
     wire = context.wire(request.topic)
-    return {"topic": wire, **rate_of(context, wire)}
+    is_read = wire in context.state.inputs or wire in context.info.readers
+    return {"topic": wire, **rate_of(context, wire), "is_read": is_read}
 
 
 def handle_describe_topic(
@@ -58,7 +59,9 @@ def handle_subscribe(context: RequestContext, request: requests.SubscribeRequest
                 context.client.push(
                     context.state.subscriptions.line(wire, context.state.newest[wire])
                 )
-    return {"topic": request.topic if request.topic == ALL else wires[0]}
+    if request.topic == ALL:
+        return {"topic": ALL}
+    return {"topic": wires[0], "silence": context.state.silence(wires[0])}
 
 
 def handle_unsubscribe(context: RequestContext, request: requests.UnsubscribeRequest) -> Fields:

@@ -7,7 +7,7 @@ from math import hypot
 from typing import NamedTuple
 
 from diffbotctl.geometry.trail import JUMP_MIN_M, Trail
-from diffbotctl.messages import Canvas, TurtlePose
+from diffbotctl.messages import Canvas, Pen, TurtlePose
 from diffbotctl.processes.screen import RunSnapshot
 from diffbotctl.render.map_scene import Scene
 from diffbotctl.ui.map.canvas import Point
@@ -51,16 +51,21 @@ class TurtleTrail:
         points = {number: point for number, point in points.items() if number in present}
         if canvas.has_first:
             points[1] = (pose.x, pose.y)
-        self.last = {number: self._draw(canvas, number, points[number]) for number in points}
+        pens = dict(zip(map(int, canvas.turtles[::4]), canvas.pens, strict=False))
+        pens[1] = first_pen = Pen(canvas.pen, canvas.pen_width, canvas.is_down)
+        self.last = {
+            number: self._draw(pens.get(number, first_pen), number, point)
+            for number, point in points.items()
+        }
 
-    def _draw(self, canvas: Canvas, number: int, point: Point) -> Point:
+    def _draw(self, pen: Pen, number: int, point: Point) -> Point:
         """Draw to the present place of a turtle; the place up to which it has drawn."""
         last = self.last.get(number, point)
         distance = hypot(point[0] - last[0], point[1] - last[1])
         if distance < POINT_SPACING_M:
             return last
-        if canvas.is_down and distance < JUMP_MIN_M:
-            self.lines.append(TurtleLine(last, point, canvas.pen, canvas.pen_width))
+        if pen.is_down and distance < JUMP_MIN_M:
+            self.lines.append(TurtleLine(last, point, pen.colour, pen.width))
         return point
 
     @property
