@@ -16,7 +16,7 @@ nothing in `read` may wait.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 from diffbotctl.block import inputs, outputs
@@ -38,10 +38,12 @@ class Reading(NamedTuple):
 class DeviceError(Exception):
     """The device cannot be opened or read: the cause, and what the user can do."""
 
-    def __init__(self, cause: str, fix: str) -> None:
+    def __init__(self, cause: str, fix: str, is_final: bool = False) -> None:
+        """`is_final`: it stays so until a person changes it; at its start the run then ends."""
         super().__init__(cause)
         self.cause = cause
         self.fix = fix
+        self.is_final = is_final
 
 
 class DeviceDriver:
@@ -52,17 +54,24 @@ class DeviceDriver:
     `start_timeout`: seconds from `open` to the first message; without one by then, the device is
     closed and opened again. `is_on_demand`: silence is no fault, because the device sends only what
     changes. `log` is set by the engine.
+    `open_kinds`: for a driver whose outputs and inputs are those that the pipeline declares, `out`
+    and `in`: the message classes that they may have. `outputs` and `inputs`: the message class of
+    each port of this source, set by the engine.
     """
 
     poll_period: float | None = None
     start_timeout = 5.0
     is_on_demand = False
+    open_kinds: tuple[type, ...] = ()
     log: Log = QUIET
+    outputs: Mapping[str, type]
+    inputs: Mapping[str, type]
 
     def __init_subclass__(cls) -> None:
-        if inputs(cls):
-            raise TypeError(f"{cls.__name__} has inputs: only blocks have them")
-        if not outputs(cls):
+        takes_messages = cls.write is not DeviceDriver.write
+        if inputs(cls) and not takes_messages:
+            raise TypeError(f"{cls.__name__} has inputs: define write(self, now, port, message)")
+        if not (outputs(cls) or takes_messages):
             raise TypeError(f"{cls.__name__} has no output: declare one with Out(...)")
 
     def __init__(self, **values: Any) -> None:
@@ -87,6 +96,15 @@ class DeviceDriver:
 
         The time of a message is when it was true: `now`, or earlier. Raises OSError or DeviceError
         when the device is gone.
+        """
+        raise NotImplementedError
+
+    def write(self, now: int, port: str, message: Any) -> None:
+        """Send the newest message of an input to the device. It must not wait.
+
+        It is not called while the device is closed. What cannot be sent is dropped, so that no old
+        command moves anything after a reconnect. Raises OSError or DeviceError when the device is
+        gone.
         """
         raise NotImplementedError
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,7 +25,9 @@ from diffbotctl.render.graph_layout import Wire, dot_lines, mermaid_lines
 if TYPE_CHECKING:
     from rich.tree import Tree
 
+    from diffbotctl.config.configuration import Configuration
     from diffbotctl.graph import Graph
+    from diffbotctl.runs.build_graph import Assembly
 
 OF_FILES = ("PIPELINE", "--robot", "--set", "--mermaid", "--output")
 OF_AN_ENGINE = "the graph of a running engine comes from the engine, and is a list"
@@ -72,10 +74,10 @@ def command(
 
     configuration = load(pipeline, robot, sets)
     assembly = assemble(configuration, False)
-    wires = list(wires_of(assembly.graph, assembly.command))
-    for name, _, part in assembly.parts:
-        if part.command is not None:
-            wires.append(_command_wire(f"{name}.{part.command}", f"{name}.robot"))
+    wires = [
+        *wires_of(assembly.graph, assembly.command),
+        *_wires_out_of(configuration, assembly),
+    ]
     blocks = [node.name for node in assembly.graph.nodes]
     title = f"{configuration.file}"
     if configuration.robot_file is not None:
@@ -146,11 +148,27 @@ def _draw_running(engine: str | None, as_json: bool) -> int:
 def wires_of(graph: Graph, command: str | None) -> Iterator[Wire]:
     """Every wire of the graph, in the order of its blocks, and the command wire to the robot."""
     for node in graph.nodes:
-        for port, wire in node.wires.items():
-            source, _, output = wire.rpartition(".")
-            yield Wire(source, output, node.name, port)
+        yield from _wires_into(node.name, node.wires)
     if command is not None:
         yield _command_wire(command, "robot")
+
+
+def _wires_out_of(configuration: Configuration, assembly: Assembly) -> Iterator[Wire]:
+    """The wires to several robots, and those that programs and devices take."""
+    for name, _, part in assembly.parts:
+        if part.command is not None:
+            yield _command_wire(f"{name}.{part.command}", f"{name}.robot")
+    for use in configuration.programs:
+        yield from _wires_into(use.name, use.wires)
+    for device in configuration.sources:
+        yield from _wires_into(device.name, device.wires)
+
+
+def _wires_into(name: str, wires: Mapping[str, str]) -> Iterator[Wire]:
+    """The wires into the node `name`, from its inputs to their sources."""
+    for port, wire in wires.items():
+        source, _, output = wire.rpartition(".")
+        yield Wire(source, output, name, port)
 
 
 def _command_wire(command: str, robot: str) -> Wire:

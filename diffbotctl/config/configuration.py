@@ -148,9 +148,18 @@ class ProgramEntry(Section):
 
 
 class SourceEntry(Section):
-    """A device of this computer that a driver reads: a joystick, a USB lidar."""
+    """A device of this computer that a driver reads: a joystick, a USB lidar, an Arduino."""
 
     driver = Param(str, help="Kind of driver; `diffbotctl blocks` lists them.")
+    wires = Param(
+        dict[str, str], key="in", default={}, help="What is sent to it: its input: block.output."
+    )
+    types = Param(
+        dict[str, str],
+        key="out",
+        default={},
+        help="What it publishes: name, then message type; of a driver that leaves that open.",
+    )
     values: Any = Param(dict, key="with", default={}, help="Values of the driver's parameters.")
     timeout = _timeout("its")
 
@@ -234,7 +243,8 @@ class ProgramUse:
 class SourceUse:
     """A device of a pipeline: `cls(**values)` creates its driver.
 
-    `outputs` maps the wires on which it publishes to their message classes. `timeout` is in s.
+    `outputs` maps the wires on which it publishes to their message classes, `wires` its inputs to
+    their sources. `timeout` is in s.
     """
 
     name: str
@@ -243,6 +253,7 @@ class SourceUse:
     outputs: dict[str, type]
     timeout: float
     place: Place
+    wires: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,13 @@ from typing import Any
 from diffbotctl.block import outputs
 from diffbotctl.config import lookup, registry
 from diffbotctl.config.checks.context import CheckContext
-from diffbotctl.config.configuration import InputUse, ProgramEntry, ProgramUse, SourceUse
+from diffbotctl.config.configuration import (
+    InputUse,
+    ProgramEntry,
+    ProgramUse,
+    SourceEntry,
+    SourceUse,
+)
 from diffbotctl.config.node_ports import RESERVED, is_name
 from diffbotctl.config.section_reader import read_parameters
 from diffbotctl.config.yaml_tree import Value
@@ -89,17 +95,25 @@ def read_sources(context: CheckContext) -> None:
         except registry.RegistryError as error:
             context.error(error.code, kind.place, str(error), error.fix)
             continue
-        _add_source(context, name, cls, entry.timeout, value)
+        _add_source(context, name, cls, entry, value)
 
 
 def _add_source(
-    context: CheckContext, name: str, cls: type[DeviceDriver], timeout: float, value: Value
+    context: CheckContext, name: str, cls: type[DeviceDriver], entry: SourceEntry, value: Value
 ) -> None:
     parameters = value.at("with") or Value({}, value.value_place, value.key_place)
     values: dict[str, Any] = {}
     if isinstance(parameters.data, dict):
         values = read_parameters(parameters, cls, f"{name}.with", context.problems)
     wires: dict[str, type] = {}
+    timeout = entry.timeout
+    if cls.open_kinds:
+        wires = _open_outputs(context, name, cls, entry, value)
+        for wire, kind in wires.items():
+            context.inputs[wire] = InputUse(wire, kind, timeout, None, False)
+    elif entry.types:
+        cause = f"the driver {entry.driver} has outputs of its own: {', '.join(outputs(cls))}"
+        context.error("E-SOURCE", (value.at("out") or value).name_place, cause, "remove `out`")
     for port, out in outputs(cls).items():
         problem = type_problem(out.kind)
         if problem is not None:
@@ -109,7 +123,31 @@ def _add_source(
         wire = f"{name}.{port}"
         wires[wire] = out.kind
         context.inputs[wire] = InputUse(wire, out.kind, timeout, None, False)
-    context.sources[name] = SourceUse(name, cls, values, wires, timeout, value.place)
+    inputs = dict(entry.wires)
+    context.sources[name] = SourceUse(name, cls, values, wires, timeout, value.place, inputs)
+
+
+def _open_outputs(
+    context: CheckContext, name: str, cls: type[DeviceDriver], entry: SourceEntry, value: Value
+) -> dict[str, type]:
+    """The wires on which a source with open outputs publishes, with their classes."""
+    wires: dict[str, type] = {}
+    for port, written in entry.types.items():
+        type_value = value.at("out", port)
+        if type_value is None or written is None:
+            continue
+        kind = message_kind(context, written, type_value)
+        if not is_name(port):
+            cause = f"'{port}' is not a valid output name"
+            fix = "use lower-case letters, digits and _"
+            context.error("E-NAME", type_value.name_place, cause, fix)
+        elif kind is not None and kind not in cls.open_kinds:
+            cause = f"the driver {entry.driver} has no {type_name(kind)}"
+            names = ", ".join(map(type_name, cls.open_kinds))
+            context.error("E-SOURCE", type_value.place, cause, f"use one of {names}")
+        elif kind is not None:
+            wires[f"{name}.{port}"] = kind
+    return wires
 
 
 def _is_free_name(context: CheckContext, name: str, value: Value, what: str = "program") -> bool:
@@ -207,7 +245,8 @@ def _upstream_of_motion(context: CheckContext) -> set[str]:
     wires = {
         name: list(_wires_into(value)) for name, value in (blocks.entries if blocks else {}).items()
     }
-    wires |= {name: list(use.wires.values()) for name, use in context.programs.items()}
+    for uses in (context.programs, context.sources):
+        wires |= {name: list(use.wires.values()) for name, use in uses.items()}
     robot = context.pipeline_value("robot")
     waiting = list(_wires_into(robot)) if robot is not None else []
     for name, block in context.block_classes.items():

@@ -31,6 +31,7 @@ BLOCKS = {
 DRIVERS = {
     "joystick": "diffbotctl.drivers.joystick:Joystick",
     "lidar": "diffbotctl.drivers.lidar:Lidar",
+    "rosserial": "diffbotctl.drivers.rosserial:Rosserial",
 }
 
 IMPORT_FIX = "correct or remove the package that provides it"

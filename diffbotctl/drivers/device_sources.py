@@ -11,10 +11,11 @@ import errno
 import os
 import select
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from types import MappingProxyType
+from typing import Any
 
-from diffbotctl.block import outputs
 from diffbotctl.config.configuration import SourceUse
 from diffbotctl.device import DeviceDriver, DeviceError, Reading
 from diffbotctl.drivers.goal_queue import Operator
@@ -38,12 +39,17 @@ MISSING_FIX = "plug it in, or correct its path"
 class DeviceSource:
     """One device as the engine sees it. Times are in ns."""
 
-    def __init__(self, use: SourceUse) -> None:
+    def __init__(self, use: SourceUse, kinds: Mapping[str, type]) -> None:
+        """`kinds`: the message class of each wire."""
         self.use = use
         self.driver: DeviceDriver = use.cls(**use.values)
         self.lines: list[tuple[int, str, str]] = []  # that the driver has logged
         self.driver.log = Log(use.name, self.lines, INFO)
-        self.kinds = {port: out.kind for port, out in outputs(use.cls).items()}
+        self.kinds = {wire.partition(".")[2]: kind for wire, kind in use.outputs.items()}
+        self.driver.outputs = self.kinds
+        self.driver.inputs = {port: kinds[wire] for port, wire in use.wires.items()}
+        self.pending: dict[str, tuple[int, Any]] = {}  # the newest message of each input
+        self.has_worked = False
         self.is_open = False
         self.is_starting = False  # opened, and nothing has come yet
         self.file: int | None = None
@@ -93,15 +99,34 @@ class DeviceSource:
         if self.driver.poll_period is not None and now >= self.poll_due:
             self.poll_due = now + max(round(self.driver.poll_period * SECOND), MILLISECOND)
         if readings:
-            self.is_starting = False
+            self.is_starting, self.has_worked = False, True
+            self.last_cause = ""
             self._expect(now, max(SILENCE_MAX, round(4 * self.use.timeout * SECOND)))
             self.attempts = 0
         elif now >= self.silent_at:
             raise DeviceError("nothing comes from it", CHECK_CABLE)
         return readings
 
+    def sink(self, port: str) -> Callable[[int, Any], None]:
+        """What takes the messages of an input; a newer one replaces one that was not sent."""
+
+        def take(now: int, message: Any) -> None:
+            self.pending[port] = (now, message)
+
+        return take
+
+    def write(self) -> None:
+        """Send what is pending; drop it while the device is closed. Raises DeviceError."""
+        pending, self.pending = self.pending, {}
+        for port, (now, message) in pending.items() if self.is_open else ():
+            try:
+                self.driver.write(now, port, message)
+            except OSError as error:
+                raise DeviceError(_os_cause(error), CHECK_CABLE) from error
+
     def close(self) -> None:
         """Close the device, whatever its driver does."""
+        self.pending.clear()
         self.is_open, self.is_starting, self.file = False, False, None
         self.poll_due = self.silent_at = NEVER
         with suppress(Exception):
@@ -146,9 +171,18 @@ def _require_events(file: int) -> None:
 class DeviceSourcesDriver:
     """A driver with all devices of a pipeline."""
 
-    def __init__(self, uses: Sequence[SourceUse], inputs: InputLeases, operator: Operator) -> None:
-        """Open all devices. Raises RunError with every one that cannot be opened."""
-        self.sources = [DeviceSource(use) for use in uses]
+    def __init__(
+        self,
+        uses: Sequence[SourceUse],
+        inputs: InputLeases,
+        operator: Operator,
+        kinds: Mapping[str, type] = MappingProxyType({}),
+    ) -> None:
+        """Open all devices. `kinds`: the message class of each wire.
+
+        Raises RunError with every device that cannot be opened.
+        """
+        self.sources = [DeviceSource(use, kinds) for use in uses]
         self.inputs = inputs
         self.operator = operator
         self.waits_for = ""  # what the robot was last reported to wait for
@@ -156,6 +190,23 @@ class DeviceSourcesDriver:
         if problems:
             self.close()
             raise RunError(*problems)
+
+    def sinks(self) -> Iterator[tuple[str, Callable[[int, Any], None]]]:
+        """The wires that devices take, and what takes their messages."""
+        for source in self.sources:
+            for port, wire in source.use.wires.items():
+                yield wire, source.sink(port)
+
+    def idle(self, now: int) -> None:
+        """Send the messages of the inputs, after the command to the robot has left."""
+        for source in self.sources:
+            if source.pending:
+                try:
+                    source.write()
+                except DeviceError as error:
+                    self._lose(now, source, error)
+                except Exception as error:
+                    self._lose(now, source, _defect(error))
 
     def due(self) -> int:
         """When a device is polled, counts as silent, or is opened again; or the wait changes."""
@@ -231,7 +282,10 @@ class DeviceSourcesDriver:
         """The messages of a lost device expire at once."""
         source.close()
         cause = f"{source.who}: {error.cause}"
-        self._log(now, "error", source.use.name, f"{cause}; {error.fix}")
+        if error.is_final and not source.has_worked:
+            raise RunError(Problem("E-DEVICE", source.use.place, cause, error.fix))
+        if error.cause != source.last_cause:
+            self._log(now, "error", source.use.name, f"{cause}; {error.fix}")
         self.inputs.end(now, source.use.name, cause, source.use.outputs)
         self._retry_later(now, source, error.cause)
 
@@ -262,10 +316,13 @@ class DeviceSourcesDriver:
 
 
 def open_sources(
-    uses: Sequence[SourceUse], inputs: InputLeases, operator: Operator
+    uses: Sequence[SourceUse],
+    inputs: InputLeases,
+    operator: Operator,
+    kinds: Mapping[str, type],
 ) -> DeviceSourcesDriver | None:
     """The driver of all devices of a pipeline; None without one. Raises RunError."""
-    return DeviceSourcesDriver(uses, inputs, operator) if uses else None
+    return DeviceSourcesDriver(uses, inputs, operator, kinds) if uses else None
 
 
 def _open_problem(source: DeviceSource) -> Problem | None:

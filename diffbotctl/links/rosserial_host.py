@@ -15,6 +15,7 @@ from diffbotctl.links.link_protocol import BITS_PER_BYTE, LinkOutput, Refusal
 from diffbotctl.links.rosserial_frames import RosserialDecoder, RosserialFrame, encode
 from diffbotctl.links.rosserial_stop import StopOrder
 from diffbotctl.links.rosserial_topics import (
+    EMPTY_PARAMETER,
     FIRST_TOPIC,
     LOG,
     PARAMETER,
@@ -24,6 +25,7 @@ from diffbotctl.links.rosserial_topics import (
     TIME,
     TopicNames,
     Topics,
+    read_log,
 )
 from diffbotctl.links.rosserial_wheels import SpeedSender, TickUnwrapper, TickVerdict, pair_frames
 from diffbotctl.messages import Duty, Encoders, Link, LinkState, Message, Text, Volts, Wheels
@@ -45,7 +47,6 @@ MOTION_TIME = 1_500 * MILLISECOND
 VOLTAGE_MAX_V = 5.5  # a 5 V board's input at the upper end of its supply's tolerance
 RANGE_CONSTANT_V_CM = 13.0  # the sketch's centimetres are this over the volts
 LEVELS = ("debug", "information", "warning", "error", "fatal")
-EMPTY_PARAMETER = struct.pack("<III", 0, 0, 0)  # no integers, no floats, no texts
 
 
 class RosserialHost:
@@ -372,9 +373,8 @@ def _time_answer(now: int) -> bytes:
 
 
 def _log_text(now: int, payload: bytes) -> LinkOutput:
-    """Text of a log message: level, length (32 bits), text."""
-    if len(payload) < 5 or payload[0] >= len(LEVELS):
+    """The text of a log message."""
+    logged = read_log(payload)
+    if logged is None:
         return []
-    text = payload[5:].decode("utf-8", "replace")
-    printable = "".join(c if c.isprintable() else " " for c in text).strip()
-    return [("text", Text(now, f"board, {LEVELS[payload[0]]}: {printable}"))]
+    return [("text", Text(now, f"board, {LEVELS[logged[0]]}: {logged[1]}"))]

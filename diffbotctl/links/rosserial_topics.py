@@ -11,6 +11,8 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from diffbotctl.links.rosserial_frames import PAYLOAD_BYTES_MAX
+from diffbotctl.links.rosserial_scalars import CODECS, RosType
+from diffbotctl.messages import Bool, Empty, Float32, Int32
 
 REQUEST = 0  # to the board: send your topics
 PUBLISHER, SUBSCRIBER = 0, 1  # from the board: one TopicInfo
@@ -19,11 +21,11 @@ PARAMETER, LOG, TIME = 6, 7, 10
 FIRST_TOPIC = 100  # numbers of a board's topics start here, its subscribers first
 INFO_BYTES_MIN = 2 + 3 * 4 + 4  # bytes of a TopicInfo whose three texts are empty
 
-INT32 = ("std_msgs/Int32", "da5909fbe378aeaf85e547e830cc1bb7")
-FLOAT32 = ("std_msgs/Float32", "73fcbf46b49191e672908e50842a83d4")
-BOOL = ("std_msgs/Bool", "8b94c1b53db61fb6aed406028ad6332a")
-EMPTY = ("std_msgs/Empty", "d41d8cd98f00b204e9800998ecf8427e")
-SIZES = {INT32: 4, FLOAT32: 4, BOOL: 1, EMPTY: 0}  # bytes of payload
+EMPTY_PARAMETER = struct.pack("<III", 0, 0, 0)  # no integers, no floats, no texts
+LOG_LEVELS = 5  # debug, information, warning, error, fatal
+
+INT32, FLOAT32, BOOL, EMPTY = (CODECS[kind].ros_type for kind in (Int32, Float32, Bool, Empty))
+SIZES = {codec.ros_type: codec.size for codec in CODECS.values()}  # bytes; None: they differ
 
 
 class TopicNames(NamedTuple):
@@ -37,12 +39,15 @@ class TopicNames(NamedTuple):
     reset: str = "reset"
 
 
+NO_NAMES = TopicNames("", "", "", "", "", "")
+
+
 class RosserialTopicInfo(NamedTuple):
     """Description of one topic by the board. `kind` is the message type and its MD5."""
 
     number: int
     name: str
-    kind: tuple[str, str]
+    kind: RosType
     buffer: int
 
 
@@ -66,10 +71,12 @@ def read_topic_info(payload: bytes) -> RosserialTopicInfo | None:
 class Topics:
     """Numbers known so far. `problems`: what is wrong with the sketch's declarations."""
 
-    def __init__(self, names: TopicNames) -> None:
+    def __init__(self, names: TopicNames = NO_NAMES) -> None:
         self.publishers = {name.lstrip("/") for name in names[:3]} - {""}
         self.subscribers = {name.lstrip("/") for name in names[3:]} - {""}
-        self.kinds = {name.lstrip("/"): (INT32,) for name in names if name} | {
+        self.kinds: dict[str, tuple[RosType, ...]] = {
+            name.lstrip("/"): (INT32,) for name in names if name
+        } | {
             names.distance.lstrip("/"): (FLOAT32,),
             names.reset.lstrip("/"): (BOOL, EMPTY),
         }
@@ -83,13 +90,17 @@ class Topics:
         for table in (self.numbers, self.sizes, self.problems, self._named_subscribers):
             table.clear()
 
+    def read(self, payload: bytes) -> RosserialTopicInfo | None:
+        """The TopicInfo of a payload; None when it is damaged."""
+        return read_topic_info(payload)
+
     def learn(self, role: int, payload: bytes) -> bool:
         """Take a TopicInfo; False when it is damaged or contradicts an earlier one.
 
         `role` is PUBLISHER or SUBSCRIBER. Two topics never share a number: of two contradicting
         answers both are dropped, since either may be the damaged one.
         """
-        info = read_topic_info(payload)
+        info = self.read(payload)
         if info is None or info.number < FIRST_TOPIC or info.buffer <= 0:
             return False
         needed = self.publishers if role == PUBLISHER else self.subscribers
@@ -103,8 +114,9 @@ class Topics:
         if info.name in needed and self._kind_fits(info):
             self.sizes.pop(self.numbers.get(info.name, -1), None)
             self.numbers[info.name] = info.number
-            if role == PUBLISHER:
-                self.sizes[info.number] = SIZES[info.kind]
+            size = SIZES[info.kind]
+            if role == PUBLISHER and size is not None:
+                self.sizes[info.number] = size
         return True
 
     def plausible(self, topic: int, length: int) -> bool:
@@ -157,12 +169,23 @@ class Topics:
         if info.kind in kinds:
             self.problems.pop(info.name, None)
             return True
-        self.problems[info.name] = (
-            f"the sketch declares {info.name} as {_printable(info.kind[0])}, "
-            f"this driver expects {' or '.join(kind[0] for kind in kinds)}"
-        )
+        text = f"the sketch declares {info.name} as {printable_text(info.kind[0])}, "
+        if info.kind[0] in [kind[0] for kind in kinds]:
+            text += f"of another definition (MD5 {printable_text(info.kind[1])[:32]})"
+        else:
+            text += f"this driver expects {' or '.join(kind[0] for kind in kinds)}"
+        self.problems[info.name] = text
         return False
 
 
-def _printable(text: str) -> str:
+def printable_text(text: str) -> str:
+    """`text` with a question mark for each character that cannot be shown."""
     return "".join(c if c.isprintable() else "?" for c in text)
+
+
+def read_log(payload: bytes) -> tuple[int, str] | None:
+    """Level, 0 to 4, and text of a log message; None when it is damaged."""
+    if len(payload) < 5 or payload[0] >= LOG_LEVELS:
+        return None
+    text = payload[5:].decode("utf-8", "replace")
+    return payload[0], "".join(c if c.isprintable() else " " for c in text).strip()

@@ -118,7 +118,9 @@ class Run:
         self.outputs = self._start_outputs(show, screen_closed)
         self.inputs = self.robots[0].inputs  # several robots have no programs and devices
         self.programs = self._start_programs()
-        self.devices = open_sources(configuration.sources, self.inputs, self.operator)
+        self.devices = open_sources(
+            configuration.sources, self.inputs, self.operator, self.assembly.graph.kinds
+        )
         if self.assembly.parts:
             self._open_robots()
         else:
@@ -288,6 +290,8 @@ class Run:
                 sinks[wire].append(sink)
         for wire, sink in ({} if self.programs is None else self.programs.sinks()).items():
             sinks[wire].append(sink)
+        for wire, sink in () if self.devices is None else self.devices.sinks():
+            sinks[wire].append(sink)
         for wire, sink in self.outputs.sinks():
             sinks[wire].append(sink)
         return sinks
@@ -299,10 +303,13 @@ class Run:
         """What the engine calls in its idle time: first the client's commands, then the outputs."""
         outputs_idle, programs = self.outputs.idle(), self.programs
         clients = [robot.client for robot in self.robots if robot.client is not None]
-        if not clients and outputs_idle is None and programs is None:
+        devices = self.devices
+        if not clients and outputs_idle is None and programs is None and devices is None:
             return None
 
         def idle() -> None:
+            if devices is not None:
+                devices.idle(self.engine.last_instant)
             if programs is not None:
                 programs.idle()
             for client in clients:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from typing import get_args
 
-from diffbotctl.block import In
+from diffbotctl.block import In, inputs
 from diffbotctl.config import node_ports
 from diffbotctl.config.checks.context import CheckContext
 from diffbotctl.config.configuration import SensorMessage
@@ -134,6 +134,7 @@ def check_wires(context: CheckContext) -> None:
         nodes.setdefault(node, NodePorts({}, {})).outputs[port] = use.kind
     wiring = _Wiring(context, nodes)
     wiring.check_programs()
+    wiring.check_sources()
     for name, value in nodes_with_inputs(context).items():
         if name in nodes:
             wiring.check_inputs(name, value)
@@ -182,6 +183,29 @@ class _Wiring:
                 outputs = self.nodes[node].outputs if node in self.nodes else {}
                 if source is not None:
                     self._check_source(name, port, outputs.get(output, object), source)
+
+    def check_sources(self) -> None:
+        """Check the source of everything that is sent to devices."""
+        for name, use in self.context.sources.items():
+            ports = inputs(use.cls)
+            declared = {port: each for port, each in ports.items() if isinstance(each, In)}
+            value = self.context.pipeline_value("sources", name)
+            if not use.cls.open_kinds:
+                if value is not None:
+                    self.nodes[name] = NodePorts(self.nodes[name].outputs, declared)
+                    self.check_inputs(name, value)
+                continue
+            for port, wire in use.wires.items():
+                node, _, output = wire.partition(".")
+                kind = self.nodes[node].outputs.get(output) if node in self.nodes else None
+                source = self.context.pipeline_value("sources", name, "in", port)
+                if source is None:
+                    continue
+                self._check_source(name, port, kind or object, source)
+                if kind is not None and kind not in use.cls.open_kinds:
+                    cause = f"{wire} carries {type_name(kind)}, which '{name}' cannot be sent"
+                    names = join_words(map(type_name, use.cls.open_kinds))
+                    self.context.error("E-WIRE-TYPE", source.place, cause, f"send {names}")
 
     def _report_unconnected(self, name: str, port: str, declared: In, value: Value) -> None:
         kind = type_name(declared.kind)
