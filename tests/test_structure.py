@@ -62,24 +62,24 @@ SOURCES = sorted((ROOT / "diffbotctl").rglob("*.py"))
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
 
 BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the folders
-    ".": 3_080,
-    "blocks": 2_750,
+    ".": 3_100,
+    "blocks": 2_830,
     "bluetooth": 800,
     "calibrate": 9_050,
-    "cli": 9_180,
+    "cli": 9_200,
     "client": 930,
-    "config": 8_740,
+    "config": 9_060,
     "control": 1_750,
-    "control_socket": 3_510,
+    "control_socket": 3_580,
     "diagnostics": 650,
-    "drivers": 2_720,
+    "drivers": 2_900,
     "emulator": 1_130,
     "engine": 2_370,
     "estimation": 5_500,
     "flash": 1_500,
     "foxglove": 1_010,
     "geometry": 400,
-    "links": 3_740,
+    "links": 4_080,
     "model": 300,
     "parts": 50,
     "plant": 4_070,
@@ -93,10 +93,10 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "ros2": 1_760,
     "runs": 1_270,
     "trials": 1_670,
-    "ui": 4_160,
+    "ui": 4_170,
     "web": 1_500,
 }
-PACKAGE_BUDGET = 81_600  # lines of all of them
+PACKAGE_BUDGET = 82_590  # lines of all of them
 
 SMALL_MODULE_LINES = 25
 SMALL_MODULES = {  # module: why it stands alone

@@ -136,7 +136,7 @@ def _choose_topics(
             reply["topic"],
             reply["type"],
             reply["schema"],
-            reply["topic"].partition(".")[0] in blocks,
+            reply["topic"].rpartition(".")[0] in blocks,
         )
         for reply in described
     ]

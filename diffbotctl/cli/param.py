@@ -163,7 +163,9 @@ def _write_parameters(pipeline: Path, new: Path | None, rows: list[dict[str, Any
             else path.read_text(encoding="utf-8")
         )
         for row in rows:
-            block, _, key = row["parameter"].partition(".")
+            block, _, key = row["parameter"].rpartition(".")
+            if "." in block:
+                raise ValueError(f"{block} is in a pipeline that is included")
             text = with_entry(text, ["blocks", block, "with", key], _yaml_value(row))
         temporary = path.with_name(f".{path.name}.new")
         temporary.write_text(text, encoding="utf-8")

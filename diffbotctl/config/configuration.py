@@ -173,8 +173,8 @@ class Pipeline(Section):
         object,
         none=True,
         default=None,
-        help="A pipeline file, or a list of them, whose values this file overrides; or several "
-        "robots by name, each as {path, as, robot, set}.",
+        help="A pipeline file, or a list of them, whose values this file overrides; or "
+        "pipelines and robots by name, each as {path, as, robot, set, in}.",
     )
     vars: Any = Param(dict, default={}, help="Values used elsewhere as $name.")
     robot: RobotUse | None = Param(

@@ -222,6 +222,14 @@ def read_neutral(context: CheckContext, kind: type, value: Value | None) -> Any:
 def mark_motion(context: CheckContext) -> None:
     """Mark the inputs on which the robot's motion depends, and check their timeouts."""
     moving = _upstream_of_motion(context)
+    context.moving_parts = {wire.partition(".")[0] for wire in moving} & context.parts.keys()
+    for part in (context.parts[name] for name in sorted(context.moving_parts)):
+        for use in part.inputs(True):
+            if use.timeout > MOTION_TIMEOUT_MAX:
+                cause = f"the robot's motion depends on {part.name}, and {use.timeout:g} s is too "
+                cause += f"long for {use.wire}"
+                fix = f"set at most {MOTION_TIMEOUT_MAX:g} s in {part.configuration.file.name}"
+                context.error("E-INPUT", part.value.place, cause, fix)
     for wire, use in context.inputs.items():
         if wire not in moving:
             continue
@@ -249,6 +257,10 @@ def _upstream_of_motion(context: CheckContext) -> set[str]:
         wires |= {name: list(use.wires.values()) for name, use in uses.items()}
     robot = context.pipeline_value("robot")
     waiting = list(_wires_into(robot)) if robot is not None else []
+    for name, part in context.parts.items():
+        wires[name] = list(part.remaps.values())
+        if any(out.kind in ACTING for use in part.blocks() for out in outputs(use.cls).values()):
+            waiting += wires[name]
     for name, block in context.block_classes.items():
         if any(out.kind in ACTING for out in outputs(block).values()):
             waiting += wires.get(name, [])

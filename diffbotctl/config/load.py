@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TypeAlias, TypeVar
 
@@ -24,6 +25,7 @@ from diffbotctl.config import (
 from diffbotctl.config.checks import CHECKS
 from diffbotctl.config.checks.block_needs import omit_unusable_blocks
 from diffbotctl.config.checks.context import CheckContext
+from diffbotctl.config.checks.graph import loops
 from diffbotctl.config.code_files import CodeFiles, is_code
 from diffbotctl.config.configuration import (
     BlockEntry,
@@ -40,6 +42,7 @@ from diffbotctl.config.motor_pulses import (
     fields_of_other_pulses,
     fill_shorted,
 )
+from diffbotctl.config.named_parts import has_parts, join_parts, load_parts
 from diffbotctl.config.named_robots import load_named_robots
 from diffbotctl.config.robot import (
     Robot,
@@ -93,6 +96,8 @@ def load(
     try:
         return loader.load_pipeline(pipeline, robot)
     except source_tree.NamedIncludesError as named:
+        if has_parts(lookup.find_pipeline(pipeline), named.tree):
+            return loader.load_with_parts(pipeline, robot, named.tree)
         if robot is not None:
             cause, fix = (
                 "several robots are in this pipeline",
@@ -202,9 +207,11 @@ class _Loader:
         self.overrides = [*overrides, *source_tree.parse_overrides(sets, self.problems)]
         self.files: list[Path] = []
 
-    def load_pipeline(self, name: str, robot: str | None) -> Configuration:
+    def load_pipeline(
+        self, name: str, robot: str | None, read: TreeReader = source_tree.read_pipeline
+    ) -> Configuration:
         file = self._find(lookup.find_pipeline, name)
-        tree = self._read_tree(file, source_tree.read_pipeline) if file else None
+        tree = self._read_tree(file, read) if file else None
         if tree is not None:
             self._read_pipeline(tree)
         robot_file = self._load_robot_of_pipeline(robot)
@@ -240,18 +247,34 @@ class _Loader:
         wrong = _wrong_kind(tree, "pipeline")
         if wrong is not None or self.problems:
             raise ConfigurationError([*([] if wrong is None else [wrong]), *self.problems])
-        context = self.context
-
-        def load_one(path: str, robot: str | None, overrides: list[Override]) -> Configuration:
-            loader = _Loader((), context.real, context.refuse_simulated, overrides, self.code)
-            return loader.load_pipeline(path, robot)
-
         file = lookup.find_pipeline(name)
         try:
-            loaded = load_named_robots(file, tree, self.overrides, robot_files, load_one)
+            loaded = load_named_robots(file, tree, self.overrides, robot_files, self._load_one)
         except ConfigurationError as error:
             raise self.code.error(error.problems) from None
         return replace(loaded, settings=self.sets, code=self.code.hashes())
+
+    def _load_one(self, path: str, robot: str | None, overrides: list[Override]) -> Configuration:
+        context = self.context
+        loader = _Loader((), context.real, context.refuse_simulated, overrides, self.code)
+        return loader.load_pipeline(path, robot)
+
+    def load_with_parts(self, name: str, robot: str | None, tree: Value) -> Configuration:
+        """The pipeline called `name`, which includes others under names; `tree` is its file."""
+        wrong = _wrong_kind(tree, "pipeline")
+        if wrong is not None or self.problems:
+            raise ConfigurationError([*([] if wrong is None else [wrong]), *self.problems])
+        try:
+            parts = load_parts(lookup.find_pipeline(name), tree, self.overrides, self._load_one)
+        except ConfigurationError as error:
+            raise self.code.error(error.problems) from None
+        self.context.parts = {part.name: part for part in parts}
+        self.overrides = [
+            override for override in self.overrides if override.steps[0] not in self.context.parts
+        ]
+        read = partial(source_tree.read_pipeline, skips_named=True)
+        whole = self.load_pipeline(name, robot, read)
+        return join_parts(whole, parts, self.context.moving_parts, loops)
 
     def load_robot(self, name: str | None) -> RobotFile:
         file = self._find_and_read_robot(name)

@@ -22,7 +22,7 @@ NESTED = "include those files here"
 ROBOTS_MAX = 20  # each has a process for its control socket
 STEPS_MAX = 20  # of a path in `set`; a robot file has five
 FILE_KEYS = ("format", "kind", "include")  # of a file that names its includes
-INCLUDE_KEYS = ("path", "as", "robot", "set")
+INCLUDE_KEYS = ("path", "as", "robot", "set", "in")
 WHOLE_SECTIONS = ("goals", "world")  # that an override may replace
 EXAMPLE = "write `- {path: goal, as: left}`"
 
@@ -67,7 +67,7 @@ def load_named_robots(
             loaded = load_one(include.path, robot, [*include.overrides, *of_robot])
             _check_robot(include, loaded)
         except NamedIncludesError:
-            _refuse(include.value, f"{include.path} itself gives names to its includes", NESTED)
+            refuse(include.value, f"{include.path} itself gives names to its includes", NESTED)
         except ConfigurationError as error:
             problems += error.problems
             continue
@@ -98,32 +98,33 @@ def _read_includes(file: Path, tree: Value) -> list[NamedInclude]:
     for key, value in tree.entries.items():
         if key not in FILE_KEYS:
             cause = f"a pipeline whose includes have names has no '{key}' of its own"
-            _refuse(value, cause, "move it into an included file, or into its `set`", at_key=True)
+            refuse(value, cause, "move it into an included file, or into its `set`", at_key=True)
     include = tree.entries["include"]
     if include.items and len(include.items) > ROBOTS_MAX:
         cause = f"at most {ROBOTS_MAX} robots are possible in a pipeline"
-        _refuse(include, cause, "start another engine with the others")
+        refuse(include, cause, "start another engine with the others")
     includes: list[NamedInclude] = []
     for value in include.items or [include]:
-        read = _read_include(file, value)
+        read = read_include(file, value)
         if read.name in [other.name for other in includes]:
-            _refuse(value.entries["as"], f"two robots are called '{read.name}'", "rename one")
+            refuse(value.entries["as"], f"two robots are called '{read.name}'", "rename one")
         includes.append(read)
     return includes
 
 
-def _read_include(file: Path, value: Value) -> NamedInclude:
+def read_include(file: Path, value: Value) -> NamedInclude:
+    """What an include with a name states. Raises ConfigurationError."""
     if not value.entries:
-        _refuse(value, "either all includes have a name or none", EXAMPLE)
+        refuse(value, "either all includes have a name or none", EXAMPLE)
     for key, entry in value.entries.items():
         if key not in INCLUDE_KEYS:
             near = closest_match(key, INCLUDE_KEYS)
             fix = f"did you mean {near}?" if near else f"it has {join_words(INCLUDE_KEYS, 'and')}"
-            _refuse(entry, f"an include has no '{key}'", fix, at_key=True)
+            refuse(entry, f"an include has no '{key}'", fix, at_key=True)
     name = _text(value, "as")
     if not is_name(name) or name in RESERVED:
-        cause = f"'{name}' is not a valid name of a robot"
-        _refuse(value.entries["as"], cause, "use lower-case letters, digits and _, such as left")
+        cause = f"'{name}' is not a valid name"
+        refuse(value.entries["as"], cause, "use lower-case letters, digits and _, such as left")
     return NamedInclude(
         name,
         _find(file, value, "path", "pipelines"),
@@ -136,9 +137,9 @@ def _read_include(file: Path, value: Value) -> NamedInclude:
 def _text(value: Value, key: str) -> str:
     entry = value.entries.get(key)
     if entry is None:
-        _refuse(value, f"the include has no '{key}'", EXAMPLE)
+        refuse(value, f"the include has no '{key}'", EXAMPLE)
     if not isinstance(entry.data, str) or not entry.data.strip() or "\0" in entry.data:
-        _refuse(entry, f"'{key}' requires a name", EXAMPLE)
+        refuse(entry, f"'{key}' requires a name", EXAMPLE)
     return entry.data
 
 
@@ -149,7 +150,7 @@ def _find(file: Path, include: Value, key: str, folder: str) -> str:
     if lookup.is_path(name):
         found = file.parent / name
         if not lookup.is_file(found):
-            _refuse(value, f"there is no file {lookup.display_path(found)}", "correct the path")
+            refuse(value, f"there is no file {lookup.display_path(found)}", "correct the path")
         return str(found)
     beside = file.parent / f"{name}.yaml"
     if beside != file and lookup.is_file(beside) and folder == "pipelines":
@@ -158,7 +159,7 @@ def _find(file: Path, include: Value, key: str, folder: str) -> str:
         what = folder.removesuffix("s")
         near = closest_match(name, lookup.names(folder))
         fix = f"did you mean {near}?" if near else "give a path"
-        _refuse(value, f"there is no {what} '{name}'", fix)
+        refuse(value, f"there is no {what} '{name}'", fix)
     return name
 
 
@@ -167,7 +168,7 @@ def _read_set(value: Value | None) -> list[Override]:
     if value is None:
         return []
     if not isinstance(value.data, dict):
-        _refuse(value, "'set' requires a mapping", "write `set: {follower.tolerance: 5 cm}`")
+        refuse(value, "'set' requires a mapping", "write `set: {follower.tolerance: 5 cm}`")
     overrides = []
     for path, entry in value.entries.items():
         steps = tuple(path.split("."))
@@ -175,7 +176,7 @@ def _read_set(value: Value | None) -> list[Override]:
         if not all(steps) or is_short or len(steps) > STEPS_MAX:
             cause = f"'{path[:60]}' names no value"
             fix = "write block.parameter, or robot.limits.speed"
-            _refuse(entry, cause, fix, at_key=True)
+            refuse(entry, cause, fix, at_key=True)
         overrides.append(Override(steps, entry, entry.name_place))
     return overrides
 
@@ -198,16 +199,21 @@ def _check_overrides(overrides: Iterable[Override], names: list[str]) -> None:
 
 def _check_robot(include: NamedInclude, loaded: Configuration) -> None:
     """Refuse what works only in an engine with one robot."""
+    if (remaps := include.value.at("in")) is not None:
+        cause = "wires between robots are not possible: each has a pipeline of its own"
+        refuse(remaps, cause, "remove `in`", at_key=True)
     if loaded.robot is None or "wheels" not in loaded.robot_wires:
-        cause = f"{include.path} drives no robot, so that there is nothing to name"
-        _refuse(include.value, cause, "include it without `as`, or give it a robot")
+        cause = f"{include.path} drives no robot, and others of these includes do"
+        fix = "include one that drives a robot without `as`, and this one with a name"
+        refuse(include.value, cause, fix)
     sections = (("programs", loaded.programs), ("sources", loaded.sources))
     own = [key for key, uses in sections if uses]
     if own:
         cause = f"{include.path} has {join_words(own, 'and')}, which several robots cannot have"
-        _refuse(include.value, cause, "run it in an engine of its own")
+        refuse(include.value, cause, "run it in an engine of its own")
 
 
-def _refuse(value: Value, cause: str, fix: str, at_key: bool = False) -> NoReturn:
+def refuse(value: Value, cause: str, fix: str, at_key: bool = False) -> NoReturn:
+    """Raise ConfigurationError at an include, or at one of its keys."""
     place = value.name_place if at_key else value.place
     raise ConfigurationError(Problem("E-INCLUDE", place, cause, fix))

@@ -103,10 +103,19 @@ def read_robot(
 
 
 def read_pipeline(
-    path: Path, overrides: Iterable[Override], problems: list[Problem]
+    path: Path,
+    overrides: Iterable[Override],
+    problems: list[Problem],
+    *,
+    skips_named: bool = False,
 ) -> tuple[Value, list[Path]]:
-    """As `read_robot`, of the pipeline file at `path`. Raises NamedIncludesError."""
-    tree, paths = _read_with_includes(path, "pipelines")
+    """As `read_robot`, of the pipeline file at `path`. Raises NamedIncludesError.
+
+    `skips_named`: without the includes that have names, and it need not have blocks of its own.
+    """
+    tree, paths = _read_with_includes(path, "pipelines", skips_named)
+    if skips_named and "blocks" not in tree.entries:
+        tree = tree.with_entry(("blocks",), Value({}, tree.value_place, tree.key_place))
     blocks = tree.entries.get("blocks")
     names = list(blocks.entries) if blocks else []
     devices = tree.entries.get("sources")
@@ -170,12 +179,14 @@ def _without_sections(steps: Sequence[str]) -> Sequence[str]:
     return (steps[0], *steps[2:]) if len(steps) > 2 and steps[1] == "with" else steps
 
 
-def _read_with_includes(path: Path, folder: str) -> tuple[Value, list[Path]]:
+def _read_with_includes(
+    path: Path, folder: str, skips_named: bool = False
+) -> tuple[Value, list[Path]]:
     """The file at `path` merged over its includes, and every file that was read.
 
     `folder` is where bare names are looked up. Raises ConfigurationError.
     """
-    reader = _IncludeReader(folder)
+    reader = _IncludeReader(folder, skips_named)
     return reader.read(path, ()), reader.paths
 
 
@@ -184,6 +195,7 @@ class _IncludeReader:
     """Reads a file with its includes. `paths` lists every file that was read."""
 
     folder: str
+    skips_named: bool = False
     paths: list[Path] = field(default_factory=list)
     count: int = 0
     values: int = 0
@@ -202,7 +214,9 @@ class _IncludeReader:
             if including:
                 cause = "names of includes are possible only in the file that is run"
                 _refuse_include(include, cause, "give the names there")
-            raise NamedIncludesError(own)
+            if not self.skips_named:
+                raise NamedIncludesError(own)
+            items = [item for item in items if not isinstance(item.data, dict)]
         base: Value | None = None
         for name in items:
             included = self._included(name, path, [*including, lookup.real_path(path)])

@@ -335,10 +335,12 @@ class RequestContext(NamedTuple):
         wires = self.state.wires
         if name in wires:
             return name
+        if (dotted := name.strip("/").replace("/", ".")) in wires:
+            return dotted
         ros_wire = _ros_wire(name, wires, self.state.turtles())
         if ros_wire is not None:
             return ros_wire
-        outputs = [wire for wire in wires if wire.partition(".")[0] == name]
+        outputs = [wire for wire in wires if wire.rpartition(".")[0] == name]
         if f"{name}.{name}" in outputs:
             return f"{name}.{name}"
         if len(outputs) == 1:

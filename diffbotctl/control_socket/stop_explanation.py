@@ -64,7 +64,7 @@ def _explained_stop(state: RunState) -> StopEpisode:
 
 
 def _stop(episode: StopEpisode) -> str:
-    name = episode.wire.partition(".")[0]
+    name = episode.wire.rpartition(".")[0]
     return (
         f"At {episode.time / SECOND:.2f} s {name} stopped the robot: {episode.stop.code} "
         f"({_title(episode)}): {episode.stop.cause}."
@@ -81,7 +81,7 @@ def _sensors(episode: StopEpisode, graph: Graph) -> list[str]:
     """The newest sensor messages upstream of the stop, the farthest upstream first."""
     by_name = {node.name: node for node in graph.nodes}
     wires: list[str] = []
-    waiting = [episode.wire.partition(".")[0]]
+    waiting = [episode.wire.rpartition(".")[0]]
     visited: set[str] = set()
     while waiting:
         node = by_name.get(waiting.pop(0))
@@ -90,7 +90,7 @@ def _sensors(episode: StopEpisode, graph: Graph) -> list[str]:
         visited.add(node.name)
         wires += [wire for wire in node.wires.values() if wire not in wires]
         if node.name != "gate":  # the whole pipeline is upstream of the gate
-            waiting += [wire.partition(".")[0] for wire in node.wires.values()]
+            waiting += [wire.rpartition(".")[0] for wire in node.wires.values()]
     texts = [
         f"{wire}: {_summary(message)} ({message.time / SECOND:.2f} s)"
         for wire in reversed(wires)

@@ -45,7 +45,7 @@ class DeviceSource:
         self.driver: DeviceDriver = use.cls(**use.values)
         self.lines: list[tuple[int, str, str]] = []  # that the driver has logged
         self.driver.log = Log(use.name, self.lines, INFO)
-        self.kinds = {wire.partition(".")[2]: kind for wire, kind in use.outputs.items()}
+        self.kinds = {wire.rpartition(".")[2]: kind for wire, kind in use.outputs.items()}
         self.driver.outputs = self.kinds
         self.driver.inputs = {port: kinds[wire] for port, wire in use.wires.items()}
         self.pending: dict[str, tuple[int, Any]] = {}  # the newest message of each input
@@ -100,7 +100,6 @@ class DeviceSource:
             self.poll_due = now + max(round(self.driver.poll_period * SECOND), MILLISECOND)
         if readings:
             self.is_starting, self.has_worked = False, True
-            self.last_cause = ""
             self._expect(now, max(SILENCE_MAX, round(4 * self.use.timeout * SECOND)))
             self.attempts = 0
         elif now >= self.silent_at:
@@ -282,9 +281,9 @@ class DeviceSourcesDriver:
         """The messages of a lost device expire at once."""
         source.close()
         cause = f"{source.who}: {error.cause}"
-        if error.is_final and not source.has_worked:
+        if error.is_final and not source.has_worked and not source.attempts:
             raise RunError(Problem("E-DEVICE", source.use.place, cause, error.fix))
-        if error.cause != source.last_cause:
+        if not (error.is_final and error.cause == source.last_cause):
             self._log(now, "error", source.use.name, f"{cause}; {error.fix}")
         self.inputs.end(now, source.use.name, cause, source.use.outputs)
         self._retry_later(now, source, error.cause)

@@ -48,7 +48,7 @@ class ProgramLink:
     def __init__(self, use: ProgramUse) -> None:
         self.use = use
         self.outputs = {  # by port: the wire, and what reads its messages
-            wire.partition(".")[2]: (wire, message_parser(kind))
+            wire.rpartition(".")[2]: (wire, message_parser(kind))
             for wire, kind in use.outputs.items()
         }
         # A program that publishes rarely sends empty objects meanwhile.
@@ -282,7 +282,7 @@ class ProgramsDriver:
             "name": link.use.name,
             "in": {port: type_name(self.kinds[wire]) for port, wire in link.use.wires.items()},
             "out": {
-                wire.partition(".")[2]: type_name(kind) for wire, kind in link.use.outputs.items()
+                wire.rpartition(".")[2]: type_name(kind) for wire, kind in link.use.outputs.items()
             },
         }
         link.send(json.dumps(fields).encode() + b"\n")

@@ -62,7 +62,7 @@ ONE = "include:\n  - {path: goal, as: left}\n"
     ("text", "line", "cause"),
     [
         (f"{ONE}goals: [{{x: 1}}]\n", 5, "has no 'goals' of its own"),
-        (f"{ONE}  - goal\n", 5, "either all includes have a name or none"),
+        (f"{ONE}  - goal\n", 4, "either all includes have a name or none"),
         (f"{ONE}  - {{path: goal}}\n", 5, "the include has no 'as'"),
         (f"{ONE}  - {{as: right}}\n", 5, "the include has no 'path'"),
         (f"{ONE}  - {{path: goal, as: left}}\n", 5, "two robots are called 'left'"),

@@ -10,6 +10,7 @@ from diffbotctl.block import Block
 from diffbotctl.config.board_pins import BOARDS, BoardPins
 from diffbotctl.config.configuration import InputUse, Omission, Pipeline, ProgramUse, SourceUse
 from diffbotctl.config.motor_pulses import MotorPulses, motor_pulses
+from diffbotctl.config.named_parts import NamedPart
 from diffbotctl.config.robot import Robot, field_value
 from diffbotctl.config.yaml_tree import Value
 from diffbotctl.errors import Place, Problem
@@ -22,7 +23,8 @@ class CheckContext:
     `real`: a real robot is about to move. `refuse_simulated`: results of a simulated robot are an
     error, because a real one is behind the port. `nominal` is the robot before calibration.
     `block_classes` and `parameters` have an entry for each block whose class was found,
-    `inputs` for each wire on which another program publishes.
+    `inputs` for each wire on which another program publishes. `parts` are pipelines under names;
+    the robot's motion depends on `moving_parts`.
     """
 
     real: bool = False
@@ -39,6 +41,8 @@ class CheckContext:
     programs: dict[str, ProgramUse] = field(default_factory=dict)
     sources: dict[str, SourceUse] = field(default_factory=dict)
     omissions: list[Omission] = field(default_factory=list)
+    parts: dict[str, NamedPart] = field(default_factory=dict)
+    moving_parts: set[str] = field(default_factory=set)
 
     def pipeline_value(self, *steps: str | int) -> Value | None:
         """The value at a path of the pipeline file."""

@@ -132,7 +132,13 @@ def check_wires(context: CheckContext) -> None:
     for wire, use in context.inputs.items():
         node, _, port = wire.partition(".")
         nodes.setdefault(node, NodePorts({}, {})).outputs[port] = use.kind
+    nodes |= {name: part.ports() for name, part in context.parts.items()}
     wiring = _Wiring(context, nodes)
+    for name, part in context.parts.items():
+        wiring.check_inputs(name, part.value)
+        if (same := context.pipeline_value("blocks", name)) is not None:
+            cause, fix = f"an include is called '{name}'", "rename the block"
+            context.error("E-NAME", same.name_place, cause, fix)
     wiring.check_programs()
     wiring.check_sources()
     for name, value in nodes_with_inputs(context).items():

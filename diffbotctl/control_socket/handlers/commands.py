@@ -116,12 +116,17 @@ def handle_publish(context: RequestContext, request: requests.PublishRequest) ->
             return parse_request(requests.ResumeRequest, message)
         case "operator.halt":
             return handle_stop(context, parse_request(requests.StopRequest, message))
-    owner = wire.partition(".")[0]
-    if owner == INPUT:
+    owner = wire.rpartition(".")[0]
+    if _is_input(owner):
         return _input_message(context, wire, message)
-    inputs = [wire for wire in context.state.wires if wire.startswith(f"{INPUT}.")]
+    inputs = [wire for wire in context.state.wires if _is_input(wire.rpartition(".")[0])]
     fix = f"you may publish to {', '.join([*inputs, *PUBLISHABLE])}"
     raise RefusalError("E-REQUEST", f"only {owner} publishes {wire}", fix)
+
+
+def _is_input(node: str) -> bool:
+    """Whether a node has the inputs of the pipeline, or of one that it includes under a name."""
+    return node.rpartition(".")[2] == INPUT
 
 
 def _input_message(context: RequestContext, wire: str, fields: Fields) -> PublishInput:
@@ -170,7 +175,7 @@ def handle_set_parameter(context: RequestContext, request: requests.SetParameter
 
 def _parameter(context: RequestContext, path: str) -> tuple[str, str, Declaration]:
     """Block, attribute and declaration of the parameter `path`. Raises RefusalError."""
-    name, _, key = path.partition(".")
+    name, _, key = path.rpartition(".")
     if name in context.state.blocks:
         for attribute, declaration in declared(type(context.state.blocks[name])).items():
             if key in (declaration.key, attribute):
@@ -181,8 +186,8 @@ def _parameter(context: RequestContext, path: str) -> tuple[str, str, Declaratio
         for declaration in declared(type(block)).values()
     ]
     cause, fix = f"there is no parameter '{path}'", suggestion(path, paths)
-    field = path.removeprefix("robot.")
-    if name == "robot" or name in declared(Robot):
+    field, first = path.removeprefix("robot."), path.partition(".")[0]
+    if first == "robot" or first in declared(Robot):
         cause = f"{field} is a value of the robot file, which cannot change while running"
         fix = f"run again with --set robot.{field}=..."
     raise RefusalError("E-REQUEST", cause, fix)
@@ -243,7 +248,7 @@ def handle_list_actions(context: RequestContext, request: requests.ListActionsRe
 
 def handle_call_action(context: RequestContext, request: requests.CallActionRequest) -> Call:
     available = _actions(context)
-    block, _, action = request.action.partition(".")
+    block, _, action = request.action.rpartition(".")
     method = available.get(request.action)
     if method is None:
         cause = f"there is no action '{request.action}'"

@@ -204,4 +204,4 @@ def _stop(view: RunView) -> Iterator[Row]:
 def _texts(view: RunView) -> Iterator[Row]:
     for wire, message in view.snapshot.messages.items():
         if isinstance(message, messages.Text):
-            yield wire.partition(".")[0][:NAME_WIDTH], message.text
+            yield wire.rpartition(".")[0][:NAME_WIDTH], message.text
