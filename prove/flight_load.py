@@ -43,7 +43,7 @@ def hub(folder: Path) -> Iterator[tuple[BlackBox, RunControlSocket, Assembly]]:
         folder,
         setup,
         assembly,
-        RunReports(facts, lambda: (0, 0), bytes, lambda line: None, print),
+        RunReports(facts, lambda: (0, 0), lambda: None, lambda line: None, print),
     )
     with patch.dict(os.environ, {"XDG_RUNTIME_DIR": str(folder)}):
         station = RunControlSocket(SocketOptions("load"), setup, assembly, "sim", store=keeper)
