@@ -66,7 +66,7 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "blocks": 2_830,
     "bluetooth": 800,
     "calibrate": 9_050,
-    "cli": 9_200,
+    "cli": 9_220,
     "client": 930,
     "config": 9_060,
     "control": 1_750,
@@ -93,10 +93,10 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "ros2": 1_760,
     "runs": 1_270,
     "trials": 1_670,
-    "ui": 4_170,
+    "ui": 4_220,
     "web": 1_500,
 }
-PACKAGE_BUDGET = 82_590  # lines of all of them
+PACKAGE_BUDGET = 82_790  # lines of all of them
 
 SMALL_MODULE_LINES = 25
 SMALL_MODULES = {  # module: why it stands alone

@@ -14,7 +14,7 @@ from diffbotctl.blocks.diff_drive import DiffDrive
 from diffbotctl.blocks.goal_follower import GoalFollower
 from diffbotctl.blocks.odometry import OdometryBlock
 from diffbotctl.blocks.speed_limiter import SpeedLimiter
-from diffbotctl.calibrate.session import RobotSession, stopped_error
+from diffbotctl.calibrate.session import KeyStopError, RobotSession, stopped_error
 from diffbotctl.config.robot import Robot
 from diffbotctl.drivers.goal_queue import Operator
 from diffbotctl.drivers.robot_ports import is_duty_board
@@ -127,6 +127,8 @@ class AutonomousDrive:
             raise stopped_error("the board did not confirm that it has stopped", fix)
         if engine.failure is not None:
             raise engine.failure
+        if session.key is not None and session.key.cause:
+            raise KeyStopError(session.key.cause)
         # An uncertain pose is enough: the person measures where the robot is.
         arrived = self.operator.reached + self.operator.reached_unsure
         if arrived < self.operator.number or self.pose is None:

@@ -1,8 +1,8 @@
 """Writing results into the section `calibration:` of a robot file, and undoing that.
 
 Only the changed entries of the section differ afterwards; every other byte is kept. The previous
-file is kept beside it under a name that ends with the fingerprint of what was written: so `undo`
-detects whether the file was changed since, and can go back step by step.
+file is kept in the folder `backups` beside it, under a name that ends with the fingerprint of what
+was written: so `undo` detects whether the file was changed since, and can go back step by step.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ include: {include}
 calibration: {{}}
 """
 FINGERPRINT_DIGITS = 8  # hexadecimal
-BACKUP_INFIX = ".before-"
+BACKUP_FOLDER, BACKUP_INFIX = "backups", ".before-"
 
 
 def replace_section(text: str, entries: Mapping[str, str]) -> str:
@@ -202,6 +202,7 @@ def write_change(change: FileChange) -> Path:
         raise RunError(Problem("E-CALIBRATE-WRITE", str(path), cause, fix))
     backup = _backup_path(path, change.after)
     try:
+        backup.parent.mkdir(exist_ok=True)
         _write_atomic(backup, change.before, path)
         _write_atomic(path, change.after, path)
     except OSError as error:
@@ -222,11 +223,14 @@ def undo(path: Path) -> FileChange:
     before = backup.read_bytes()
     _write_atomic(path.resolve(), before, path)
     backup.unlink()
+    with suppress(OSError):  # others are in it
+        backup.parent.rmdir()
     return FileChange(path, present, before)
 
 
 def _no_backup(path: Path) -> Problem:
-    backups = path.resolve().parent.glob(f"{path.name}{BACKUP_INFIX}*")
+    folder = path.resolve().parent / BACKUP_FOLDER
+    backups = folder.glob(f"{path.name}{BACKUP_INFIX}*")
     names = ", ".join(sorted(backup.name for backup in backups))
     if names:
         cause = f"the file was changed since the last calibration; backup: {names}"
@@ -238,7 +242,7 @@ def _no_backup(path: Path) -> Problem:
 
 def _backup_path(path: Path, after: bytes) -> Path:
     fingerprint = sha256(after).hexdigest()[:FINGERPRINT_DIGITS]
-    return path.with_name(f"{path.name}{BACKUP_INFIX}{fingerprint}")
+    return path.parent / BACKUP_FOLDER / f"{path.name}{BACKUP_INFIX}{fingerprint}"
 
 
 def _write_atomic(path: Path, data: bytes, like: Path) -> None:

@@ -10,6 +10,7 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from fnmatch import fnmatchcase
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, assert_never
@@ -52,6 +53,16 @@ STEPS = {  # name of the step's command -> module and class, imported when used
     "range": "range:RangeStep",
     "battery": "battery:BatteryStep",
 }
+STEP_RESULTS = {  # name of the step's command -> a field that it always finds
+    "encoders": "drive.polarity",
+    "motors": "drive.left.motor.lag",
+    "discs": "drive.left.encoder.slot_errors",
+    "distance": "drive.left.wheel.diameter",
+    "geometry": "drive.track",
+    "imu": "imu.scale",
+    "range": "sensors.*.curve.a",
+    "battery": "battery.divider",
+}
 GEOMETRY_METHODS = {  # the first one finds track and wheel ratio, the others one of them
     "squares": "squares:SquaresStep",
     "spin": "spin:SpinStep",
@@ -72,6 +83,11 @@ def make_step(name: str, **settings: object) -> Step:
     )
     step: Step = getattr(import_module(f"{STEPS_PACKAGE}.{module}"), kind)(**settings)
     return step
+
+
+def is_done(name: str, robot: Robot) -> bool:
+    """Whether the robot file has the results of the step called `name`."""
+    return any(fnmatchcase(field, STEP_RESULTS[name]) for field in robot.calibration)
 
 
 def question_names(robot: Robot) -> list[str]:

@@ -41,6 +41,13 @@ DriverFactory = Callable[[RobotFile, RobotDriver | None, int], RobotDriver]
 Kind = TypeVar("Kind", bound=Message)
 
 
+class KeyStopError(RunError):
+    """A key was pressed while the robot moved; it has been stopped."""
+
+    def __init__(self, cause: str) -> None:
+        super().__init__(Problem("E-CALIBRATE-STOPPED", "calibrate", cause, KEY_STOP_FIX))
+
+
 def stopped_error(cause: str, fix: str) -> RunError:
     """The error for a robot that had to be stopped."""
     return RunError(Problem("E-CALIBRATE-STOPPED", "calibrate", cause, fix))
@@ -336,7 +343,7 @@ class RobotSession:
         self.now = max(self.now, now)
         if self.key is not None and self.key.file in ready and self.key.cause:
             self.driver.stop(self.now)
-            raise stopped_error(self.key.cause, KEY_STOP_FIX)
+            raise KeyStopError(self.key.cause)
         if due > self.now and set(ready).isdisjoint(files):
             return []
         deliveries = self.driver.deliver(self.now)

@@ -13,11 +13,13 @@ asks the questions and writes the findings.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 from diffbotctl.calibrate.result import Finding
+from diffbotctl.calibrate.session import KeyStopError, RobotSession
+from diffbotctl.config.robot import Robot
 from diffbotctl.prompts.question import (
     ExpectedQuestion,
     ManualAction,
@@ -26,9 +28,7 @@ from diffbotctl.prompts.question import (
     Question,
 )
 
-if TYPE_CHECKING:
-    from diffbotctl.calibrate.session import RobotSession
-    from diffbotctl.config.robot import Robot
+Moved = TypeVar("Moved")
 
 
 class Message(NamedTuple):
@@ -105,3 +105,23 @@ class Step(Protocol):
 
     def run(self, session: RobotSession) -> StepRun:
         """Run the step. Raises RunError if it fails or is stopped."""
+
+
+def counted(number: int, count: int, text: str) -> str:
+    """`text` with `2 of 5: ` in front; `number` counts from 0. Alone if it is the only one."""
+    return f"{number + 1} of {count}: {text}" if count > 1 else text
+
+
+def marked_motion(
+    session: RobotSession, mark: MarkFloor, move: Callable[[], Moved]
+) -> Generator[Event, Any, Moved]:
+    """Have the floor marked, then move. A key that stops the robot costs this motion only: it is
+    offered again, and Enter alone does not start it then."""
+    while True:
+        yield mark
+        try:
+            return move()
+        except KeyStopError:
+            session.stop_and_wait()
+            yield Message("A key stopped the robot. What was measured before is kept.")
+            mark = mark._replace(is_repeated=True)

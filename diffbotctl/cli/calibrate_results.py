@@ -59,7 +59,7 @@ def put(made: FileChange, yes: bool) -> bool:
         click.echo(UNWRITTEN)
         return False
     kept = write_change(made)
-    click.echo(f"{display_path(made.path)} is written; as it was: {kept.name}.")
+    click.echo(f"{display_path(made.path)} is written; as it was: {display_path(kept)}.")
     click.echo(f"`diffbotctl calibrate undo --robot {display_path(made.path)}` goes back.")
     return True
 

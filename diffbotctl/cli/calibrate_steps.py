@@ -48,6 +48,7 @@ class CalibrateOptions(NamedTuple):
     answers: Path | None
     yes: bool
     dry_run: bool
+    fast: bool = False
 
 
 def common(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -59,6 +60,11 @@ def common(command: Callable[..., Any]) -> Callable[..., Any]:
         answers_option,
         yes_option,
         click.option("--dry-run", is_flag=True, help="Do not write the robot file."),
+        click.option(
+            "--fast",
+            is_flag=True,
+            help="On the simulator: ask only what no simulated hand can do or measure.",
+        ),
     )
     for option in reversed(options):
         command = option(command)
@@ -77,7 +83,9 @@ def run(names: Sequence[str], options: CalibrateOptions, **settings: object) -> 
     steps = [make_step(name, **settings) for name in names]
     with _open_robot(options) as (session, prompter, tools, lines):
         _check_answers(prompter, steps, session.file.robot)
-        for number, step in enumerate(steps, 1):
+        with lines():
+            first = _first_step(steps, session.file.robot, options)
+        for number, step in list(enumerate(steps, 1))[first:]:
             if len(steps) > 1:
                 with lines():
                     is_confirmed = _confirm_step(step, number, len(steps), options)
@@ -134,12 +142,32 @@ def _run_step(
         )
 
 
+def _first_step(steps: Sequence[Step], robot: Robot, options: CalibrateOptions) -> int:
+    """Index of the first step to do: that behind those whose results are in the robot file, if the
+    person agrees."""
+    from diffbotctl.calibrate.runner import is_done
+    from diffbotctl.ui.text import fold_text
+
+    if len(steps) == 1 or options.yes or options.answers is not None:
+        return 0
+    are_open = [not is_done(step.name, robot) for step in steps]
+    first = are_open.index(True) if any(are_open) else len(steps)
+    if not first:
+        return 0
+    done = ", ".join(step.name for step in steps[:first])
+    click.echo(fold_text(f"Calibrated already: {done}."))
+    if first == len(steps):
+        return 0 if click.confirm("Begin again with step 1?", default=False) else first
+    following = f"Go on with step {first + 1}, {steps[first].name}? (n: begin with step 1)"
+    return first if click.confirm(following, default=True) else 0
+
+
 def _confirm_step(step: Step, number: int, count: int, options: CalibrateOptions) -> bool:
     from diffbotctl.ui.text import fold_text
 
     where = "wheels off the ground" if step.lifted else "on the floor"
     click.echo(fold_text(f"\nStep {number} of {count}: {step.name}, {step.title} ({where})"))
-    if options.yes or options.answers is not None:
+    if options.yes or options.fast or options.answers is not None:
         return True
     return click.confirm("Do this step?", default=True)
 
@@ -195,7 +223,9 @@ def _prompter(
         return AnswersFile(options.answers, tools)
     if keyboard is None:
         raise click.UsageError("There is no terminal: give --answers FILE.")
-    return TerminalPrompter(keyboard, tools)
+    if options.fast and tools is None:
+        raise click.UsageError("--fast is for --port sim and emulated: a robot waits for each yes.")
+    return TerminalPrompter(keyboard, tools, options.fast)
 
 
 @click.command("encoders")

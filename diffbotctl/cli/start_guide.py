@@ -41,12 +41,7 @@ if TYPE_CHECKING:
     from diffbotctl.prompts.question import Question
 
 NEW_ROBOT = "my_robot"
-# Calibration step -> the entry of the robot file that exists once it is done
-MEASURED = {
-    "motors": "drive.left.motor.lag",
-    "distance": "drive.left.wheel.diameter",
-    "geometry": "drive.track",
-}
+MEASURED = ("motors", "distance", "geometry")  # steps of the calibration
 NO_BOARD = """\
 No board is connected. Connect the robot's board with its USB cable and run
 `diffbotctl start` again: it continues here. If a board is connected,
@@ -312,8 +307,9 @@ class SetupGuide:
         self._calibrate("encoders", rolls=0)
 
     def _calibrate_missing(self) -> None:
-        calibration = self._file().robot.calibration
-        missing = [step for step, field in MEASURED.items() if field not in calibration]
+        from diffbotctl.calibrate.runner import is_done
+
+        missing = [step for step in MEASURED if not is_done(step, self._file().robot)]
         if not missing:
             _print("  The robot file contains all results already.")
             return

@@ -52,6 +52,8 @@ class MarkFloor(NamedTuple):
     """what moves then, and how far, such as `it drives 1 m straight ahead`"""
     is_placed: bool = True
     """whether a person puts the robot somewhere, or marks the floor"""
+    is_repeated: bool = False
+    """whether a key has stopped this motion: another press of Enter must not start it"""
 
 
 class Hands(Protocol):

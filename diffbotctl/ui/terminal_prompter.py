@@ -2,25 +2,37 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from contextlib import nullcontext
 from typing import TYPE_CHECKING
 
 import click
 
-from diffbotctl.errors import WIDTH, Problem, RunError
+from diffbotctl.errors import WIDTH, Problem, RunError, join_words
+from diffbotctl.printable import write_raw
 from diffbotctl.prompts.question import AnswerError
 from diffbotctl.ui.text import fold_text
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from diffbotctl.prompts.answers_file import MeasuringTools
     from diffbotctl.prompts.keyboard import Keyboard
     from diffbotctl.prompts.question import Answer, ManualAction, MarkFloor, MotionNotice, Question
 
 ANY_KEY = "Any key stops the robot. Press Enter to start"
+ALLOWED = "Any key stops the robot while it moves."
+MOVING = "The robot moves; any key stops it."
 WHEN_READY = "Press Enter when you are ready:"
+AFTER_STOP = "To repeat it type y and Enter:"
 ANSWER_ATTEMPTS_MAX = 5
 PROMPT_END = ": "
 CONSENTS = ("", "y")  # Enter or y; no other text may start a motor
+STRICT_CONSENTS = (
+    "y",
+    "yes",
+)  # after a key has stopped it, which may have been pressed several times
 # What a person would measure with, and what it does.
 INSTRUMENTS = {
     "forward": "tape reads",
@@ -38,26 +50,30 @@ class TerminalPrompter:
     """A prompter at a terminal.
 
     `tools`: of a simulated robot; they do what a hand would do, and their readings are offered as
-    answers.
+    answers. With `is_fast` it is not asked what they can do or read.
     """
 
     def __init__(
         self,
         keyboard: Keyboard | None = None,
         tools: MeasuringTools | None = None,
+        is_fast: bool = False,
     ) -> None:
         self.keyboard = keyboard
         self.tools = tools
+        self.is_fast = is_fast and tools is not None  # a real robot waits for each consent
 
     def confirm_motion(self, notice: MotionNotice) -> None:
         """Wait for Enter or y. Raises RunError if the person refuses."""
-        self._consent(f"{ANY_KEY}, or type no")
+        self._consent(f"{ANY_KEY}, or type no", instead=ALLOWED)
         if self.tools is not None:
             self.tools.raise_wheels(notice.is_raised)
 
     def mark_floor(self, mark: MarkFloor) -> None:
         """Wait for Enter or y: the robot moves next. Raises RunError if the person refuses."""
-        self._consent(f"{WHEN_READY} {mark.motion}; any key stops it")
+        lead = AFTER_STOP if mark.is_repeated else WHEN_READY
+        valid = STRICT_CONSENTS if mark.is_repeated else CONSENTS
+        self._consent(f"{lead} {mark.motion}; any key stops it", valid, MOVING)
         if self.tools is not None:
             self.tools.mark()
 
@@ -69,16 +85,25 @@ class TerminalPrompter:
         self._consent("SIMULATED: press Enter, and the simulator does it")
         action.simulate(self.tools)
 
-    def _consent(self, text: str) -> None:
-        """Wait for Enter or y; other text is asked again. Raises RunError on a refusal."""
+    def _consent(self, text: str, valid: Sequence[str] = CONSENTS, instead: str = "") -> None:
+        """Wait for one of `valid`; other text is asked again. Raises RunError on a refusal.
+
+        `instead`: takes the question's place on the screen once the robot may move, so that no one
+        answers it again.
+        """
+        if self.is_fast and valid == CONSENTS:
+            return
         text = fold_text(text, width=WIDTH - len(PROMPT_END))
         for _ in range(ANSWER_ATTEMPTS_MAX):
             typed = self._type(text).strip().lower()
-            if typed in CONSENTS:
+            if typed in valid:
+                if instead:
+                    _replace_lines(text.count("\n") + 1, instead)
                 return
             if typed in REFUSALS:
                 break
-            click.echo(fold_text("Nothing moves: only Enter or y continues, no ends this step."))
+            keys = join_words(["Enter" if word == "" else word for word in valid])
+            click.echo(fold_text(f"Nothing moves: only {keys} continues, no ends this step."))
         raise RunError(Problem("E-CALIBRATE-STOPPED", "calibrate", "the motion was refused", ""))
 
     def answer(self, question: Question) -> Answer:
@@ -92,6 +117,8 @@ class TerminalPrompter:
         if reading:
             click.echo(fold_text(f"SIMULATED: the {INSTRUMENTS[question.quantity]} {reading}"))
             default = reading
+            if self.is_fast:
+                return question.parse(reading)
         # Folded with the default: the terminal would break the line in the middle of it.
         offered = f" [{default}]" if default else ""
         text = f"{question.text} ({question.expected}){offered}"
@@ -112,3 +139,11 @@ class TerminalPrompter:
                 text, default=default, show_default=False, prompt_suffix=PROMPT_END
             )
         return typed
+
+
+def _replace_lines(count: int, text: str) -> None:
+    """Replace the last `count` lines of a terminal; below them where lines may have wrapped."""
+    is_able = sys.stdout.isatty() and os.environ.get("TERM", "dumb") != "dumb"
+    if is_able and os.get_terminal_size(sys.stdout.fileno()).columns >= WIDTH:
+        write_raw(sys.stdout, f"\x1b[{count}A\x1b[J")
+    click.echo(text)

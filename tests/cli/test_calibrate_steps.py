@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from diffbotctl.calibrate.runner import STEPS
 from diffbotctl.cli.calibrate import command
 from diffbotctl.config.load import load_robot
 from diffbotctl.config.lookup import simulated_copy_of
@@ -22,6 +23,7 @@ from tests.support.command_process import command_line
 
 ROOT = Path(__file__).parent.parent.parent
 LONGEST = 60  # s
+DONE = ("encoders", "motors")
 
 
 @pytest.fixture
@@ -301,6 +303,36 @@ def test_a_simulated_robot_is_calibrated_by_pressing_enter(robot):
     assert {"drive.polarity", "drive.left.wheel.diameter", "sensors.front.curve.a"} <= {
         *calibration
     }
+
+
+def test_a_restart_goes_on_with_the_first_step_that_is_not_done(robot):
+    skipped = [word for name in STEPS if name not in DONE for word in ("--skip", name)]
+    words = ("--robot", robot, "--port", "sim", "--answers", "answers.yaml", "--yes", *skipped)
+    assert calibrate(*words).exit_code == 0
+    person = Terminal("--robot", robot, "--port", "sim", "--fast")
+    person.wait_for("Calibrated already: encoders, motors.")
+    person.wait_for("Go on with step 3, discs?")
+    person.type("")
+    assert "Step 1" not in person.wait_for("Step 3 of 8: discs")
+    person.wait_for("The wheels must be off the ground")
+    assert "Press Enter" not in person.wait_for("Write this?")  # --fast
+    person.process.terminate()
+    person.close()
+
+
+def test_a_robot_waits_for_each_consent_also_with_fast(robot):
+    end, other = pty.openpty()
+    done = subprocess.run(
+        command_line("calibrate", "motors", "--robot", robot, "--port", os.ttyname(end), "--fast"),
+        stdin=other,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
+    os.close(end)
+    os.close(other)
+    assert done.returncode == 2 and "--fast is for --port sim" in done.stdout
 
 
 def test_the_truth_stands_beside_what_was_found(robot):

@@ -19,7 +19,14 @@ from diffbotctl.calibrate.known_lengths import (
 )
 from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, TRACK, Finding
 from diffbotctl.calibrate.session import RobotSession
-from diffbotctl.calibrate.step import Message, Outcome, StepProgress, StepRun
+from diffbotctl.calibrate.step import (
+    Message,
+    Outcome,
+    StepProgress,
+    StepRun,
+    counted,
+    marked_motion,
+)
 from diffbotctl.config.configuration import RobotFile
 from diffbotctl.config.robot import Robot
 from diffbotctl.errors import Problem, RunError
@@ -71,11 +78,12 @@ class DistanceStep:
         scales: list[float] = []
         for number in range(self.repeats):
             yield StepProgress("straight drives", number, self.repeats)
-            yield MarkFloor(
-                "Put the robot at the start. Mark the floor beside both tyres.",
-                f"it drives {self.metres:g} m straight ahead",
+            start = "Put the robot at the start. Mark the floor beside both tyres."
+            mark = MarkFloor(
+                counted(number, self.repeats, start), f"it drives {self.metres:g} m straight ahead"
             )
-            end = drive_to(session, [(self.metres, 0.0, None)], reach)
+            drive = partial(drive_to, session, [(self.metres, 0.0, None)], reach)
+            end = yield from marked_motion(session, mark, drive)
             odometry = hypot(end.x, end.y)
             check = partial(
                 scale_contradiction,

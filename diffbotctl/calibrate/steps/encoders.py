@@ -20,7 +20,7 @@ from diffbotctl.calibrate.contradiction import (
 )
 from diffbotctl.calibrate.result import Finding, PartResult
 from diffbotctl.calibrate.session import NOISE_COUNTS_MIN, RATED_SPEED_RATIO_MAX, RobotSession
-from diffbotctl.calibrate.step import Event, Message, Outcome, StepProgress, StepRun
+from diffbotctl.calibrate.step import Event, Message, Outcome, StepProgress, StepRun, counted
 from diffbotctl.calibrate.wiring_detection import (
     OTHER_SIDE,
     MotorPulse,
@@ -129,15 +129,18 @@ class EncoderStep:
             rolls[side] = []
             for number in range(self.rolls):
                 yield StepProgress(f"{side} wheel, by hand", number, self.rolls)
-                rolls[side].append((yield from self._roll(session, side, encoder)))
+                rolls[side].append((yield from self._roll(session, side, encoder, number)))
         return encoder_fit.count_slots(rolls, self.turns, session.file.robot)
 
-    def _roll(self, session: RobotSession, side: str, encoder: str) -> Generator[Event, Any, int]:
+    def _roll(
+        self, session: RobotSession, side: str, encoder: str, number: int
+    ) -> Generator[Event, Any, int]:
         """Counts at an input while a wheel is turned by hand."""
         other = OTHER_SIDE[encoder]
         for _ in range(ATTEMPTS_MAX):
             before = _counts(session)
-            yield self._turns_by_hand(side)
+            action = self._turns_by_hand(side)
+            yield action._replace(text=counted(number, self.rolls, action.text))
             session.listen(ROLL_LISTEN_TIME_S)
             after = _counts(session)
             counts = {socket: abs(after[socket] - before[socket]) for socket in SIDES}

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import acos, degrees, pi
 from typing import Any
 
@@ -27,7 +28,15 @@ from diffbotctl.calibrate.imu_mounting import (
 )
 from diffbotctl.calibrate.result import GYRO_AXES, GYRO_SCALE, Finding
 from diffbotctl.calibrate.session import RobotSession
-from diffbotctl.calibrate.step import Event, Message, Outcome, StepProgress, StepRun
+from diffbotctl.calibrate.step import (
+    Event,
+    Message,
+    Outcome,
+    StepProgress,
+    StepRun,
+    counted,
+    marked_motion,
+)
 from diffbotctl.calibrate.steps.spin import REACH_M, TURN_RATE_RAD_S, spin_command
 from diffbotctl.config.robot import ImuSection, Robot
 from diffbotctl.errors import Problem, RunError
@@ -88,7 +97,7 @@ class ImuStep:
         scales = []
         for number in range(2 * self.repeats):
             yield StepProgress("turning on the spot", number, 2 * self.repeats)
-            scales.append((yield from self._spin(session, imu, -1 if number % 2 else 1)))
+            scales.append((yield from self._spin(session, imu, number)))
         scale = robust_mean(scales, READING_SD_RATIO)
         sd = max(scale.sd, SCALE_SD_MIN)
         line = f"scale of the gyro: {imu.scale:.4f} before, {scale.value:.4f} now, +- {2 * sd:.4f}"
@@ -115,16 +124,18 @@ class ImuStep:
         raise wrong_turn(by_lift, by_turn, session.file.robot)
 
     def _spin(
-        self, session: RobotSession, imu: ImuSection, direction: int
+        self, session: RobotSession, imu: ImuSection, number: int
     ) -> Generator[Event, Any, float]:
-        """True turn divided by measured turn, by one spin; 1 is counter-clockwise."""
-        side = "left" if direction > 0 else "right"
-        yield MarkFloor(
-            "Mark the floor beside both tyres.",
+        """True turn divided by measured turn, by one spin; every other one is clockwise."""
+        side = "right" if number % 2 else "left"
+        mark = MarkFloor(
+            counted(number, 2 * self.repeats, "Mark the floor beside both tyres."),
             f"it turns {self.turns} times to the {side}, on the spot",
         )
-        angle = direction * 2 * pi * self.turns
-        measured = _turn_on_the_spot(session, angle)
+        angle = (-1 if number % 2 else 1) * 2 * pi * self.turns
+        measured = yield from marked_motion(
+            session, mark, partial(_turn_on_the_spot, session, angle)
+        )
         refuse_wrong_axis(measured, angle, imu.axes)
         facing = float((yield SPIN_FACING))
         return (facing + 2 * pi * round((imu.scale * measured - facing) / (2 * pi))) / measured

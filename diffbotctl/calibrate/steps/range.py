@@ -18,7 +18,15 @@ from diffbotctl.calibrate.range_fit import (
 )
 from diffbotctl.calibrate.result import Finding
 from diffbotctl.calibrate.session import RobotSession
-from diffbotctl.calibrate.step import CurvePlot, Event, Message, Outcome, StepProgress, StepRun
+from diffbotctl.calibrate.step import (
+    CurvePlot,
+    Event,
+    Message,
+    Outcome,
+    StepProgress,
+    StepRun,
+    counted,
+)
 from diffbotctl.config.checks.calibration import SD_RATIO_MAX
 from diffbotctl.config.robot import Robot, board_sensors
 from diffbotctl.errors import Problem, RunError, join_words
@@ -136,7 +144,7 @@ class RangeStep:
     ) -> Generator[Event, Any, RulerPoint]:
         """The mean voltage at one distance."""
         text = f"{distance * CM:g} cm"
-        yield _card_action(sensor, distance)
+        yield _card_action(sensor, distance, name == "range.distance")
         question = _question(name, text)
         answer = yield question
         true = float(question.parse(answer) if isinstance(answer, str) else answer)
@@ -152,8 +160,10 @@ class RangeStep:
         raise _sensor_error(sensor, f"the voltage at {text} is not steady")
 
 
-def _card_action(sensor: str, distance: float) -> ManualAction:
+def _card_action(sensor: str, distance: float, is_counted: bool = False) -> ManualAction:
     text = f"Put the card {distance * CM:g} cm from the sensor's front."
+    if is_counted:
+        text = counted(RULER_DISTANCES_M.index(distance), len(RULER_DISTANCES_M), text)
     return ManualAction("range.place", text, place=(sensor, distance))
 
 

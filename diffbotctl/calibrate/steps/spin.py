@@ -16,7 +16,7 @@ from diffbotctl.calibrate.end_answers import FACING, ZeroReadings
 from diffbotctl.calibrate.known_lengths import known_scale_sd, rest_sd, with_scale
 from diffbotctl.calibrate.result import TRACK, Finding
 from diffbotctl.calibrate.session import RobotSession, WheelCommand
-from diffbotctl.calibrate.step import Event, Outcome, StepProgress, StepRun
+from diffbotctl.calibrate.step import Event, Outcome, StepProgress, StepRun, counted, marked_motion
 from diffbotctl.calibrate.steps.squares import scale_report
 from diffbotctl.config.robot import Robot
 from diffbotctl.drivers.robot_ports import wheel_command
@@ -67,7 +67,7 @@ class SpinStep:
         for number in range(2 * self.repeats):
             yield StepProgress("turning on the spot", number, 2 * self.repeats)
             direction = -1 if number % 2 else 1
-            odometry = yield from self._spin(session, direction)
+            odometry = yield from self._spin(session, direction, number)
             facing = yield from _ask_facing(odometry, direction, errors)
             zeros.add(facing)
             ratios.append(odometry / (odometry + direction * errors[-1]))
@@ -84,19 +84,24 @@ class SpinStep:
         sds = with_scale(found, hypot(ratio.sd, rest), known_scale_sd(robot))
         return Outcome("spin", [Finding(TRACK, found, *sds)], [line, *scale_report(robot)])
 
-    def _spin(self, session: RobotSession, direction: int) -> Generator[Event, Any, float]:
+    def _spin(
+        self, session: RobotSession, direction: int, number: int
+    ) -> Generator[Event, Any, float]:
         """The heading (rad, unwrapped) of odometry after one spin; 1 is counter-clockwise."""
         side = "left" if direction > 0 else "right"
-        yield MarkFloor(
-            "Mark the floor beside both tyres.",
+        mark = MarkFloor(
+            counted(number, 2 * self.repeats, "Mark the floor beside both tyres."),
             f"it turns {self.turns} times to the {side}, on the spot",
         )
         robot = session.file.robot
         command = spin_command(robot, direction)
-        frames = session.listen(LISTEN_TIME_S).encoders
-        frames += session.run_for(command, 2 * pi * self.turns / TURN_RATE_RAD_S).encoders
-        frames += session.stop_and_wait().encoders
-        return _dead_reckoned_heading(robot, frames)
+
+        def turn() -> list[Encoders]:
+            frames = session.listen(LISTEN_TIME_S).encoders
+            frames += session.run_for(command, 2 * pi * self.turns / TURN_RATE_RAD_S).encoders
+            return frames + session.stop_and_wait().encoders
+
+        return _dead_reckoned_heading(robot, (yield from marked_motion(session, mark, turn)))
 
 
 def _ask_facing(

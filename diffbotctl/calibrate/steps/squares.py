@@ -35,7 +35,15 @@ from diffbotctl.calibrate.square_ends import (
     square_errors,
 )
 from diffbotctl.calibrate.square_outliers import without_outliers
-from diffbotctl.calibrate.step import Event, Message, Outcome, ScatterPlot, StepProgress, StepRun
+from diffbotctl.calibrate.step import (
+    Event,
+    Message,
+    Outcome,
+    ScatterPlot,
+    StepProgress,
+    StepRun,
+    marked_motion,
+)
 from diffbotctl.calibrate.umbmark import SquareErrors, UmbmarkResult
 from diffbotctl.config.robot import Robot
 from diffbotctl.errors import Problem, RunError
@@ -130,12 +138,13 @@ class SquaresStep:
             for number in range(self.runs):
                 waypoints = corners(side, direction == CLOCKWISE, end_place(number, side))
                 yield StepProgress(f"squares {direction}", number, self.runs)
-                yield MarkFloor(
+                mark = MarkFloor(
                     f"Square {number + 1} of {self.runs}, {direction}: put the robot at the start, "
                     "with its front along the first side. Mark the floor beside both tyres.",
                     f"it drives a square of {side:g} m, {direction}",
                 )
-                odometry = drive_to(session, waypoints, reach)
+                drive = partial(drive_to, session, waypoints, reach)
+                odometry = yield from marked_motion(session, mark, drive)
                 driven.append((yield from self._end(side, odometry, driven, zeros)))
         return square_errors(side, ends[CLOCKWISE], ends[COUNTER])
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from math import hypot
 from statistics import median
 from typing import Any
@@ -20,10 +21,11 @@ from diffbotctl.calibrate.end_answers import ZeroReadings
 from diffbotctl.calibrate.known_lengths import known_scale_sd, with_scale
 from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, Finding
 from diffbotctl.calibrate.session import RobotSession
-from diffbotctl.calibrate.step import Event, Outcome, StepProgress, StepRun
+from diffbotctl.calibrate.step import Event, Outcome, StepProgress, StepRun, marked_motion
 from diffbotctl.calibrate.steps.squares import scale_report, stated_geometry
 from diffbotctl.calibrate.umbmark import Angles, correct_geometry
 from diffbotctl.config.robot import Robot
+from diffbotctl.messages import Odometry
 from diffbotctl.prompts.question import (
     ExpectedQuestion,
     MarkFloor,
@@ -71,12 +73,14 @@ class StraightStep:
         for number in range(self.repeats):
             for end, readings in offsets.items():
                 yield StepProgress("along the string", len(readings), 2 * self.repeats)
-                yield MarkFloor(
+                mark = MarkFloor(
                     f"Run {number + 1} of {self.repeats} from the {end} end: put the robot on the "
                     "string, with its middle above it and its front along it.",
                     f"it drives {self.metres:g} m along the string",
                 )
-                readings.append((yield from self._offset(session, reach, readings, zeros)))
+                drive = partial(drive_to, session, [(self.metres, 0.0, None)], reach)
+                pose = yield from marked_motion(session, mark, drive)
+                readings.append((yield from self._offset(pose, readings, zeros)))
         there, back = (robust_mean(readings, OFFSET_SD_MIN_M) for readings in offsets.values())
         offset = (there.value + back.value) / 2
         # Half of the intervals: a few runs do not know their own spread (Student's t).
@@ -84,13 +88,12 @@ class StraightStep:
         return self._outcome(session.file.robot, offset, sd)
 
     def _offset(
-        self, session: RobotSession, reach: float, before: Sequence[float], zeros: ZeroReadings
+        self, pose: Odometry, before: Sequence[float], zeros: ZeroReadings
     ) -> Generator[Event, Any, float]:
-        """The measured offset (m) to the left, minus that of odometry, after one run.
+        """The measured offset (m) to the left, minus that of odometry `pose`, after one run.
 
         `before`: those of the runs before from this end.
         """
-        pose = drive_to(session, [(self.metres, 0.0, None)], reach)
 
         def check(offset: float) -> str | None:
             usual = median(before) if before else 0.0
