@@ -10,6 +10,7 @@ import click
 from diffbotctl.calibrate.runner import STEPS
 from diffbotctl.cli import calibrate_steps
 from diffbotctl.cli.calibrate_results import keep, require_consent, show_results, undo
+from diffbotctl.cli.contradictions import refuse_before_subcommand
 from diffbotctl.cli.options import CommandGroup, robot_option, yes_option
 
 if TYPE_CHECKING:
@@ -32,33 +33,14 @@ def command(context: click.Context, /, skip: tuple[str, ...], **options: Any) ->
     battery. Each announces what it will do and waits; any key stops it.
     """
     if context.invoked_subcommand is not None:
-        _refuse_lost_options(context)
+        refuse_before_subcommand(context)
     else:
         names = [name for name in STEPS if name not in skip]
         calibrate_steps.run(names, calibrate_steps.CalibrateOptions(**options))
 
 
-def _refuse_lost_options(context: click.Context) -> None:
-    """Options in front of a step's name would be those of the whole chain, and be lost."""
-    given = [
-        name
-        for name in context.params
-        if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE
-    ]
-    if given:
-        step = context.invoked_subcommand
-        raise click.UsageError(f"Put --{given[0].replace('_', '-')} behind `{step}`.")
-
-
-command.add_command(calibrate_steps.encoders)
-command.add_command(calibrate_steps.motors)
-command.add_command(calibrate_steps.distance)
-command.add_command(calibrate_steps.geometry)
-command.add_command(calibrate_steps.imu)
-for step in (calibrate_steps.discs, calibrate_steps.range_, calibrate_steps.battery):
-    command.add_command(step)
-command.add_command(show_results)
-command.add_command(undo)
+for subcommand in (*calibrate_steps.COMMANDS, show_results, undo):
+    command.add_command(subcommand)
 
 
 @command.command("from-log")

@@ -359,3 +359,6 @@ def battery(**options: Any) -> None:
     Nothing moves.
     """
     run(["battery"], CalibrateOptions(**options))
+
+
+COMMANDS = (encoders, motors, discs, distance, geometry, imu, range_, battery)

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from math import copysign, degrees, hypot, pi, radians
-from statistics import median
 from typing import Any
 
 from diffbotctl.blocks.odometry import OdometryBlock
 from diffbotctl.calibrate.confidence import robust_mean
 from diffbotctl.calibrate.contradiction import ask_checked
 from diffbotctl.calibrate.dead_reckoning import wrap_angle
-from diffbotctl.calibrate.end_answers import FACING, ZeroReadings
+from diffbotctl.calibrate.end_answers import FACING, ZeroReadings, angle_contradiction
 from diffbotctl.calibrate.known_lengths import known_scale_sd, rest_sd, with_scale
 from diffbotctl.calibrate.result import TRACK, Finding
 from diffbotctl.calibrate.session import RobotSession, WheelCommand
@@ -109,24 +109,15 @@ def _ask_facing(
 ) -> Generator[Event, Any, float]:
     """The measured heading (rad); the turn that odometry missed in `direction` is added to
     `errors`. Raises RunError where that could also be a part of another turn."""
-
-    def missed(facing: float) -> float:
-        return direction * wrap_angle(facing - odometry)
-
-    def check(facing: float) -> str | None:
-        usual = median(errors) if errors else 0.0
-        limit = DIFFERENCE_MAX if errors else FIRST_ERROR_MAX
-        if abs(wrap_angle(missed(facing) - usual)) <= limit:
-            return None
-        basis = "its wheels and the spins before" if errors else "its wheels"
-        expected = degrees(wrap_angle(odometry + direction * usual))
-        return (
-            f"By {basis} it is turned by {expected:.0f} deg from the start, not by "
-            f"{degrees(facing):.0f} deg; clockwise is negative."
-        )
-
+    check = partial(
+        angle_contradiction,
+        expected=odometry,
+        before=[direction * error for error in errors],
+        first_max=FIRST_ERROR_MAX,
+        other_max=DIFFERENCE_MAX,
+    )
     facing = yield from ask_checked(FACING, check)
-    errors.append(missed(facing))
+    errors.append(direction * wrap_angle(facing - odometry))
     if abs(errors[-1]) > AMBIGUOUS_ERROR_MIN:
         raise _ambiguous_turn(odometry, errors[-1])
     return facing
