@@ -30,6 +30,7 @@ from prove import (
     operator_people,
     page,
     plants,
+    pulses,
     recordings,
     ros2,
     ros2_chain,
@@ -52,6 +53,7 @@ from tests.support.trials import (
     runaway,
     same_end,
     wander,
+    wheel_loop,
 )
 from tests.support.trials.proof import arguments, prove
 from tests.support.trials.row import Row
@@ -61,6 +63,9 @@ from tests.support.trials.section import Section
 SECTIONS = (
     Section("motion", motion.rows, {"robots": 300}, {"robots": 1}, True),
     Section("plants", plants.rows, {"goals": 50}, {"goals": 1, "plants": 1}, True),
+    Section("smooth", pulses.smooth_rows, {"goals": 60}, {"goals": 1}, True),
+    Section("short-goals", pulses.short_rows, {"trials": 20}, {"trials": 1}, True),
+    Section("weak-motors", pulses.weak_rows, {"runs": 99}, {"runs": 3}, True),
     Section("matrix", matrix.sample, {"runs": 1600}, {"runs": 2, "plants": 1}, True),
     Section("wander", wander.rows, {"seeds": 40}, {"seeds": 1, "minutes": 0.1}),
     Section("runaway", runaway.rows, {"healthy": 1000, "faulty": 100}, {"healthy": 4, "faulty": 1}),
@@ -80,8 +85,8 @@ SECTIONS = (
     Section(
         "calibrated-values",
         calibrated_values.rows,
-        {"robots": 100},
-        {"robots": 1, "steps": 2},
+        {"robots": 40},
+        {"robots": 1, "steps": 2, "plants": 1},
         True,
     ),
     Section("range-fit", calibration.range_rows),
@@ -91,6 +96,7 @@ SECTIONS = (
     Section("uno", firmware.uno, {"share": 1.0}, {"share": 0, "parts": 6}, True),
     Section("pico", firmware.pico, {"share": 1.0}, {"share": 0, "parts": 3}, True),
     Section("wheel-loop", firmware.wheel_loops, {"share": 1.0}, {"share": 0}, True),
+    Section("lowest-speeds", wheel_loop.lowest_speeds, {"count": 10}, {"count": 1}, True),
     Section("frames", firmware.damaged_frames, {"count": 10_000_000}, {"count": 10_000}),
     Section("flash", flash.rows, {}, {"cases": 1}),
     Section("radio", radio.rows, {"trials": 30}, {"trials": 3}),

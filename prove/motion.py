@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import cos, degrees, hypot, pi, radians, sin
+from math import copysign, cos, degrees, hypot, pi, radians, sin
 from pathlib import Path
 from random import Random
 from statistics import median, pstdev
@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.config.load import load
-from diffbotctl.control.motion_profile import MotionLimits, rest_to_rest_time
+from diffbotctl.control.motion_profile import MotionLimits, legs, rest_to_rest_time, shortest_turn
 from diffbotctl.graph import Sink
 from diffbotctl.messages import GOAL_EXIT_CODES, Goal, GoalState
 from diffbotctl.runs.build_graph import wires_of
@@ -27,6 +27,8 @@ OPEN_FLOOR = ["world.walls=[]"]
 # A stock board's counts cannot tell 10 mm: its row asks for 20 mm and 3 deg.
 TOLERANCES = {"stock": ("follower.tolerance=20 mm", "follower.heading_tolerance=3 deg")}
 LONGEST = 120.0  # s of simulated time for one goal
+RESTING, MOVING = 0.1, 0.3  # rad/s; both wheels below, or one above
+WIGGLE = radians(1)  # to either side, which is no turning
 
 
 class Trip(NamedTuple):
@@ -47,11 +49,10 @@ class Trip(NamedTuple):
     bound: float
     output: str
     """the end of the goal, its cause, and the log's lines"""
-
-
-def turn(angle: float) -> float:
-    """The short way round."""
-    return (angle + pi) % (2 * pi) - pi
+    extra_turning: float
+    """rad, beyond the turns of the shortest motion forwards"""
+    stops: int
+    """on the way"""
 
 
 def configuration(kind: str, *sets: str) -> Configuration:
@@ -62,7 +63,7 @@ def configuration(kind: str, *sets: str) -> Configuration:
 class TimedRun(Run):
     """A run that notes when its goal was reached first."""
 
-    reached_at = 0
+    begun_at = reached_at = 0
     output = ""
 
     def _sinks(self) -> dict[str, list[Sink]]:
@@ -76,29 +77,41 @@ class TimedRun(Run):
         self.output += f"{text}\n"
 
     def _on_goal_state(self, now: int, state: GoalState) -> None:
+        self.begun_at = self.begun_at or now
         if state.state in GOAL_EXIT_CODES:
             self._on_text(f"{state.state} {state.cause}")
         if state.state in ("reached", "reached_unsure") and not self.reached_at:
             self.reached_at = now
 
     def seconds_of_goal(self) -> float:
-        """How long the goal was under way: from the first frame to its end at the goal."""
-        return (self.reached_at or self.engine.last_instant) / 1e9
+        """How long the goal was under way: from the first command to its end at the goal."""
+        return ((self.reached_at or self.engine.last_instant) - self.begun_at) / 1e9
 
 
-def trip(setup: Configuration, goal: Goal, seed: int, reverse: bool = False) -> Trip:
+def trip(
+    setup: Configuration, goal: Goal, seed: int, reverse: bool = False, port: str = "sim"
+) -> Trip:
     """Run one goal on the robot that `seed` draws; `reverse`: the bound may drive backwards."""
-    run = TimedRun(setup, RunOptions(goals=(goal,), seed=seed, fast=True, duration=LONGEST))
+    run = TimedRun(setup, RunOptions(port, (goal,), seed, fast=True, duration=LONGEST))
     start = hypot(goal.x, goal.y)
-    farthest = [0.0]
+    farthest, is_moving, rests = [0.0], False, 0
+    turned = facing = 0.0
     plant = run.plant
     assert plant is not None
     wire = run.engine.compiled  # the truth is looked at after each turn of the loop
     assert wire is not None
 
     def look() -> None:
+        nonlocal is_moving, rests, turned, facing
         body = plant.chassis
         farthest[0] = max(farthest[0], hypot(goal.x - body.x, goal.y - body.y) - start)
+        aside = body.heading - facing
+        turn = max(abs(aside) - WIGGLE, 0.0)
+        turned, facing = turned + turn, facing + copysign(turn, aside)
+        speed = max(abs(wheel.speed) for wheel in plant.wheels)
+        if speed < RESTING and is_moving and not run.reached_at:
+            rests += 1
+        is_moving = speed > (RESTING if is_moving else MOVING)
 
     run.engine.idle = look
     result = run.go()
@@ -124,9 +137,9 @@ def trip(setup: Configuration, goal: Goal, seed: int, reverse: bool = False) -> 
         result.reached + run.operator.reached_unsure == 1,
         run.operator.reached_unsure == 1,
         hypot(goal.x - pose.x, goal.y - pose.y),
-        abs(turn(heading - pose.heading)),
+        abs(shortest_turn(heading - pose.heading)),
         hypot(goal.x - at.x, goal.y - at.y),
-        abs(turn(heading - at.heading)),
+        abs(shortest_turn(heading - at.heading)),
         farthest[0],
         run.seconds_of_goal() / bound,
         at.x - goal.x,
@@ -134,6 +147,8 @@ def trip(setup: Configuration, goal: Goal, seed: int, reverse: bool = False) -> 
         run.seconds_of_goal(),
         bound,
         run.output,
+        max(turned - sum(map(abs, legs(goal.x, goal.y, goal.heading, False)[::2])), 0.0),
+        max(rests - 1, 0),
     )
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 from random import Random
 from statistics import fmean
@@ -12,12 +14,21 @@ from tempfile import TemporaryDirectory
 from diffbotctl.calibrate.runner import make_step, open_session, run_step
 from diffbotctl.config.load import load_robot
 from diffbotctl.errors import Problem, RunError
-from diffbotctl.prompts.answers_file import AnswersFile
-from tests.support.calibration_robots import ANSWERS, SilentScreen
+from diffbotctl.ui.terminal_prompter import TerminalPrompter
+from tests.support.calibration_robots import SilentScreen
+from tests.support.matrix_case import EQUATIONS
 from tests.support.trials.row import Row
+from tests.support.trials.section import drawn
 
-CHAIN = ("motors", "distance", "geometry")
+CHAIN = ("encoders", "motors", "discs", "distance", "geometry")
 WITHIN_SD, SHARE_MIN = 2.0, 0.90
+
+
+class EnterKey(TerminalPrompter):
+    """A person who presses Enter at every question."""
+
+    def _type(self, text: str, default: str = "") -> str:
+        return default
 
 
 def robot_text(rng: Random, equations: str, pulses: str) -> str:
@@ -41,13 +52,12 @@ def deviations(
 
     Raises RunError for a chain that a fault ends.
     """
-    robot, answers = folder / f"robot-{seed}.yaml", folder / "answers.yaml"
+    robot = folder / f"robot-{seed}.yaml"
     robot.write_text(robot_text(Random(f"calibrated values {seed}"), equations, pulses))
-    answers.write_text(ANSWERS)
     session, tools = open_session(load_robot(str(robot)), "sim", seed)
     assert tools is not None
-    with session:
-        prompter = AnswersFile(answers, tools)
+    with session, redirect_stdout(StringIO()):
+        prompter = EnterKey(tools=tools)
         for name in steps:
             outcome = run_step(make_step(name), session, prompter, SilentScreen())
             if outcome.faults:
@@ -58,6 +68,14 @@ def deviations(
 
 
 def rows(
+    seed: int, robots: int, steps: int = len(CHAIN), plants: int = len(EQUATIONS)
+) -> Iterator[Row]:
+    """The chain on robots of each plant."""
+    for equations in drawn(EQUATIONS.values(), plants, seed):
+        yield from plant_rows(seed, robots, steps, equations)
+
+
+def plant_rows(
     seed: int,
     robots: int,
     steps: int = len(CHAIN),

@@ -32,6 +32,10 @@ FAULT_SECONDS = 1.0  # with both motors off: a fault
 STANDING_SECONDS = 0.2  # at full duty, of a wheel that does not start
 SETTLING = 500 * MS  # after which the speed must be right
 WITHIN = 0.05
+# Drivers with the pins of an L298N: an ideal short, and the bipolar one.
+PULSED_DRIVERS = {"ideal short": "mc33926", "drop of 1.4 V": "l298n"}
+SPEEDS = [0.5 * 1.2**step for step in range(14, -1, -1)]  # rad/s
+STARTING_SECONDS, HELD_SECONDS, HELD_WITHIN = 1.5, 3.0, 0.20
 RADIO = 1
 
 
@@ -329,3 +333,47 @@ def _stall_margin(rng: Random, seed: int, number: int, emulated: bool) -> float:
     bench.close()
     driven = [s.time for s in samples if s.duties != (0.0, 0.0)]
     return allowed - (driven[-1] / SECOND - max(block_time, 0.0))
+
+
+def lowest_speeds(seed: int, count: int) -> Iterator[Row]:
+    """The lowest speed that a wheel of the book's robot holds, with both kinds of pulses."""
+    for what, driver in PULSED_DRIVERS.items():
+        lowest = {
+            pulses: [
+                _lowest_speed(_pulsed_robot(driver, pulses), seed * 1000 + number)
+                for number in range(count)
+            ]
+            for pulses in ("inputs", "enable")
+        }
+        inputs, enable = (median(speeds) for speeds in lowest.values())
+        yield Row(
+            f"{what}, binary: lowest speed held within 20 % for 3 s, pulses on inputs, enable",
+            f"{inputs:.1f}, {enable:.1f} rad/s (worst {max(lowest['inputs']):.1f}, "
+            f"{max(lowest['enable']):.1f})",
+            "inputs at most half of enable's",
+            inputs <= 0.5 * enable,
+        )
+
+
+def _pulsed_robot(driver: str, pulses: str) -> Kit:
+    drive = f"drive: {{motor: {{driver: {driver}, pulses: {pulses}}}}}"
+    return book_robot("torque")._replace(text=_text(drive, "simulation: {equations: torque}"))
+
+
+def _lowest_speed(kit: Kit, seed: int) -> float:
+    """The lowest of descending speeds (rad/s) that both wheels hold."""
+    held = SPEEDS[0]
+    for speed in SPEEDS:
+        bench = _bench(kit, seed, emulated=True)
+        samples = _drive(bench, Wheels(0, speed, speed), STARTING_SECONDS + HELD_SECONDS)
+        bench.close()
+        if not all(_holds(samples, side, speed) for side in (0, 1)):
+            break
+        held = speed
+    return held
+
+
+def _holds(samples: list[Sample], side: int, speed: float) -> bool:
+    """Whether the speed is within 20 % once the wheel has started."""
+    speeds = [s.speeds[side] for s in samples if s.time >= STARTING_SECONDS * SECOND]
+    return bool(speeds) and all(abs(each / speed - 1) <= HELD_WITHIN for each in speeds)
