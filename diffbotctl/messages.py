@@ -153,14 +153,22 @@ class Range(NamedTuple):
 
 
 class Scan(NamedTuple):
-    """Distances at equally spaced bearings, in the sensor's frame."""
+    """Distances at equally spaced bearings, in the sensor's frame, in the order of measurement."""
 
     time: Time
     start: Annotated[float, Field("rad", "Bearing of the first ray.")]
-    step: Annotated[float, Field("rad", "Angle between neighbouring rays.")]
+    step: Annotated[float, Field("rad", "From a ray to the next one; negative: clockwise.")]
     distances: Annotated[
         tuple[float, ...], Field("m", "One for each ray: inf when clear, 0 when too close.")
     ]
+    duration: Annotated[
+        float,
+        Field(
+            "s",
+            "Of the whole turn, at whose end `time` is: of n rays, ray i was measured "
+            "(1 - i / n) * duration before. 0: all at once.",
+        ),
+    ] = 0.0
 
 
 class Odometry(NamedTuple):

@@ -17,6 +17,7 @@ from diffbotctl.geometry.footprint import (
     out_of_frame,
     ray_directions,
     scan_points,
+    scanner_near,
     sensor_mount,
 )
 from diffbotctl.messages import Odometry, Scan, Stop, StopCode, Twist
@@ -30,8 +31,6 @@ BLIND: StopCode = "scan_blind"
 SPEED_RATIOS = (1.0, 0.7, 0.5, 0.35, 0.2, 0.1)
 SWEEP_STEP = 0.01  # m that a corner moves between two checks along the path
 APPROACH_MIN = 1e-6  # m; smaller differences are rounding errors
-# m; an object too close for the LDS-01 to measure is nearer than this (data sheet)
-SCAN_DISTANCE_MIN = 0.12
 STILL_SPEED_MAX = 1e-3  # m/s or rad/s; slower counts as standstill
 BLIND_TIME = SECOND  # without one return, after which the scanner counts as blind
 # m/s of any point of the outline, where nothing is in reach of the scanner. A covered scanner looks
@@ -102,6 +101,7 @@ class ScanStop(Block):
 
     def reset(self) -> None:
         self.mount = sensor_mount(self.sensors, self.sensor)
+        self.nearest = scanner_near(self.sensors, self.sensor)
         self.outline = Footprint(self.front, self.back, 0.5 * self.width)
         self.reaction = 1.0 / self.telemetry + self.command_delay + self.lag
         self.tracker = PointTracker()
@@ -205,8 +205,10 @@ class ScanStop(Block):
         x, y, _ = self.mount
         reach = self.outline.reach + self.margin + self.speed * self.stale_after
         reach += self.speed * self.stopping_time(self.speed, 0.0) + max(abs(x), abs(y))
-        points = points_on_robot(scan, self.mount, reach)
-        located = out_of_frame(points, *self.tracker.pose_at(scan.time))
+        located = [
+            out_of_frame([point], *self.tracker.pose_at(time))[0]
+            for time, point in points_around(scan, self.mount, self.outline, self.nearest, reach)
+        ]
         if self.has_return:
             self.seen_points = located
         elif scan.time - self.blind_since >= BLIND_TIME:
@@ -254,7 +256,24 @@ def has_return(scan: Scan, mount: tuple[float, float, float], outline: Footprint
     )
 
 
-def points_on_robot(scan: Scan, mount: tuple[float, float, float], reach: float) -> list[Point]:
-    """The points of a scan within `reach` (m) of the scanner, in base_link."""
-    points = scan_points(scan.start, scan.step, scan.distances, SCAN_DISTANCE_MIN, reach)
-    return out_of_frame(points, *mount)
+def points_around(
+    scan: Scan,
+    mount: tuple[float, float, float],
+    outline: Footprint,
+    nearest: float,
+    reach: float,
+) -> list[tuple[int, Point]]:
+    """The points of a scan within `reach` (m) of the scanner, each in base_link at its own time.
+
+    The time is in ns. An object closer than `nearest` (m) cannot be measured. What is within the
+    outline is a part of the robot, such as a mast.
+    """
+    points = scan_points(scan.start, scan.step, scan.distances, nearest, reach)
+    located = out_of_frame([point for _, point in points], *mount)
+    turn = SECOND * scan.duration
+    rays = len(scan.distances)
+    return [
+        (scan.time - round(turn * (rays - ray) / rays), point)
+        for (ray, _), point in zip(points, located, strict=True)
+        if outline.clearance(*point) > 0.0
+    ]

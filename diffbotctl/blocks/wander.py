@@ -6,8 +6,14 @@ from collections.abc import Mapping
 from math import pi, sqrt
 
 from diffbotctl.block import Block, FromRobot, In, Out
-from diffbotctl.blocks.scan_stop import points_on_robot
-from diffbotctl.geometry.footprint import Footprint, MountedDevice, Point, sensor_mount
+from diffbotctl.blocks.scan_stop import points_around
+from diffbotctl.geometry.footprint import (
+    Footprint,
+    MountedDevice,
+    Point,
+    scanner_near,
+    sensor_mount,
+)
 from diffbotctl.messages import Odometry, Scan, Twist
 from diffbotctl.params import Param
 
@@ -76,7 +82,9 @@ class Wander(Block):
 
     def reset(self) -> None:
         self.mount = sensor_mount(self.sensors, self.sensor)
-        self.radius = Footprint(self.front, self.back, 0.5 * self.width).reach
+        self.nearest = scanner_near(self.sensors, self.sensor)
+        self.outline = Footprint(self.front, self.back, 0.5 * self.width)
+        self.radius = self.outline.reach
         self.last_scan: Scan | None = None
         self.side = 0  # 1 while it turns left, -1 right
         self.turned_angle = 0.0  # rad since it began to turn
@@ -100,7 +108,9 @@ class Wander(Block):
 
     def _choose(self, now: int, scan: Scan) -> None:
         """Decide whether to drive on or to turn, and to which side."""
-        points = points_on_robot(scan, self.mount, self.go_at + SIDE_REACH)
+        reach = self.go_at + SIDE_REACH
+        around = points_around(scan, self.mount, self.outline, self.nearest, reach)
+        points = [point for _, point in around]
         free = free_distance(points, self.radius, self.radius + self.room)
         if self.side:
             if free > (self.go_at if self.turned_angle < FULL_TURN else self.turn_at):

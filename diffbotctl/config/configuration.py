@@ -222,6 +222,11 @@ class InputUse:
     neutral: Any
     feeds_motion: bool
 
+    @property
+    def is_of_robot(self) -> bool:
+        """Whether it is a sensor of the robot, on whose wire the plant delivers, too."""
+        return self.wire.startswith("robot.")
+
 
 @dataclass(frozen=True)
 class ProgramUse:
@@ -244,7 +249,7 @@ class SourceUse:
     """A device of a pipeline: `cls(**values)` creates its driver.
 
     `outputs` maps the wires on which it publishes to their message classes, `wires` its inputs to
-    their sources. `timeout` is in s.
+    their sources. `timeout` is in s. A sensor of the robot is one, too.
     """
 
     name: str
@@ -254,6 +259,11 @@ class SourceUse:
     timeout: float
     place: Place
     wires: dict[str, str] = field(default_factory=dict)
+    what: Literal["source", "sensor"] = "source"
+
+    def wire(self, port: str) -> str:
+        """The wire on which the output `port` of its driver is delivered."""
+        return f"{self.name}.{port}" if self.what == "source" else f"robot.{self.name}"
 
 
 @dataclass(frozen=True)

@@ -22,15 +22,18 @@ from diffbotctl.config.node_ports import RESERVED, is_name
 from diffbotctl.config.section_reader import read_parameters
 from diffbotctl.config.yaml_tree import Value
 from diffbotctl.device import DeviceDriver
+from diffbotctl.geometry.lidars import LIDARS
 from diffbotctl.message_parser import MessageError, message_parser
 from diffbotctl.message_types import type_name, type_problem
-from diffbotctl.messages import Call, GoalState, LogLine, Path, Resume, Setting, Stop
+from diffbotctl.messages import Call, GoalState, LogLine, Path, Resume, Scan, Setting, Stop
 
 INPUT = "input"  # the node of the inputs
 NOT_DECLARABLE = (Resume, Setting, Call, LogLine)  # from the operator alone
 MOTION_TIMEOUT_MAX = 1.0  # s; the gate gives telemetry at most half of it
 # Messages by which a block acts on the robot other than by a wire: through the operator.
 ACTING = (Path, GoalState, Stop)
+# A lidar whose turns are damaged one after another is lost: after 3 turns, and at least 0.5 s.
+LOST_TURNS_MAX, SCAN_TIMEOUT_MIN = 3, 0.5
 
 
 def read_inputs(context: CheckContext) -> None:
@@ -148,6 +151,31 @@ def _open_outputs(
         elif kind is not None:
             wires[f"{name}.{port}"] = kind
     return wires
+
+
+def read_lidars(context: CheckContext) -> None:
+    """Make each lidar of the robot that has a `device` an input; of a real robot a source, too.
+
+    In the simulator the plant delivers on the same wire.
+    """
+    sensors = (context.robot.sensors if context.robot else None) or {}
+    for name, sensor in sensors.items():
+        model = LIDARS.get(getattr(sensor, "type", None) or "")
+        value = context.robot_value("sensors", name)
+        if model is None or value is None or context.pipeline is None or not sensor.device:
+            continue
+        wire, timeout = f"robot.{name}", max(SCAN_TIMEOUT_MIN, LOST_TURNS_MAX / model.rate)
+        context.inputs[wire] = InputUse(wire, Scan, timeout, None, False)
+        if context.real:
+            cls = registry.driver("lidar")
+            values = {
+                "device": sensor.device,
+                "model": sensor.type,
+                "upside_down": sensor.upside_down,
+            }
+            context.sources[wire] = SourceUse(
+                name, cls, values, {wire: Scan}, timeout, value.place, what="sensor"
+            )
 
 
 def _is_free_name(context: CheckContext, name: str, value: Value, what: str = "program") -> bool:

@@ -35,7 +35,13 @@ from diffbotctl.config.configuration import (
     Pipeline,
     RobotFile,
 )
-from diffbotctl.config.declared_inputs import mark_motion, read_inputs, read_programs, read_sources
+from diffbotctl.config.declared_inputs import (
+    mark_motion,
+    read_inputs,
+    read_lidars,
+    read_programs,
+    read_sources,
+)
 from diffbotctl.config.faults import read_sizes
 from diffbotctl.config.motor_pulses import (
     calibrated_pulses,
@@ -215,6 +221,7 @@ class _Loader:
         if tree is not None:
             self._read_pipeline(tree)
         robot_file = self._load_robot_of_pipeline(robot)
+        read_lidars(self.context)
         omit_unusable_blocks(self.context)
         mark_motion(self.context)
         self._check()

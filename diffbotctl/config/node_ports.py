@@ -8,11 +8,12 @@ from typing import NamedTuple
 from diffbotctl import block, messages
 from diffbotctl.config.robot import Robot
 from diffbotctl.geometry.distance_sensors import CUSTOM, ECHOES, SHARPS
+from diffbotctl.geometry.lidars import LIDARS
 
 SENSOR_MESSAGES: dict[str, type] = {
     **dict.fromkeys((*SHARPS, CUSTOM), messages.Volts),
     **dict.fromkeys(ECHOES, messages.Range),
-    "lds01": messages.Scan,
+    **dict.fromkeys(LIDARS, messages.Scan),
     "overhead_camera": messages.Odometry,
 }
 OPERATOR: dict[str, type] = {

@@ -15,6 +15,7 @@ from diffbotctl.config.imu_chips import IMU_CHIPS
 from diffbotctl.config.motor_drivers import MOTOR_DRIVERS
 from diffbotctl.config.simulation import LAG_MIN_S, ImuAxis, Simulation
 from diffbotctl.geometry.distance_sensors import CUSTOM, ECHOES, SHARPS
+from diffbotctl.geometry.lidars import LIDARS
 from diffbotctl.links.diffbot_frames import SLOTS_MAXIMUM
 from diffbotctl.links.link_protocol import USB_BAUD
 from diffbotctl.params import Choice, Param, Pin, Section
@@ -446,7 +447,7 @@ class SensorSection(Section):
 
     type = Param(
         str,
-        choices=(*SHARPS, CUSTOM, *ECHOES, "lds01", "overhead_camera"),
+        choices=(*SHARPS, CUSTOM, *ECHOES, *LIDARS, "overhead_camera"),
         help="Part name. sharp_custom: another Sharp, with near, reach and curve; overhead_camera: "
         "sees the actual pose from above.",
     )
@@ -456,6 +457,18 @@ class SensorSection(Section):
         default=None,
         help="Analog pin of its output; none: not read by the board, but by a source of the "
         "pipeline or in the simulator.",
+    )
+    device: str | None = Param(
+        str,
+        none=True,
+        default=None,
+        help="Serial port of a lidar, best one in /dev/serial/by-id; the simulator does not use "
+        "it. none: read by a source of the pipeline or in the simulator.",
+    )
+    upside_down = Param(
+        bool,
+        default=False,
+        help="Whether a lidar is mounted upside down. Its heading is that of its zero angle.",
     )
     trigger: Pin | None = Param(
         Pin, none=True, default=None, help="Pin of the trigger of an HC-SR04."

@@ -65,7 +65,8 @@ class DeviceSource:
     def who(self) -> str:
         """The source and its device, as errors and stops name it."""
         device = self.driver.device_name()
-        return f"source {self.use.name} ({device})" if device else f"source {self.use.name}"
+        who = f"{self.use.what} {self.use.name}"
+        return f"{who} ({device})" if device else who
 
     def open(self, now: int) -> None:
         """Open the device. Raises DeviceError."""
@@ -269,7 +270,7 @@ class DeviceSourcesDriver:
             return []
         deliveries = []
         for port, message in readings:
-            wire = f"{source.use.name}.{port}"
+            wire = source.use.wire(port)
             if message is None:
                 self.inputs.release(wire, source.use.name)
             else:

@@ -7,6 +7,7 @@ import fcntl
 import grp
 import os
 import stat
+import struct
 import termios
 from collections.abc import Sequence
 from contextlib import suppress
@@ -27,6 +28,11 @@ from diffbotctl.ports.diagnosis import (
 
 FIND_PORT = "look for the board under /dev/serial/by-id, or unplug it and see which name disappears"
 READ_SIZE = 4096  # bytes; more than any board sends between two reads
+RATE_ERROR_MAX = 0.025  # of a baud rate; half a bit in the ten of a byte is 0.05, for both ends
+# The kernel's struct termios2 takes any rate (asm-generic/termbits.h, asm-generic/ioctls.h).
+_TERMIOS2 = struct.Struct("4I B 19s 2I")
+_TCGETS2, _TCSETS2 = 0x802C542A, 0x402C542B
+_CBAUD, _BOTHER = 0o010017, 0o010000
 
 
 class SerialPortDevice:
@@ -62,7 +68,7 @@ class SerialPortDevice:
             return 0
 
     def change_baud(self, baud: int) -> None:
-        """Change the rate, and discard input received at the old one. Raises OSError."""
+        """Change the rate, and discard input received at the old one. Raises OSError, RunError."""
         if baud != self.baud:
             self.baud = baud
             _make_raw(self.fd, baud)
@@ -187,17 +193,28 @@ def _group(device: str) -> str:
 
 
 def _make_raw(fd: int, baud: int) -> None:
-    speed = getattr(termios, f"B{baud}", None)
-    if speed is None:
-        problem = Problem(
-            "E-PORT-BAUD", "link.baud", f"{baud} baud is not a standard rate", "use 9600 or 115200"
-        )
-        raise RunError(problem)
     control = termios.CS8 | termios.CREAD | termios.CLOCAL
+    speed = getattr(termios, f"B{baud}", None)
+    usual = termios.B9600 if speed is None else speed
     try:
         special = termios.tcgetattr(fd)[6]
         special[termios.VMIN], special[termios.VTIME] = 1, 0  # an empty read then means a hang-up
-        settings: list[object] = [0, 0, control, 0, speed, speed, special]
+        settings: list[object] = [0, 0, control, 0, usual, usual, special]
         termios.tcsetattr(fd, termios.TCSANOW, settings)  # type: ignore[arg-type]
     except termios.error as error:
         raise OSError(*error.args) from error
+    if speed is None:
+        _set_rate(fd, baud)
+
+
+def _set_rate(fd: int, baud: int) -> None:
+    """Set a rate for which termios has no constant. Raises OSError, or RunError if none is near."""
+    settings = list(_TERMIOS2.unpack(fcntl.ioctl(fd, _TCGETS2, bytes(_TERMIOS2.size))))
+    settings[2] = settings[2] & ~_CBAUD | _BOTHER
+    settings[-2:] = baud, baud
+    fcntl.ioctl(fd, _TCSETS2, _TERMIOS2.pack(*settings))
+    actual = _TERMIOS2.unpack(fcntl.ioctl(fd, _TCGETS2, bytes(_TERMIOS2.size)))[-1]
+    if abs(actual - baud) > RATE_ERROR_MAX * baud:
+        cause = f"{baud} baud is not among its rates; the nearest one is {actual}"
+        fix = "use another adapter, such as one with a CP2102"
+        raise _port_error("E-PORT-BAUD", os.ttyname(fd), cause, fix)

@@ -200,6 +200,9 @@ class EmulatedRobotDriver:
                 self.board.emulator.reset()
             self.board.advance(min(now, self.board.now + STEP))
             deliveries += self._receive(self.board.now)
+        # What no board reads: scans.
+        for port, scan in self.board.plant.deliver():
+            deliveries.append(Delivery(f"robot.{port}", scan))
         return deliveries + self._operator.deliver(now)
 
     def command(self, now: int, command: Wheels | Duty) -> None:

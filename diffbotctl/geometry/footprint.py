@@ -7,6 +7,8 @@ from functools import lru_cache
 from math import cos, hypot, sin
 from typing import NamedTuple, Protocol
 
+from diffbotctl.geometry.lidars import LIDARS
+
 Point = tuple[float, float]
 
 
@@ -65,6 +67,7 @@ class Mount(Protocol):
 class MountedDevice(Protocol):
     """A sensor section of the robot file."""
 
+    type: str
     at: Mount
 
 
@@ -72,6 +75,12 @@ def sensor_mount(sensors: Mapping[str, MountedDevice], name: str) -> tuple[float
     """Pose (m, rad) of a sensor in base_link; the origin if the robot has no such sensor."""
     sensor = sensors.get(name)
     return (sensor.at.x, sensor.at.y, sensor.at.heading) if sensor else (0.0, 0.0, 0.0)
+
+
+def scanner_near(sensors: Mapping[str, MountedDevice], name: str) -> float:
+    """Distance (m) below which an object is too close for a lidar; the largest if unknown."""
+    model = LIDARS.get(sensors[name].type) if name in sensors else None
+    return model.near if model else max(lidar.near for lidar in LIDARS.values())
 
 
 class PointTracker:
@@ -140,15 +149,15 @@ def out_of_frame(points: list[Point], x: float, y: float, heading: float) -> lis
 
 def scan_points(
     start: float, step: float, distances: tuple[float, ...], nearest: float, within: float
-) -> list[Point]:
-    """The points of a scan nearer than `within` (m), in the frame of the scanner.
+) -> list[tuple[int, Point]]:
+    """The points of a scan nearer than `within` (m), in the frame of the scanner, with their ray.
 
     A distance of 0 means too close to measure and is replaced by `nearest` (m).
     """
     directions = ray_directions(start, step, len(distances))
     return [
-        (far * c, far * s) if far > nearest else (nearest * c, nearest * s)
-        for far, (c, s) in zip(distances, directions, strict=True)
+        (ray, (far * c, far * s) if far > 0.0 else (nearest * c, nearest * s))
+        for ray, (far, (c, s)) in enumerate(zip(distances, directions, strict=True))
         if far <= within
     ]
 

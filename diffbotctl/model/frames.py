@@ -12,9 +12,10 @@ from typing import Literal, NamedTuple
 
 from diffbotctl.config.robot import Robot
 from diffbotctl.geometry.distance_sensors import TYPES, sensor_facts
+from diffbotctl.geometry.lidars import LIDARS
 
 WORLD, GROUND, BASE = "odom", "base_footprint", "base_link"
-ON_ROBOT = (*TYPES, "lds01")  # types of sensors that are mounted on the robot
+ON_ROBOT = (*TYPES, *LIDARS)  # types of sensors that are mounted on the robot
 CASTER_SHARE = 0.8  # of the longer overhang: default position of the caster
 
 
@@ -70,11 +71,7 @@ def robot_frames(robot: Robot) -> Iterator[RobotFrame]:
 
 
 Moments = tuple[float, float, float]  # about x, y and z
-# kg; m: depth, width, height; data sheets
-SENSOR_MASS = {kind: sensor_facts(kind).mass for kind in TYPES} | {"lds01": 0.125}
-SENSOR_SIZE = {kind: sensor_facts(kind).size for kind in TYPES} | {
-    "lds01": (0.0695, 0.0955, 0.0395)
-}
+SENSOR_FACTS = {kind: sensor_facts(kind) for kind in TYPES} | LIDARS
 
 
 class Box(NamedTuple):
@@ -137,5 +134,5 @@ def robot_solids(robot: Robot) -> Iterator[Solid]:
     yield Solid("caster_link", Sphere(0.5 * body.caster.diameter), body.caster.mass)
     for name, sensor in robot.sensors.items():
         if sensor.type in ON_ROBOT:
-            box = Box(SENSOR_SIZE[sensor.type])
-            yield Solid(sensor_frame(name), box, SENSOR_MASS[sensor.type], colour="red")
+            facts = SENSOR_FACTS[sensor.type]
+            yield Solid(sensor_frame(name), Box(facts.size), facts.mass, colour="red")

@@ -21,8 +21,8 @@ from diffbotctl.geometry.distance_sensors import (
     paper_volts,
     sensor_facts,
 )
+from diffbotctl.geometry.lidars import LIDARS, LidarModel
 from diffbotctl.messages import Message, Range, Scan, Volts
-from diffbotctl.model.laser_scanners import LASER_SCANNERS, ScannerModel
 from diffbotctl.plant.chassis import Pose
 from diffbotctl.plant.faults import ActiveFaults
 from diffbotctl.plant.robot_parameters import MountedSensor
@@ -143,7 +143,7 @@ class Scanner:
     0.22 m/s, which a driver that knows the robot's motion corrects.
     """
 
-    def __init__(self, model: ScannerModel, spread: float, rng: Random) -> None:
+    def __init__(self, model: LidarModel, spread: float, rng: Random) -> None:
         """`spread`: standard deviation of a distance, m."""
         self.model, self._spread, self._rng = model, spread, rng
         self.due = model.period
@@ -154,7 +154,7 @@ class Scanner:
         self.due += self.model.period
         if self.is_zero:
             return (0.0,) * self.model.rays
-        nearest, reach, spread = self.model.nearest, self.model.reach, self._spread
+        nearest, reach, spread = self.model.near, self.model.reach, self._spread
         gauss = self._rng.gauss
         distances = []
         for distance in world.scan(x, y, heading, self.model.rays):
@@ -344,7 +344,7 @@ def draw_scanners(
     """A laser scanner for each of the mountings that is one, with its own generator."""
     scanners = []
     for mounting in mountings:
-        model = LASER_SCANNERS.get(mounting.kind)
+        model = LIDARS.get(mounting.kind)
         if model is not None:
             truth = errors.get(mounting.name) or SensorTruth()
             scanner = Scanner(model, truth.spread, Random(rng.getrandbits(64)))

@@ -275,6 +275,8 @@ class SimulatedRobot:
         self._roll()
         if until >= self._sensors.next_sharp:
             self._measure(until)
+        if until >= self._sensors.next_scan:
+            self._scan(until)
         self.now = until
         return sorted(changes)
 

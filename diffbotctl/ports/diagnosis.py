@@ -114,7 +114,7 @@ def _title(port: SerialPort) -> str:
     if chip.role == PortRole.OTHER_PROGRAM:
         return f"Raspberry Pi Pico with {chip.title}"
     if chip.role == PortRole.CHIP:
-        return f"{chip.title}: an Arduino clone, or another device with this chip"
+        return f"{chip.title}: an Arduino clone, a lidar, or another device with this chip"
     return chip.title
 
 

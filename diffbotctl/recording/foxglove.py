@@ -83,10 +83,14 @@ def laser_scan(epoch: int, reading: Range, frame: str) -> bytes:
 
 
 def full_scan(epoch: int, scan: Scan, frame: str) -> bytes:
-    """foxglove.LaserScan of a laser scanner; 0 for a ray that measured nothing."""
+    """foxglove.LaserScan of a lidar at the middle of its turn; 0 for a ray that measured nothing.
+
+    Its time is one for all rays.
+    """
     last = scan.start + scan.step * max(len(scan.distances) - 1, 0)
     ranges = ", ".join([repr(each) if isfinite(each) else "0.0" for each in scan.distances])
-    return (_SCAN % (*divmod(epoch + scan.time, SECOND), frame, scan.start, last, ranges)).encode()
+    middle = epoch + scan.time - round(0.5 * SECOND * scan.duration)
+    return (_SCAN % (*divmod(middle, SECOND), frame, scan.start, last, ranges)).encode()
 
 
 def log(epoch: int, line: LogLine) -> bytes:

@@ -16,6 +16,7 @@ from diffbotctl.config.motor_pulses import motor_pulses, pulses_text
 from diffbotctl.config.robot import SIDES, Robot, SideSection, board_sensors
 from diffbotctl.errors import Problem, UsageError, join_words
 from diffbotctl.geometry.distance_sensors import ECHOES, is_analog
+from diffbotctl.geometry.lidars import LIDARS
 
 SUPPLY, GROUND = "red", "black"
 LOGIC = "cyan"  # 3.3 V of a board whose pins take no more
@@ -393,6 +394,14 @@ def notes(robot: Robot) -> Iterator[str]:
             f"The echo of an HC-SR04 is a 5 V signal: {level}. Mount it at least 10 cm above the "
             "floor, or tilted up: its beam is 15 degrees around its axis."
         )
+    for name, sensor in robot.sensors.items():
+        if sensor.type in LIDARS:
+            lidar = LIDARS[sensor.type]
+            yield (
+                f"{name}: the {lidar.title} is connected to the computer, not to the board: by its "
+                "USB adapter, or its TX (3.3 V) to the UART of a Raspberry Pi, with a common "
+                f"ground. It sends at {lidar.baud} baud."
+            )
     if robot.imu.type is not None:
         yield (
             f"Take the {robot.imu.type.upper()} on a module with a regulator and "

@@ -15,10 +15,10 @@ from diffbotctl.config.configuration import Configuration
 from diffbotctl.config.robot import Robot, SensorSection
 from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS
 from diffbotctl.geometry.distance_sensors import sensor_facts
+from diffbotctl.geometry.lidars import LIDARS
 from diffbotctl.graph import Graph
 from diffbotctl.messages import Odometry
 from diffbotctl.model.frames import sensor_frame
-from diffbotctl.model.laser_scanners import LASER_SCANNERS
 
 Numbers = list[list[float]]
 
@@ -92,7 +92,7 @@ def _sensors(robot: Robot, configuration: Configuration) -> list[dict[str, Any]]
     sensors = []
     for wire, name in configuration.sensor_wires().items():
         sensor = robot.sensors[name]
-        scanner = LASER_SCANNERS.get(sensor.type)
+        scanner = LIDARS.get(sensor.type)
         facts = scanner or sensor_facts(sensor.type, sensor.near, sensor.reach)
         sensors.append({"topic": wire, **_mount_of(name, sensor, facts.reach)})
     return sensors

@@ -242,7 +242,13 @@ class BagConverter:
         is_scan = topic.type == "sensor_msgs/msg/LaserScan"
         make = conversion.scan if is_scan else conversion.range_fields
         return lambda fields, stamp: [
-            (topic, {**_header(stamp, sensor.frame), **make(fields, sensor)})
+            (
+                topic,
+                {
+                    **_header(stamp - conversion.scan_age(fields), sensor.frame),
+                    **make(fields, sensor),
+                },
+            )
         ]
 
     def _battery(self, wire: str, topic: RosTopic) -> Convert:

@@ -40,13 +40,12 @@ PLANAR_INDICES = (0, 1, 5, 6, 7, 11, 30, 31, 35)
 
 
 class SensorModel(NamedTuple):
-    """Frame and figures of a distance sensor: m, rad, s; `period` is the time of one turn."""
+    """Frame and figures of a distance sensor: m, rad."""
 
     frame: str
     nearest: float
     reach: float
     field_of_view: float = 0.1
-    period: float = 0.0
 
 
 def quaternion(heading: float) -> Fields:
@@ -113,19 +112,27 @@ def range_fields(message: Fields, sensor: SensorModel) -> Fields:
 
 
 def scan(message: Fields, sensor: SensorModel) -> Fields:
-    """sensor_msgs/LaserScan: inf when clear, 0 when too close, which is below range_min."""
+    """sensor_msgs/LaserScan: inf when clear, 0 when too close, which is below range_min.
+
+    Its stamp is the time of the first ray: `scan_age` before that of the message.
+    """
     distances = [number(value) for value in message["distances"]]
-    step = number(message["step"])
+    step, duration = number(message["step"]), number(message["duration"])
     return {
         "angle_min": number(message["start"]),
         "angle_max": number(message["start"]) + step * max(len(distances) - 1, 0),
         "angle_increment": step,
-        "time_increment": sensor.period / len(distances) if distances else 0.0,
-        "scan_time": sensor.period,
+        "time_increment": duration / len(distances) if distances else 0.0,
+        "scan_time": duration,
         "range_min": sensor.nearest,
         "range_max": sensor.reach,
         "ranges": distances,
     }
+
+
+def scan_age(message: Fields) -> int:
+    """Time (ns) from the first ray of a scan to its end; 0 of other messages."""
+    return round(1e9 * number(message.get("duration", 0.0)))
 
 
 def wheel_angles(message: Fields, counts_per_turn: tuple[float, float]) -> tuple[float, float]:

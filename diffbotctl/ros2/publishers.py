@@ -192,6 +192,7 @@ class RunPublishers:
         frame = self.prefix + sensor.frame
 
         def publish(fields: Fields, stamp: int) -> None:
+            stamp -= conversion.scan_age(fields)
             publisher.publish(fill_header(fill(message, convert(fields, sensor)), stamp, frame))
 
         return publish

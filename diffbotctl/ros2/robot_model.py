@@ -11,13 +11,12 @@ from diffbotctl.config.robot import Robot, SensorSection
 from diffbotctl.control_socket.protocol import Fields
 from diffbotctl.errors import UserError
 from diffbotctl.geometry.distance_sensors import EchoFacts, sensor_facts
+from diffbotctl.geometry.lidars import LIDARS
 from diffbotctl.messages import Range, Scan
 from diffbotctl.model.frames import robot_frames
-from diffbotctl.model.laser_scanners import LASER_SCANNERS
 from diffbotctl.model.urdf import urdf
 from diffbotctl.ros2.conversion import SensorModel
 from diffbotctl.ros2.options import ModelFrame, RobotModel
-from diffbotctl.time import SECOND
 
 SHARP_FIELD_OF_VIEW = 0.1  # rad: its spot is some 4 cm wide at 40 cm (data sheet GP2Y0A41SK0F)
 ECHO_FIELD_OF_VIEW = 0.26  # rad: 15 degrees (data sheet HC-SR04)
@@ -78,10 +77,9 @@ def model_of_robot(robot: Robot, name: str) -> RobotModel:
 
 
 def _sensor_model(name: str, sensor: SensorSection) -> SensorModel:
-    scanner = LASER_SCANNERS.get(sensor.type)
+    scanner = LIDARS.get(sensor.type)
     if scanner is not None:
-        period = scanner.period / SECOND
-        return SensorModel(f"{name}_sensor_link", scanner.nearest, scanner.reach, 0.0, period)
+        return SensorModel(f"{name}_sensor_link", scanner.near, scanner.reach, 0.0)
     facts = sensor_facts(sensor.type, sensor.near, sensor.reach)
     field = ECHO_FIELD_OF_VIEW if isinstance(facts, EchoFacts) else SHARP_FIELD_OF_VIEW
     return SensorModel(f"{name}_sensor_link", facts.near, facts.reach, field)

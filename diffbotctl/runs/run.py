@@ -263,7 +263,8 @@ class Run:
     def _connect_clients(self) -> None:
         """The drivers of the control sockets. A paced simulation is not woken by commands."""
         for robot, control_socket in zip(self.robots, self.outputs.control_sockets, strict=False):
-            wakes = self.is_real or self.robot is None or bool(robot.configuration.inputs)
+            inputs = [use for use in robot.configuration.inputs if not use.is_of_robot]
+            wakes = self.is_real or self.robot is None or bool(inputs)
             robot.client = control_socket.client_driver(
                 robot.operator, robot.changes, wakes, robot.inputs
             )

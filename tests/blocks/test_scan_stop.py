@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from diffbotctl.blocks.scan_stop import BLIND, OBSTACLE, STALE, ScanStop
+from diffbotctl.blocks.scan_stop import BLIND, OBSTACLE, STALE, ScanStop, points_around
 from diffbotctl.config.load import load_robot
 from diffbotctl.geometry.footprint import PointTracker
 from diffbotctl.messages import Odometry, Scan, Twist
@@ -142,6 +142,22 @@ def test_points_move_with_the_odometry_between_scans():
         speeds.append(twist.linear)
     # 20 mm to spare are gone after two and a half frames
     assert speeds == pytest.approx([0.2, 0.2, 0.2, 0.14, 0.14])
+
+
+def test_each_ray_of_a_turn_has_its_own_time_and_parts_of_the_robot_are_none():
+    """Four rays of a lidar that turns clockwise in 200 ms, at 1 s: the one to the left sees a mast.
+
+    The robot turns by 1 rad/s: what is behind it was seen 0.1 rad ago.
+    """
+    block = guard()
+    scan = Scan(1000 * MS, 0.0, -pi / 2, (0.4, inf, 0.3, 0.05), 0.2)
+    around = points_around(scan, block.mount, block.outline, 0.12, 1.0)
+    assert [time for time, _ in around] == [800 * MS, 900 * MS]
+    assert around[1][1] == pytest.approx((EYE - 0.3, 0.0))
+    turning = Odometry(1000 * MS, 0.0, 0.0, 0.0, 0.0, 1.0, (0.0,) * 6)
+    block.react(1000 * MS, Twist(1000 * MS, 0.0, 0.1), scan, turning)
+    [behind] = block.points
+    assert behind == pytest.approx(((EYE - 0.3) * cos(0.1), (EYE - 0.3) * sin(-0.1)))
 
 
 def test_too_close_to_measure_is_an_obstacle():

@@ -37,6 +37,8 @@ def test_each_row_is_as_its_schema_states(path):
         ("boards", "uno", "uarts", {0: [0]}),
         ("imus", "mpu6050", "addresses", [0x68, 200]),
         ("distance_sensors", "hc_sr04", "reach", -4.0),
+        ("lidars", "ld06", "protocol", "ld06"),
+        ("lidars", "lds01", "start", "b"),
         ("distance_sensors", "hc_sr04", "points", [[0.1, 1.0], [0.2, 0.5]]),
     ],
 )

@@ -5,6 +5,7 @@ import pytest
 from diffbotctl.config.load import check, load, load_robot
 from diffbotctl.drivers.robot_link import board_settings
 from diffbotctl.errors import ConfigurationError
+from diffbotctl.geometry.lidars import LIDARS
 from tests.pico_robot import PICO
 
 SCAN = "scan: {type: lds01, pin: none, at: {x: 0 mm}}"
@@ -61,14 +62,15 @@ def test_a_lidar_without_its_place_is_refused_not_left_out(write):
     files = write("", LIDAR, "blocks: {scan_guard: {in: {scan: laser.scan}}}")
     [problem] = errors(files)
     assert (
-        problem.code == "E-SENSOR-UNKNOWN"
-        and "`sensors: {scan: {type: lds01, pin: none" in problem.fix
+        problem.code == "E-SENSOR-UNKNOWN" and "`sensors: {scan: {type: lds01, at: " in problem.fix
     )
 
 
 def test_a_guard_that_is_not_wired_to_its_source_is_refused(write):
     [problem] = errors(write(SCAN, LIDAR), real=True)
-    assert problem.code == "E-BOARD-SENSOR" and problem.fix == "wire 'scan_guard' to laser.scan"
+    assert problem.code == "E-BOARD-SENSOR"
+    assert problem.fix.startswith("state its serial port: `scan: {device: /dev/ttyUSB1}`")
+    assert problem.fix.endswith("or wire 'scan_guard' to laser.scan")
     [warning] = [each for each in check(*write(SCAN, LIDAR)) if each.code == "W-BOARD-SENSOR"]
     assert "in the simulator only" in warning.cause
     problems = {each.code: each for each in errors(write("", LIDAR))}
@@ -79,6 +81,26 @@ def test_a_guard_that_is_not_wired_to_its_source_is_refused(write):
 def test_a_declared_scanner_without_a_source_is_no_reason_to_drive_unguarded(write, sensors):
     [problem] = errors(write(sensors), real=True)
     assert problem.code == "E-BOARD-SENSOR" and "'scan_guard' would have no data" in problem.cause
+
+
+@pytest.mark.parametrize("kind", LIDARS)
+def test_a_lidar_with_a_device_needs_no_source(write, kind):
+    """The hint of the error above: on a real robot its driver delivers, else the plant."""
+    stated = f"scan: {{type: {kind}, device: /dev/ttyUSB1, upside_down: true}}"
+    simulated, real = (load(*write(stated), real=real) for real in (False, True))
+    assert simulated.sources == ()
+    [source] = real.sources
+    assert source.values == {"device": "/dev/ttyUSB1", "model": kind, "upside_down": True}
+    assert (source.what, source.wire("scan"), source.timeout) == (
+        "sensor",
+        "robot.scan",
+        max(0.5, 3 / LIDARS[kind].rate),
+    )
+    for loaded in (simulated, real):
+        assert wires(loaded)["scan_guard"]["scan"] == "robot.scan"
+        [use] = [use for use in loaded.inputs if use.wire == "robot.scan"]
+        assert use.feeds_motion and use.is_of_robot
+        assert not [each for each in loaded.warnings if "SENSOR" in each.code]
 
 
 @pytest.mark.parametrize("sensors", ["", SONAR])
@@ -122,6 +144,7 @@ def test_a_robot_without_sensors_is_warned_of_and_what_is_left_out_is_named(writ
     [
         ("scan: {type: lds01, pin: A1}", "E-SENSOR-KEY", "lds01, which has no pin"),
         ("eye: {type: overhead_camera, pin: A1}", "E-SENSOR-KEY", "has no pin"),
+        ("front: {type: hc_sr04, device: /dev/x}", "E-SENSOR-KEY", "only a lidar has device"),
         ("front: {type: hc_sr04, trigger: 40, echo: none}", "E-BOARD-PIN", "its echo has none"),
     ],
 )

@@ -26,9 +26,9 @@ def problems(folder, line):
         ("sensors: {front: {type: GP2Y0A21YK0F}}", "allowed values", "sharp_gp2y0a21yk0f"),
         ("sensors: {front: {type: HC-SR04}}", "allowed values", "did you mean hc_sr04?"),
         (
-            "sensors: {front: {type: rplidar a1}}",
-            "only the place of a laser scanner",
-            "driver: lidar",
+            "sensors: {front: {type: rplidar a2}}",
+            "only A1 and C1 are supported",
+            "type: rplidar_a1",
         ),
         ("sensors: {front: {type: sharp_gp2y0a41}}", "allowed values", "did you mean sharp"),
         ("imu: {type: GY-521}", "the gyro of a GY-521 is that of an MPU6050", "write mpu6050"),

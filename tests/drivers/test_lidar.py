@@ -1,23 +1,21 @@
-"""USB lidars: their frames, byte by byte and damaged; and a robot that stops for what they see."""
+"""Lidars at a pseudo-terminal: each model, others in its place, and a robot that stops for them."""
 
 import time
-from math import cos, inf, radians
+from math import cos, inf, pi, radians
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from diffbotctl.links.lidar_frames import RAYS, LdsParser, RplidarParser
+from diffbotctl.device import DeviceError
+from diffbotctl.drivers.lidar import Lidar
+from diffbotctl.geometry.lidars import LIDARS
+from diffbotctl.log import INFO, Log
 from diffbotctl.recording.reader import RecordingReader
 from tests.pico_robot import PICO
 from tests.support.running import OPEN_FIELD, PlainClient, cli, moves, running, stands
-from tests.support.usb_lidar import UsbLidar, lds_turn, rplidar_turn
+from tests.support.usb_lidar import DEGREES, SCAN_DESCRIPTOR, UsbLidar
+from tests.support.virtual_board import board
 
 COMMAND_PERIOD_S = 0.05
-PARSERS = {"lds01": LdsParser, "rplidar_a1": RplidarParser}
-DESCRIPTOR = bytes.fromhex("a5 5a 05 00 00 40 81")
-# A frame of the data sheet's fields: 0xFA, index 2, 300.0 rpm, six readings, both checksums.
-LDS_PACKET = bytes.fromhex("fa a2 b8 0b" + "c8 00 e8 03 00 00" * 6 + "15 15")
 ROBOT = """
 format: 1
 kind: robot
@@ -35,69 +33,111 @@ blocks:
 """
 
 
-def whole(model, turns):
-    """The bytes of some turns, and the beginning of the next one."""
-    if model == "lds01":
-        return b"".join(map(lds_turn, turns))
-    return DESCRIPTOR + b"".join(map(rplidar_turn, [*turns, turns[-1]]))
+def outcome(lidar, model, speed=4, **values):
+    """What the driver of `model` makes of `lidar`: its first scans, or why there are none.
+
+    Its clock is `speed` times as fast.
+    """
+    driver = Lidar(device=lidar.device, model=model, **values)
+    driver.log = Log("lidar", lidar.logged, INFO)
+    scans, start = [], time.monotonic_ns()
+    try:
+        driver.open()
+        while len(scans) < 3:
+            now = speed * (time.monotonic_ns() - start)
+            scans += [reading.message for reading in driver.read(now)]
+            time.sleep(0.002)
+        return scans
+    except DeviceError as error:
+        return f"{error.cause}; {error.fix}"
+    finally:
+        driver.close()
+        lidar.unplug()
 
 
-def test_a_packet_of_the_data_sheet():
-    parser = LdsParser()
-    packets = [bytes([0xFA, 0xA0 + number]) + LDS_PACKET[2:] for number in range(60)]
-    [turn] = parser.receive(b"".join(packets))
-    assert turn == (1.0,) * RAYS and parser.damaged == 0
+@pytest.mark.parametrize("model", LIDARS)
+def test_each_model_delivers_its_turns(model):
+    facts = LIDARS[model]
+    scans = outcome(UsbLidar(model), model, speed=1)
+    assert {len(scan.distances) for scan in scans} == {facts.rays}
+    assert {scan.step for scan in scans} == {-2 * pi / facts.rays}
+    assert all(0.08 <= scan.duration <= 0.25 for scan in scans)
+    assert all(1.9 < distance < 2.1 for scan in scans for distance in scan.distances)
 
 
-def test_a_sample_of_the_data_sheet():
-    # angle 90.5 deg is 5792 / 64; distance 1234.25 mm is 4937 / 4
-    sample = bytes([0x3E, (5792 & 0x7F) << 1 | 1, 5792 >> 7, 4937 & 0xFF, 4937 >> 8])
-    parser = RplidarParser()
-    parser.receive(DESCRIPTOR + sample)
-    assert parser.turn.rays[90] == pytest.approx(1.23425)
+def test_a_lidar_upside_down_turns_the_other_way():
+    [scan, *_] = outcome(UsbLidar("ld19"), "ld19", upside_down=True)
+    assert scan.step == 2 * pi / 450
 
 
-@pytest.mark.parametrize("model", PARSERS)
-def test_the_right_of_the_robot_is_at_270_degrees(model):
-    seen = [0.0] * RAYS
-    seen[0], seen[90] = 1.0, 0.5  # ahead, and clockwise of it
-    [turn] = PARSERS[model]().receive(whole(model, [seen]))
-    assert (turn[0], turn[270], turn[90]) == (1.0, 0.5, inf)
+def test_distances_out_of_its_range():
+    """An LDS-01 measures from 12 cm to 3.5 m."""
+    distances = [0.0] * 90 + [0.05] * 90 + [3.4] * 90 + [3.9] * 90
+    [scan, *_] = outcome(UsbLidar("lds01", distances), "lds01")
+    assert [scan.distances[degree] for degree in (45, 135, 225, 315)] == [inf, 0.0, 3.4, inf]
 
 
-@pytest.mark.parametrize("model", PARSERS)
-@given(cuts=st.lists(st.integers(1, 600), max_size=40))
-def test_bytes_may_come_in_any_portions(model, cuts):
-    parser = PARSERS[model]()
-    data = whole(model, [(0.5,) * RAYS, (1.5,) * RAYS])
-    turns = []
-    for cut in [*cuts, len(data)]:
-        turns += parser.receive(data[:cut])
-        data = data[cut:]
-    assert [turn[7] for turn in turns] == [0.5, 1.5] and parser.damaged == 0
+@pytest.mark.parametrize(
+    ("declared", "connected", "expected"),
+    [
+        ("lds01", "ld06", "at 230400 baud what ld06 or ld19 sends; write type: ld06 or ld19"),
+        (
+            "rplidar_a1",
+            "ydlidar_x2",
+            "at 115200 baud what ydlidar_x2 sends; write type: ydlidar_x2",
+        ),
+        ("ydlidar_x2", "rplidar_a1", "at 115200 baud what rplidar_a1 sends"),
+        ("ld19", "lds02", "type is ld19, but it sends at 115200 baud what lds02 sends"),
+        ("ydlidar_x4", "ydlidar_x2", "at 115200 baud what ydlidar_x2 sends"),
+        ("ydlidar_x2", "ydlidar_x4", "at 128000 baud what ydlidar_x4 sends"),
+        ("rplidar_a1", "rplidar_c1", "at 460800 baud what rplidar_c1 sends"),
+        ("lds02", "lds01", "at 230400 baud what lds01 sends"),
+    ],
+)
+def test_another_lidar_is_named_by_what_arrives(declared, connected, expected):
+    """An X2 begins with the descriptor of an A1, and must not pass for one."""
+    lidar = UsbLidar(connected, power_up=SCAN_DESCRIPTOR if connected == "ydlidar_x2" else b"")
+    assert expected in outcome(lidar, declared)
 
 
-@pytest.mark.parametrize("model", PARSERS)
-@given(start=st.integers(0, 2000), length=st.integers(60, 300))
-def test_a_turn_with_a_lost_part_is_never_taken_for_whole(model, start, length):
-    parser = PARSERS[model]()
-    data = whole(model, [(0.5,) * RAYS, (1.0,) * RAYS, (2.0,) * RAYS])
-    first = 400  # within the first turn
-    turns = parser.receive(data[: first + start % 1000] + data[first + start % 1000 + length :])
-    assert turns and all(set(turn) in ({0.5}, {1.0}, {2.0}) for turn in turns)
+def silence(lidar):
+    lidar.is_silent.set()
 
 
-@pytest.mark.parametrize("model", PARSERS)
-@given(noise=st.binary(max_size=3000))
-def test_noise_ends_nothing(model, noise):
-    parser = PARSERS[model]()
-    parser.receive(noise)
-    if model == "rplidar_a1":
-        parser.receive(bytes(10) + DESCRIPTOR)
-    turns = parser.receive(
-        b"".join(map(rplidar_turn if model != "lds01" else lds_turn, [(1.0,) * RAYS] * 4))
-    )
-    assert turns and set(turns[-1]) == {1.0}
+def lose_bytes(lidar):
+    lidar.damage = lambda turn: turn[:1200] + turn[1300:]
+
+
+def send_text(lidar):
+    lidar.damage = lambda turn: b"Hello, here is a thermometer: 21.5 degrees\n" * 20
+
+
+@pytest.mark.parametrize(
+    ("model", "health", "trouble", "expected"),
+    [
+        ("rplidar_a1", (2, 0x8004), silence, "a fault of its hardware, code 0x8004; check that"),
+        ("ydlidar_x4", (2, 0x0010), silence, "a fault of its hardware, code 0x0010; check that"),
+        ("rplidar_c1", (0, 0), silence, "no whole turn comes: its motor does not reach its speed"),
+        ("ld06", (0, 0), silence, "nothing comes from it; check its plug, cable, power"),
+        (
+            "lds02",
+            (0, 0),
+            send_text,
+            "at 115200 baud is of no known lidar, and of no LDS-02",
+        ),
+        ("ld19", (0, 0), lose_bytes, "all its turns come damaged; check plug and cable"),
+    ],
+)
+def test_a_lidar_without_turns_is_named_by_what_arrives(model, health, trouble, expected):
+    lidar = UsbLidar(model, health=health)
+    trouble(lidar)
+    assert expected in outcome(lidar, model)
+
+
+def test_a_warning_of_a_lidar_is_logged():
+    lidar = UsbLidar("rplidar_c1", health=(1, 0x0003))
+    assert len(outcome(lidar, "rplidar_c1")) == 3
+    assert any("warns of its state, code 0x0003" in text for _, _, text in lidar.logged)
 
 
 @pytest.fixture
@@ -129,19 +169,19 @@ def until(client, condition):
     return client.until(seen)
 
 
-@pytest.mark.parametrize("model", PARSERS)
+@pytest.mark.parametrize("model", ["lds01", "rplidar_a1"])
 def test_the_robot_stops_for_what_the_lidar_sees_and_when_it_is_lost(tmp_path, drive, model):
     lidar = UsbLidar(model)
     recording = tmp_path / "scan.mcap"
     with running(tmp_path, *drive(lidar), "--record", str(recording)) as process:
         client = PlainClient(tmp_path)
         until(client, moves)
-        near = [2.0] * RAYS
+        near = [2.0] * DEGREES
         near[-10:] = near[:10] = [0.12] * 10
         lidar.distances = near
         held = until(client, lambda status: status["held"] and stands(status))["held"]
         assert held["code"] == "obstacle"
-        lidar.distances = (2.0,) * RAYS
+        lidar.distances = (2.0,) * DEGREES
         until(client, moves)
         lidar.is_silent.set()
         held = until(client, lambda status: status["held"] and stands(status))["held"]
@@ -166,6 +206,53 @@ def test_the_robot_stops_for_what_the_lidar_sees_and_when_it_is_lost(tmp_path, d
     assert len(scans) > 2 and all(item.from_driver for item in scans)
 
 
+OF_ROBOT = """
+format: 1
+kind: robot
+include: book_2wd
+drive: {polarity: checked_by_hand}
+sensors:
+  scan: {type: ld19, device: $device, upside_down: true, at: {x: 20 mm, heading: 90 deg}}
+"""
+
+
+def test_a_lidar_of_the_robot_file_guards_a_real_robot(tmp_path):
+    """It hangs, its zero angle to the left, so that it counts from there to the front clockwise
+    from above, which is counter-clockwise for itself: the front is at 270 degrees. Beside it, at
+    its zero angle, is a mast of the robot."""
+    far = [2.0] * DEGREES
+    far[-10:] = far[:10] = [0.04] * 20
+    lidar = UsbLidar("ld19", far)
+    (tmp_path / "robot.yaml").write_text(OF_ROBOT.replace("$device", lidar.device))
+    recording = tmp_path / "scan.mcap"
+    words = ["teleop", "--robot", str(tmp_path / "robot.yaml"), "--stay"]
+    with board() as virtual:
+        words += ["--port", virtual.usb, "--record", str(recording)]
+        with running(tmp_path, *words, sets=[]) as process:
+            client = PlainClient(tmp_path)
+            until(client, moves)
+            lidar.distances = [*far[:262], *[0.12] * 16, *far[278:]]
+            held = until(client, lambda status: status["held"] and stands(status))["held"]
+            assert held["code"] == "obstacle"
+            lidar.distances = [*far[:82], *[0.12] * 16, *far[98:]]  # behind it
+            until(client, moves)
+            lidar.distances = far[:10] + [0.0] * 340 + far[-10:]  # the mast alone
+            held = until(client, lambda status: status["held"] and stands(status))["held"]
+            assert held["code"] == "scan_blind"
+            lidar.distances = far
+            until(client, moves)
+            lidar.unplug()
+            client.until(lambda status: (status["held"] or {}).get("code") == "input_stale")
+            text = client.request("explain_stop")["text"]
+            assert f"sensor scan ({lidar.device})" in text and "disconnected" in text
+            process.terminate()
+            process.wait(timeout=60)
+    code, out, _ = cli(tmp_path, "replay", str(recording), "--check")
+    assert code == 0 and "same" in out
+    scans = [m for m in RecordingReader(recording).messages() if m.wire == "robot.scan"]
+    assert len(scans) > 2 and all(item.from_driver for item in scans)
+
+
 WALL = 0.4  # m ahead of the start; it stands in no simulated world, only the lidar sees it
 FRONT = 0.08  # m, of the robot before its axle, where its lidar is
 BOARDS = {"mega2560": [], "pico": [*PICO, "robot.drive.encoder.channels=2"]}
@@ -173,7 +260,7 @@ BOARDS = {"mega2560": [], "pico": [*PICO, "robot.drive.encoder.channels=2"]}
 
 def before_a_wall(x, heading):
     """What a lidar at (x, 0) sees of a wall across the way: distances, clockwise from the front."""
-    bearings = [heading - radians(degree) for degree in range(RAYS)]
+    bearings = [heading - radians(degree) for degree in range(DEGREES)]
     return [(WALL - x) / cos(each) if cos(each) > 0.05 else 0.0 for each in bearings]
 
 
@@ -235,7 +322,7 @@ def test_goals_wait_for_a_lidar_that_starts_late_and_end_where_it_sees_nothing(t
         assert (status["goal_state"] or {}).get("state") != "blocked"
         lidar.is_silent.clear()
         client.until(lambda status: (status["goal_state"] or {}).get("state") == "reached")
-        lidar.distances = (0.0,) * RAYS
+        lidar.distances = (0.0,) * DEGREES
         blind = client.request("status")["time"] + 1.5e9  # a second, and two turns
         client.until(lambda status: status["time"] > blind)
         x = client.request("snapshot")["messages"]["odometry.odometry"]["x"]

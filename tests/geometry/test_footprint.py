@@ -71,7 +71,7 @@ def test_frame_transforms_are_inverse(px, py, x, y, heading):
 def test_points_of_a_scan():
     # ahead 1 m; left too close, taken for 0.12 m; behind clear; right too far to matter
     points = scan_points(0.0, pi / 2, (1.0, 0.0, inf, 5.0), nearest=0.12, within=2.0)
-    assert points[0] == pytest.approx((1.0, 0.0), abs=1e-12)
-    assert points[1] == pytest.approx((0.0, 0.12), abs=1e-12)
-    assert len(points) == 2
-    assert scan_points(pi / 4, 1.0, (sqrt(2),), 0.1, 2.0)[0] == pytest.approx((1.0, 1.0))
+    assert [ray for ray, _ in points] == [0, 1]
+    assert points[0][1] == pytest.approx((1.0, 0.0), abs=1e-12)
+    assert points[1][1] == pytest.approx((0.0, 0.12), abs=1e-12)
+    assert scan_points(pi / 4, 1.0, (sqrt(2),), 0.1, 2.0)[0][1] == pytest.approx((1.0, 1.0))

@@ -8,8 +8,8 @@ import pytest
 
 from diffbotctl.config.load import load, load_robot
 from diffbotctl.drivers.simulated_robot import simulated_robot_driver
+from diffbotctl.geometry.lidars import LIDARS
 from diffbotctl.messages import Odometry, Scan, Wheels
-from diffbotctl.model.laser_scanners import ScannerModel
 from diffbotctl.plant.chassis import Pose
 from diffbotctl.plant.range_sensors import Scanner
 from diffbotctl.plant.robot_parameters import plant_parameters
@@ -17,6 +17,8 @@ from diffbotctl.plant.simulated_robot import SimulatedRobot
 from diffbotctl.plant.world import Pillar, Wall, World
 from diffbotctl.time import MILLISECOND as MS
 from diffbotctl.time import SECOND
+
+LDS01 = LIDARS["lds01"]
 
 
 def robot_of(name, world=None, seed=1):
@@ -40,14 +42,14 @@ def received(plant, until, command=None, every=40 * MS):
 def test_a_scanner_reports_clear_near_and_measured_rays():
     # four rays: 2 m ahead, nothing left, 0.05 m behind, 5 m right
     world = World([Wall(2, -1, 2, 1), Wall(-0.05, -1, -0.05, 1), Wall(-1, -5, 1, -5)])
-    scanner = Scanner(ScannerModel(4, 0.12, 3.5, SECOND), 0.0, Random(1))
+    scanner = Scanner(LDS01._replace(rays=4, rate=1.0), 0.0, Random(1))
     assert scanner.measure(world, 0.0, 0.0, 0.0) == pytest.approx((2.0, inf, 0.0, inf))
     assert scanner.due == 2 * SECOND
 
 
 def test_noise_has_the_stated_spread():
     world = World([], [Pillar(2.0, 0.0, 0.5)])  # 1.5 m ahead
-    scanner = Scanner(ScannerModel(1, 0.12, 3.5, SECOND), 0.01, Random(1))
+    scanner = Scanner(LDS01._replace(rays=1, rate=1.0), 0.01, Random(1))
     reported = [scanner.measure(world, 0.0, 0.0, 0.0)[0] for _ in range(2000)]
     mean = sum(reported) / len(reported)
     spread = (sum((each - mean) ** 2 for each in reported) / len(reported)) ** 0.5

@@ -141,11 +141,11 @@ def test_another_library_opens_the_folder_with_types_hashes_and_delivery(bag):
 
 
 def test_a_scan_and_a_battery_by_hand(tmp_path):
-    sensors = {"robot.scan": SensorModel("scan_sensor_link", 0.12, 3.5, period=0.2)}
+    sensors = {"robot.scan": SensorModel("scan_sensor_link", 0.12, 3.5)}
     kinds = {"robot.scan": "Scan", "robot.battery": "Battery"}
     converter = BagConverter(RobotModel(sensors=sensors), kinds, "")
     messages = {
-        "robot.scan": Scan(2 * SECOND, 0.0, pi / 2, (1.0, inf, 0.0, 2.0)),
+        "robot.scan": Scan(2 * SECOND, 0.0, pi / 2, (1.0, inf, 0.0, 2.0), 0.2),
         "robot.battery": Battery(3 * SECOND, 7.4, True),
     }
     written = RosBag(tmp_path / "bag", ("diffbotctl", "test"))
@@ -155,7 +155,9 @@ def test_a_scan_and_a_battery_by_hand(tmp_path):
             written.write(topic, EPOCH + item.time, fields)
     written.close()
     (_, time, scan), (_, _, battery), (_, _, diagnostics) = decoded(tmp_path / "bag")
-    assert time == EPOCH + 2 * SECOND + 5 and stamp(scan.header) == EPOCH + 2 * SECOND
+    assert time == EPOCH + 2 * SECOND + 5
+    assert stamp(scan.header) == EPOCH + 2 * SECOND - SECOND // 5  # of the first ray
+    assert scan.time_increment == pytest.approx(0.05)
     assert list(scan.ranges) == [1.0, inf, 0.0, 2.0]
     assert scan.header.frame_id == "scan_sensor_link"
     assert scan.range_max == 3.5 and scan.angle_max == pytest.approx(1.5 * pi)

@@ -57,12 +57,15 @@ def test_a_faulty_range_is_no_number():
 
 
 def test_a_scan_of_four_rays():
-    sensor = SensorModel("lidar_sensor_link", 0.12, 3.5, period=0.2)
-    message = {"start": 0.0, "step": pi / 2, "distances": [1.0, "inf", 0.0, 2.0]}
+    sensor = SensorModel("lidar_sensor_link", 0.12, 3.5)
+    message = {"start": 0.0, "step": -pi / 2, "distances": [1.0, "inf", 0.0, 2.0]}
+    message |= {"duration": 0.2}
     fields = conversion.scan(message, sensor)
     assert fields["ranges"] == [1.0, inf, 0.0, 2.0]
-    assert fields["angle_max"] == pytest.approx(1.5 * pi)
+    assert fields["angle_increment"] == pytest.approx(-pi / 2)  # a lidar turns clockwise
+    assert fields["angle_max"] == pytest.approx(-1.5 * pi)
     assert (fields["scan_time"], fields["time_increment"]) == (0.2, 0.05)
+    assert conversion.scan_age(message) == 200_000_000
 
 
 def inertial(**changes):

@@ -84,7 +84,7 @@ def _check_sensor(context: CheckContext, sensor: str, place: Place) -> None:
     if types:
         fix += (
             "; for one that a source reads, add type and place to the robot file: "
-            f"`sensors: {{{sensor}: {{type: {types[-1]}, pin: none, at: {{x: ...}}}}}}`"
+            f"`sensors: {{{sensor}: {{type: {types[0]}, at: {{x: ...}}}}}}`"
         )
     context.error("E-SENSOR-UNKNOWN", place, f"the robot has no sensor '{sensor}'", fix)
 

@@ -22,6 +22,7 @@ from diffbotctl.geometry.distance_sensors import (
     is_analog,
     sensor_timing,
 )
+from diffbotctl.geometry.lidars import LIDARS
 
 # rad from straight ahead; a sensor that looks farther aside does not see what is in the way
 GUARD_ASIDE_MAX = pi / 4
@@ -69,8 +70,16 @@ def _check_keys(context: CheckContext, name: str, sensor: SensorSection) -> None
             pins = f"the pins {': and '.join(keys)}:" if keys else "read it with a source"
             fix = f"write {key}: none, and {pins}"
             context.error("E-SENSOR-KEY", _place(context, name, key), cause, fix)
-    own = ("near", "reach")
-    for key in own:
+    for key in ("device", "upside_down"):
+        if sensor.type not in LIDARS and getattr(sensor, key):
+            cause = f"'{name}' has the type {sensor.type}; only a lidar has {key}"
+            context.error("E-SENSOR-KEY", _place(context, name, key), cause, f"remove {key}")
+    _check_curve(context, name, sensor)
+
+
+def _check_curve(context: CheckContext, name: str, sensor: SensorSection) -> None:
+    """Refuse the figures of another Sharp sensor where they do not belong, or are missing."""
+    for key in ("near", "reach"):
         value = getattr(sensor, key, None)
         if sensor.type == CUSTOM and value is None:
             _refuse_missing(context, name, key)
@@ -108,6 +117,8 @@ def _check_pinless(context: CheckContext, read: Mapping[str, SensorSection]) -> 
                     fix = "set both pins; or neither, if a source of the pipeline reads it"
                     context.error("E-BOARD-PIN", _place(context, name, key), cause, fix)
             continue
+        if sensor.device and sensor.type in LIDARS:
+            continue
         for node, source in _wires_from(context, name).items():
             kind = SENSOR_MESSAGES[sensor.type]
             given = [wire for wire, use in context.inputs.items() if use.kind is kind]
@@ -117,6 +128,9 @@ def _check_pinless(context: CheckContext, read: Mapping[str, SensorSection]) -> 
                 fix = f"add a source that reads it, such as `sources: {{{name}: {{driver: ...}}}}`"
                 fix += f", and wire '{node}' to it; `diffbotctl blocks` lists the drivers"
                 fix += "; or set its pin" if _pin_keys(sensor) else ""
+            if sensor.type in LIDARS:
+                fix = f"state its serial port: `{name}: {{device: /dev/ttyUSB1}}`"
+                fix += f"; or wire '{node}' to {join_words(given)}" if given else ""
             if context.real:
                 cause += f": '{node}' would have no data"
                 context.error("E-BOARD-SENSOR", source.place, cause, fix)

@@ -160,9 +160,9 @@ def _draw_beam(canvas: MapCanvas, pose: Odometry, beam: SceneBeam, reading: Rang
 def _draw_scan(canvas: MapCanvas, pose: Odometry, scanner: SceneBeam, scan: Scan) -> None:
     """A dot where each ray of a laser scanner met something.
 
-    From the pose at that time: the robot has moved on since, what it met has not.
+    From the pose in the middle of the turn: the robot has moved on since, what it met has not.
     """
-    pose = pose_at(pose, scan.time)
+    pose = pose_at(pose, scan.time - round(0.5 * SECOND * scan.duration))
     start, first = to_odom(pose, scanner.x, scanner.y), pose.heading + scanner.heading + scan.start
     for i, distance in enumerate(scan.distances):
         if 0.0 < distance <= scanner.reach:
