@@ -63,23 +63,23 @@ FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
 
 BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the folders
     ".": 3_100,
-    "blocks": 2_830,
+    "blocks": 2_870,
     "bluetooth": 800,
     "calibrate": 9_050,
     "cli": 9_220,
     "client": 930,
-    "config": 9_060,
+    "config": 9_150,
     "control": 1_750,
     "control_socket": 3_580,
     "diagnostics": 650,
-    "drivers": 2_900,
+    "drivers": 3_070,
     "emulator": 1_130,
     "engine": 2_370,
     "estimation": 5_500,
     "flash": 1_500,
     "foxglove": 1_010,
-    "geometry": 400,
-    "links": 4_080,
+    "geometry": 450,
+    "links": 4_310,
     "model": 300,
     "parts": 50,
     "plant": 4_070,
@@ -88,15 +88,15 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "programs": 680,
     "prompts": 550,
     "recording": 3_800,
-    "render": 1_820,
+    "render": 1_840,
     "replay": 670,
-    "ros2": 1_760,
+    "ros2": 1_780,
     "runs": 1_270,
     "trials": 1_670,
     "ui": 4_220,
     "web": 1_500,
 }
-PACKAGE_BUDGET = 82_790  # lines of all of them
+PACKAGE_BUDGET = 83_400  # lines of all of them
 
 SMALL_MODULE_LINES = 25
 SMALL_MODULES = {  # module: why it stands alone

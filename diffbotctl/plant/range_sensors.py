@@ -133,47 +133,74 @@ class EchoSensor:
 
 
 TURN_TIME = round(TURN * SECOND)
+SECTOR_TIME = 20_000_000  # ns, of a lidar's turn, within which the robot moves evenly
+# rad; by which what a sector sees may lie aside of it, for the robot moves while it is measured
+SECTOR_MARGIN = 0.15
 TARGET_WIDTH = 0.3  # m, of the board that `put_before` places
 
 
 class Scanner:
-    """One simulated scanner. All rays of a turn are measured at its end, at one moment.
+    """One simulated lidar. It measures each ray at its own time, clockwise as real ones do."""
 
-    The first ray of a real scanner is a fifth of a second older than the last one: 44 mm at
-    0.22 m/s, which a driver that knows the robot's motion corrects.
-    """
-
-    def __init__(self, model: LidarModel, spread: float, rng: Random) -> None:
+    def __init__(
+        self, model: LidarModel, spread: float, rng: Random, upside_down: bool = False
+    ) -> None:
         """`spread`: standard deviation of a distance, m."""
         self.model, self._spread, self._rng = model, spread, rng
-        self.due = model.period
+        self.step = model.ray_angle if upside_down else -model.ray_angle
+        self._sectors = max(1, round(model.period / SECTOR_TIME))
+        self._sector = 0  # of the present turn, which began at `_begin`
+        self._begin = 0
+        self._distances: list[float] = []
+        self._pose: Pose | None = None  # at the end of the last sector
+        self.due = model.period // self._sectors
         self.is_zero = self.is_blocked = False
 
-    def measure(self, world: World, x: float, y: float, heading: float) -> tuple[float, ...]:
-        """Distances (m) seen from (x, y) in the world: inf when clear, 0 when too close."""
-        self.due += self.model.period
+    def sweep(self, now: int, world: World, pose: Pose) -> Scan | None:
+        """Measure the sector that ends now, at this pose in the world; the turn if it ends, too."""
+        rays, first = self.model.rays, len(self._distances)
+        self._sector += 1
+        last = rays * self._sector // self._sectors
+        before, self._pose = self._pose or pose, pose
+        half = 0.5 * (last - first) * self.model.ray_angle
+        middle = 0.5 * (before.heading + pose.heading) + 0.5 * (first + last) * self.step
+        ahead = world.towards(pose.x, pose.y, middle, half + SECTOR_MARGIN)
+        for ray in range(first, last):
+            share = (ray - first) / (last - first)
+            x = before.x + share * (pose.x - before.x)
+            y = before.y + share * (pose.y - before.y)
+            heading = before.heading + share * (pose.heading - before.heading)
+            distance = ahead.distance(x, y, heading + ray * self.step)
+            self._distances.append(self._measured(distance))
+        is_whole = self._sector == self._sectors
+        scan = None
+        if is_whole:
+            duration = self.model.period / SECOND
+            scan = Scan(now, 0.0, self.step, tuple(self._distances), duration)
+            self._sector, self._distances = 0, []
+            self._begin += self.model.period
+        self.due = self._begin + self.model.period * (self._sector + 1) // self._sectors
+        return scan
+
+    def _measured(self, distance: float) -> float:
+        """What it reports of a distance (m): inf when clear, 0 when too close."""
+        near = self.model.near
         if self.is_zero:
-            return (0.0,) * self.model.rays
-        nearest, reach, spread = self.model.near, self.model.reach, self._spread
-        gauss = self._rng.gauss
-        distances = []
-        for distance in world.scan(x, y, heading, self.model.rays):
-            if distance > reach:
-                distances.append(inf)
-            elif distance < nearest:
-                distances.append(0.0)
-            elif spread:
-                measured = distance + gauss(0.0, spread)
-                distances.append(measured if measured > nearest else nearest)
-            else:
-                distances.append(distance)
-        return tuple(distances)
+            return 0.0
+        if distance > self.model.reach:
+            return inf
+        if distance < near:
+            return 0.0
+        return (
+            max(near, distance + self._rng.gauss(0.0, self._spread)) if self._spread else distance
+        )
 
 
 class RangeSensors:
     """All distance sensors of one robot. `pose` is the pose of its base_link in the world.
 
-    `next_sharp` and `next_scan`: when a sensor of each kind next measures, ns.
+    `next_sharp` and `next_scan`: when a sensor of each kind next measures, ns; a lidar measures in
+    sectors.
     """
 
     __slots__ = (
@@ -272,10 +299,9 @@ class RangeSensors:
         scans = []
         for mounting, scanner in self.scanners:
             if scanner.due <= now:
-                distances = scanner.measure(self.world, *_sensor_pose(mounting, pose))
-                if scanner.is_blocked:
-                    continue
-                scans.append((mounting.name, Scan(now, 0.0, scanner.model.ray_angle, distances)))
+                scan = scanner.sweep(now, self.world, _sensor_pose(mounting, pose))
+                if scan is not None and not scanner.is_blocked:
+                    scans.append((mounting.name, scan))
         self.next_scan = self._next_scan()
         return scans
 
@@ -347,6 +373,7 @@ def draw_scanners(
         model = LIDARS.get(mounting.kind)
         if model is not None:
             truth = errors.get(mounting.name) or SensorTruth()
-            scanner = Scanner(model, truth.spread, Random(rng.getrandbits(64)))
+            generator = Random(rng.getrandbits(64))
+            scanner = Scanner(model, truth.spread, generator, mounting.upside_down)
             scanners.append((mounting, scanner))
     return scanners

@@ -87,6 +87,7 @@ class MountedSensor(NamedTuple):
     y: float = 0.0
     heading: float = 0.0
     kind: str = "sharp_gp2y0a41sk0f"
+    upside_down: bool = False
 
 
 class PlantParameters(NamedTuple):
@@ -168,7 +169,14 @@ def plant_parameters(
         period=round(SECOND / board.telemetry),
         falling=left.encoder.edge == "falling",
         sensors=tuple(
-            MountedSensor(name, sensor.at.x, sensor.at.y, sensor.at.heading, sensor.type)
+            MountedSensor(
+                name,
+                sensor.at.x,
+                sensor.at.y,
+                sensor.at.heading,
+                sensor.type,
+                sensor.upside_down,
+            )
             for name, sensor in robot.sensors.items()
         ),
         disc=(built.left.encoder.slots, built.right.encoder.slots),

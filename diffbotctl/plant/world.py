@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import asin, atan2, ceil, cos, floor, hypot, inf, pi, sin, sqrt
+from math import asin, atan2, cos, hypot, inf, pi, remainder, sin, sqrt
 from typing import NamedTuple
 
 from diffbotctl.config.configuration import WorldEntry
@@ -71,17 +71,11 @@ class World:
             nearest = min(nearest, to_pillar(x, y, c, s, pillar))
         return nearest
 
-    def scan(self, x: float, y: float, heading: float, rays: int) -> list[float]:
-        """Distances (m) from (x, y) along `rays` evenly spaced bearings, from `heading` (rad).
-
-        As `distance` along each, but each obstacle is tested only against rays that can meet it.
-        """
-        distances = [inf] * rays
-        for wall in self.walls:
-            _scan_wall(distances, x, y, heading, wall)
-        for pillar in self.pillars:
-            _scan_pillar(distances, x, y, heading, pillar)
-        return distances
+    def towards(self, x: float, y: float, bearing: float, half: float) -> World:
+        """The obstacles that rays from (x, y) within `half` of `bearing` (rad) may meet."""
+        walls = [wall for wall in self.walls if _wall_offset(x, y, bearing, wall) <= half]
+        pillars = [each for each in self.pillars if _pillar_offset(x, y, bearing, each) <= half]
+        return World(walls, pillars)
 
     def kept(self, x: float, y: float) -> tuple[float, float]:
         """(x, y), or the nearest point inside the field."""
@@ -97,52 +91,19 @@ def build_world(entry: WorldEntry) -> World:
     return World(walls, pillars, entry.field)
 
 
-def _scan_wall(distances: list[float], x: float, y: float, heading: float, wall: Wall) -> None:
-    """Shorten the rays that meet `wall`: h / cos of the angle to the normal of its line."""
-    from_x, from_y, to_x, to_y = wall.x1 - x, wall.y1 - y, wall.x2 - x, wall.y2 - y
-    along_x, along_y = to_x - from_x, to_y - from_y
-    length = hypot(along_x, along_y)
-    if length < PARALLEL_MAX:
-        return
-    height = (from_x * along_y - from_y * along_x) / length
-    if abs(height) < PARALLEL_MAX:
-        return  # seen end-on: not at all
-    normal = atan2(-along_x, along_y)  # of the side on which `height` is positive
-    if height < 0.0:
-        height, normal = -height, normal + pi
-    first, last = atan2(from_y, from_x), atan2(to_y, to_x)
-    span = (last - first + pi) % (2 * pi) - pi
-    low, high = (first, first + span) if span >= 0.0 else (first + span, first)
-    rays = len(distances)
-    step = 2 * pi / rays
-    for ray in range(ceil((low - heading) / step), floor((high - heading) / step) + 1):
-        across = cos(heading + ray * step - normal)
-        if across > 0.0:
-            distance = height / across
-            if distance < distances[ray % rays]:
-                distances[ray % rays] = distance
+def _wall_offset(x: float, y: float, bearing: float, wall: Wall) -> float:
+    """Angle (rad) from `bearing` to what is seen of `wall` from (x, y); below 0 within it."""
+    first = atan2(wall.y1 - y, wall.x1 - x)
+    half = 0.5 * remainder(atan2(wall.y2 - y, wall.x2 - x) - first, 2 * pi)
+    return abs(remainder(first + half - bearing, 2 * pi)) - abs(half)
 
 
-def _scan_pillar(
-    distances: list[float], x: float, y: float, heading: float, pillar: Pillar
-) -> None:
-    """Shorten the rays that meet `pillar`."""
+def _pillar_offset(x: float, y: float, bearing: float, pillar: Pillar) -> float:
+    """As `_wall_offset`, of a pillar; it is everywhere for what is in it."""
     from_x, from_y = pillar.x - x, pillar.y - y
     center = hypot(from_x, from_y)
-    if center <= pillar.radius:
-        distances[:] = [0.0] * len(distances)
-        return
-    middle, half = atan2(from_y, from_x), asin(pillar.radius / center)
-    rays = len(distances)
-    step = 2 * pi / rays
-    radius_squared = pillar.radius * pillar.radius
-    low, high = middle - half - heading, middle + half - heading
-    for ray in range(ceil(low / step), floor(high / step) + 1):
-        angle = heading + ray * step - middle
-        offset = center * sin(angle)
-        distance = center * cos(angle) - sqrt(max(radius_squared - offset * offset, 0.0))
-        if distance < distances[ray % rays]:
-            distances[ray % rays] = distance
+    half = asin(pillar.radius / center) if center > pillar.radius else pi
+    return abs(remainder(atan2(from_y, from_x) - bearing, 2 * pi)) - half
 
 
 def to_wall(x: float, y: float, c: float, s: float, wall: Wall) -> float:

@@ -92,10 +92,11 @@ class RunPicture:
                 yield wire, message
 
     def _scan_fields(self, scan: Scan) -> Fields:
-        """The robot's pose then, and distances in whole mm, 0 where nothing was measured."""
+        """The pose in the middle of the turn, and distances in whole mm, 0: nothing measured."""
+        middle = scan.time - round(0.5 * SECOND * scan.duration)
         odometry = run_text.newest_odometry(self.view.snapshot)
         return {
-            "pose": None if odometry is None else _place_fields(pose_at(odometry, scan.time)),
+            "pose": None if odometry is None else _place_fields(pose_at(odometry, middle)),
             "start": scan.start,
             "step": scan.step,
             "mm": [

@@ -42,7 +42,8 @@ def guard(**changes):
 
 def scan_of(world, time=0, x=0.0, y=0.0, heading=0.0):
     """What the scanner sees when base_link is at that pose."""
-    seen = world.scan(x + EYE * cos(heading), y + EYE * sin(heading), heading, 360)
+    x, y = x + EYE * cos(heading), y + EYE * sin(heading)
+    seen = [world.distance(x, y, heading + ray * 2 * pi / 360) for ray in range(360)]
     return Scan(time, 0.0, 2 * pi / 360, tuple(seen))
 
 

@@ -39,22 +39,63 @@ def received(plant, until, command=None, every=40 * MS):
     return found
 
 
+def one_turn(scanner, world, pose_at):
+    """The scan of one turn; `pose_at` gives the pose of the lidar at a time (ns)."""
+    while True:
+        now = scanner.due
+        scan = scanner.sweep(now, world, pose_at(now))
+        if scan is not None:
+            return scan
+
+
+def at_origin(now):
+    return Pose()
+
+
 def test_a_scanner_reports_clear_near_and_measured_rays():
-    # four rays: 2 m ahead, nothing left, 0.05 m behind, 5 m right
+    # four rays, clockwise: 2 m ahead, 5 m right, 0.05 m behind, nothing left
     world = World([Wall(2, -1, 2, 1), Wall(-0.05, -1, -0.05, 1), Wall(-1, -5, 1, -5)])
     scanner = Scanner(LDS01._replace(rays=4, rate=1.0), 0.0, Random(1))
-    assert scanner.measure(world, 0.0, 0.0, 0.0) == pytest.approx((2.0, inf, 0.0, inf))
-    assert scanner.due == 2 * SECOND
+    scan = one_turn(scanner, world, at_origin)
+    assert scan.distances == pytest.approx((2.0, inf, 0.0, inf))
+    assert (scan.time, scan.duration, scan.step) == (SECOND, 1.0, pytest.approx(-pi / 2))
+    assert one_turn(scanner, world, at_origin).time == 2 * SECOND
 
 
 def test_noise_has_the_stated_spread():
     world = World([], [Pillar(2.0, 0.0, 0.5)])  # 1.5 m ahead
-    scanner = Scanner(LDS01._replace(rays=1, rate=1.0), 0.01, Random(1))
-    reported = [scanner.measure(world, 0.0, 0.0, 0.0)[0] for _ in range(2000)]
+    scanner = Scanner(LDS01._replace(rays=1, rate=50.0), 0.01, Random(1))
+    reported = [one_turn(scanner, world, at_origin).distances[0] for _ in range(2000)]
     mean = sum(reported) / len(reported)
     spread = (sum((each - mean) ** 2 for each in reported) / len(reported)) ** 0.5
     assert mean == pytest.approx(1.5, abs=4 * 0.01 / 2000**0.5)
     assert spread == pytest.approx(0.01, rel=0.1)
+
+
+@pytest.mark.parametrize("upside_down", [False, True])
+@pytest.mark.parametrize("kind", ["lds01", "ld19", "rplidar_a1"])
+def test_each_ray_is_measured_at_its_own_time(kind, upside_down):
+    """The lidar drives at 0.2 m/s and turns by 1.5 rad/s, in a room with a pillar."""
+    walls = [Wall(-2, -1, 2, -1), Wall(2, -1, 2, 1.5), Wall(2, 1.5, -2, 1.5), Wall(-2, 1.5, -2, -1)]
+    world = World(walls, [Pillar(0.6, 0.3, 0.1)])
+
+    def pose_at(now):
+        seconds = now / SECOND
+        return Pose(0.2 * seconds, 0.05, 1.5 * seconds)
+
+    model = LIDARS[kind]._replace(reach=9.0)
+    scanner = Scanner(model, 0.0, Random(1), upside_down)
+    one_turn(scanner, world, pose_at)
+    scan = one_turn(scanner, world, pose_at)
+    assert scan.duration == pytest.approx(1 / model.rate) and scan.time == 2 * model.period
+    sense = 1.0 if upside_down else -1.0
+    differing = 0
+    for ray, distance in enumerate(scan.distances):
+        time = scan.time - round(scan.duration * SECOND * (1 - ray / model.rays))
+        x, y, heading = pose_at(time)
+        bearing = heading + sense * ray * 2 * pi / model.rays
+        differing += distance != pytest.approx(world.distance(x, y, bearing), abs=1e-3)
+    assert differing <= 2  # at the edges of the pillar
 
 
 def test_scans_come_five_times_a_second_and_in_order():
@@ -75,7 +116,7 @@ def test_a_scan_is_measured_from_the_scanner_s_mount():
     (scan, *_) = [m for _, m in received(plant, SECOND // 2) if isinstance(m, Scan)]
     assert scan.distances[0] == pytest.approx(0.932)
     assert scan.distances[180] == inf
-    assert scan.step == pytest.approx(2 * pi / 360)
+    assert scan.step == pytest.approx(-2 * pi / 360)
 
 
 def test_the_camera_measures_the_true_pose_in_the_world():

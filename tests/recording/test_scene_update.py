@@ -149,7 +149,7 @@ def test_a_recording_holds_world_robot_trail_and_scan(recording):
     assert len(topics["trail"]["entities"][0]["lines"][0]["points"]) > 10
     (scan,) = (each for topic, each in topics.items() if topic.endswith(".scan"))
     assert len(scan["ranges"]) == 360
-    assert scan["end_angle"] - scan["start_angle"] == pytest.approx(2 * pi * 359 / 360)
+    assert scan["end_angle"] - scan["start_angle"] == pytest.approx(-2 * pi * 359 / 360)
 
 
 def bag(*words):
