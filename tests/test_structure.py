@@ -65,7 +65,7 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     ".": 3_100,
     "blocks": 2_870,
     "bluetooth": 800,
-    "calibrate": 9_050,
+    "calibrate": 8_990,
     "cli": 9_220,
     "client": 930,
     "config": 9_150,
