@@ -491,7 +491,7 @@ class PredictedWheel:
         Written out for speed: it runs at least once per wheel and frame.
         """
         if not self.disc.is_fixed:
-            self.disc.pending.add(rows)
+            self.disc.predict(rows)
         a, b, c, d, e, f, g, h = rows
         (zz, zv, zg, zb, zl, zf, vv, vg, vb, vl, vf, gg, gb, gl, gf, bb, bl, bf, ll, lf, ff) = (
             self.covariance

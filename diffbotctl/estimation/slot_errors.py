@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 LEARNABLE_SLOTS_MAX = 64  # finer discs have errors too small to be worth the computation
@@ -30,38 +29,21 @@ MeasurementRow = tuple[float, ...]
 TransitionRows = tuple[float, float, float, float, float, float, float, float]
 """z' = z + a v + b gain + c offset + d lag; v' = e v + f gain + g offset + h lag."""
 
-IDENTITY: TransitionRows = (0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
-
-@dataclass(slots=True)
-class Transition:
-    """Product of the transition matrices since `take` was last called."""
-
-    rows: TransitionRows = IDENTITY
-    is_identity: bool = True
-
-    def add(self, later: TransitionRows) -> None:
-        """Multiply by the transition of a later step."""
-        if self.is_identity:
-            self.rows, self.is_identity = later, False
-            return
-        a, b, c, d, e, f, g, h = self.rows
-        p, q, r, s, t, u, v, w = later
-        self.rows = (
-            a + p * e,
-            b + p * f + q,
-            c + p * g + r,
-            d + p * h + s,
-            t * e,
-            t * f + u,
-            t * g + v,
-            t * h + w,
-        )
-
-    def take(self) -> TransitionRows:
-        """Return the product and reset it to the identity."""
-        rows, self.rows, self.is_identity = self.rows, IDENTITY, True
-        return rows
+def _followed(rows: TransitionRows, later: TransitionRows) -> TransitionRows:
+    """The product of two successive transitions."""
+    a, b, c, d, e, f, g, h = rows
+    p, q, r, s, t, u, v, w = later
+    return (
+        a + p * e,
+        b + p * f + q,
+        c + p * g + r,
+        d + p * h + s,
+        t * e,
+        t * f + u,
+        t * g + v,
+        t * h + w,
+    )
 
 
 class SlotEstimate(NamedTuple):
@@ -123,7 +105,7 @@ class SlotErrors:
             for column in range(self.slots, entries):
                 rows[6 + row][column] += open_share_sd * open_share_sd
         self.covariance = [value for row in rows for value in row]
-        self.pending = Transition()
+        self.pending: TransitionRows | None = None  # not yet applied to the rows of the motion
         self.is_started = not self.slots
         self.is_fixed = True
 
@@ -137,7 +119,6 @@ class SlotErrors:
         duplicate = copy(self)
         duplicate.errors = self.errors[:]
         duplicate.covariance = self.covariance[:]
-        duplicate.pending = replace(self.pending)
         return duplicate
 
     def index(self, slot: int, is_forward: bool) -> int:
@@ -163,12 +144,16 @@ class SlotErrors:
         error = self.backward_errors[slot % self.slots] if self.slots else 0.0
         return SlotEstimate(error, self.backward_variance)
 
+    def predict(self, rows: TransitionRows) -> None:
+        """Note a transition of the motion."""
+        self.pending = rows if self.pending is None else _followed(self.pending, rows)
+
     def propagate(self) -> None:
         """Apply the pending transition to the covariance with the motion."""
-        if self.pending.is_identity:
+        if self.pending is None:
             return
         z, speed, gain, offset, lag = map(self.row, range(5))
-        a, b, c, d, e, f, g, h = self.pending.take()
+        (a, b, c, d, e, f, g, h), self.pending = self.pending, None
         moved = [
             p + a * q + b * r + c * s + d * t
             for p, q, r, s, t in zip(z, speed, gain, offset, lag, strict=True)
