@@ -87,7 +87,11 @@ def test_leaving_with_a_goal_under_way_stops_the_robot(engine, plain):
 def test_a_dead_program_stops_the_robot(engine, plain, end):
     _, environment = command(engine)
     with subprocess.Popen([sys.executable, "-c", DRIVING], env=environment) as program:
-        plain.until(moves)
+        plain.until(
+            lambda status: plain.request("read_log", block="operator", last=1)["lines"][0][
+                "text"
+            ].endswith("is driving")
+        )
         program.send_signal(end)
         held = plain.until(lambda status: status["held"])["held"]
         assert held["code"] == "operator_lost" and "mine" in held["cause"]
