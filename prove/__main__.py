@@ -96,7 +96,9 @@ SECTIONS = (
     Section("uno", firmware.uno, {"share": 1.0}, {"share": 0, "parts": 6}, True),
     Section("pico", firmware.pico, {"share": 1.0}, {"share": 0, "parts": 3}, True),
     Section("wheel-loop", firmware.wheel_loops, {"share": 1.0}, {"share": 0}, True),
-    Section("lowest-speeds", wheel_loop.lowest_speeds, {"count": 10}, {"count": 1}, True),
+    Section(
+        "lowest-speeds", wheel_loop.lowest_speeds, {"count": 10}, {"count": 1, "drivers": 1}, True
+    ),
     Section("frames", firmware.damaged_frames, {"count": 10_000_000}, {"count": 10_000}),
     Section("flash", flash.rows, {}, {"cases": 1}),
     Section("radio", radio.rows, {"trials": 30}, {"trials": 3}),

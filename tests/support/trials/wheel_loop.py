@@ -24,6 +24,7 @@ from diffbotctl.plant.simulated_robot import SimulatedRobot, draw_robot
 from diffbotctl.time import MILLISECOND as MS
 from diffbotctl.time import SECOND
 from tests.support.trials.row import Row
+from tests.support.trials.section import drawn
 
 EQUATIONS = ("exponential", "torque")
 SAMPLE = 5 * MS
@@ -335,9 +336,9 @@ def _stall_margin(rng: Random, seed: int, number: int, emulated: bool) -> float:
     return allowed - (driven[-1] / SECOND - max(block_time, 0.0))
 
 
-def lowest_speeds(seed: int, count: int) -> Iterator[Row]:
+def lowest_speeds(seed: int, count: int, drivers: int = len(PULSED_DRIVERS)) -> Iterator[Row]:
     """The lowest speed that a wheel of the book's robot holds, with both kinds of pulses."""
-    for what, driver in PULSED_DRIVERS.items():
+    for what, driver in drawn(PULSED_DRIVERS.items(), drivers, seed):
         lowest = {
             pulses: [
                 _lowest_speed(_pulsed_robot(driver, pulses), seed * 1000 + number)
