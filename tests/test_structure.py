@@ -46,7 +46,7 @@ LAYERS = {
         "prompts",
     ],
     "runs": ["runs"],
-    "jobs": ["client", "replay", "flash", "calibrate", "diagnostics", "ros2", "trials"],
+    "jobs": ["client", "replay", "flash", "calibrate", "diagnostics", "learn", "ros2", "trials"],
     "screens and command line": [
         "ui",
         "web",
@@ -66,7 +66,7 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "blocks": 2_870,
     "bluetooth": 800,
     "calibrate": 8_990,
-    "cli": 9_220,
+    "cli": 9_425,
     "client": 930,
     "config": 9_150,
     "control": 1_750,
@@ -79,6 +79,7 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "flash": 1_500,
     "foxglove": 1_010,
     "geometry": 450,
+    "learn": 725,
     "links": 4_310,
     "model": 300,
     "parts": 50,
@@ -96,7 +97,7 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "ui": 4_220,
     "web": 1_500,
 }
-PACKAGE_BUDGET = 83_400  # lines of all of them
+PACKAGE_BUDGET = 84_217  # lines of all of them
 
 SMALL_MODULE_LINES = 25
 SMALL_MODULES = {  # module: why it stands alone

@@ -27,6 +27,8 @@ CAMEL_CASE = re.compile(r"(?<=[a-z])(?=[A-Z])")
 GIVEN = [
     ("diffbotctl/blocks/listener.py", "hear", "the answer in the talker and listener of ROS"),
     ("docs/reference.md", "hear", "the reference of that block"),
+    ("lessons/talker/lesson.md", "hear", "a wire of that block"),
+    ("lessons/talker/check/judge.yaml", "hear", "a wire of that block"),
     ("diffbotctl/diagnostics/private_text.py", "nobody", "a user of every Linux system"),
     ("diffbotctl/cli/service.py", "wanted", "the key WantedBy of systemd"),
     ("diffbotctl/web/assets/page.css", "stretch", "a value of the CSS property align-items"),

@@ -61,6 +61,7 @@ GROUPS = {
         HelpRow("ports, doctor", "List the serial ports; check this machine", "ports"),
         HelpRow("bluetooth", "Find, pair and test a Bluetooth module"),
         HelpRow("service", "Print a systemd unit that starts a run at boot"),
+        HelpRow("learn", "Learn by lessons that check themselves"),
         HelpRow("completion", "Print the completion script of a shell"),
     ),
     "Run": (

@@ -175,6 +175,10 @@ class Operator:
         """Set the lowest level that is logged from `source`."""
         self._send(now, "setting", Setting(now, source, LEVEL, None, level))
 
+    def set_number(self, now: int, block: str, name: str, value: float) -> None:
+        """Set the live parameter `name` of a block."""
+        self._send(now, "setting", Setting(now, block, name, value))
+
     def _send_next_from(self, now: int, reached: Goal) -> None:
         self._send_next(now, self.rest)
         if self.active is None:

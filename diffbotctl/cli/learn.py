@@ -1,0 +1,219 @@
+"""`diffbotctl learn`: lessons that check themselves."""
+
+from __future__ import annotations
+
+import shlex
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from diffbotctl.cli.contradictions import exclusive
+from diffbotctl.cli.options import CommandGroup, json_option
+from diffbotctl.cli.output import print_json
+
+if TYPE_CHECKING:
+    from diffbotctl.learn.check import LessonVerdict
+    from diffbotctl.learn.learner_folder import LearnerFolder
+    from diffbotctl.learn.lesson import Lesson
+
+LOOK_PERIOD_S = 0.3  # between two looks at the files, with --watch
+lesson_argument = click.argument("name", required=False, metavar="[LESSON]")
+
+
+@click.group(cls=CommandGroup, invoke_without_command=True)
+@click.pass_context
+def command(context: click.Context) -> None:
+    """Learn diffbotctl along the book's chapters: lessons that check what you did.
+
+    Each lesson is a folder below ./learn with files of yours. LESSON is its name or number;
+    default: the first that has not passed yet.
+    """
+    if context.invoked_subcommand is None:
+        _show_list()
+
+
+def _show_list() -> None:
+    from diffbotctl.learn.course import lessons
+
+    folder = _folder()
+    for number, lesson in enumerate(lessons(), 1):
+        state = folder.progress(lesson).passed and "passed"
+        state = state or ("begun" if folder.has_begun(lesson) else "")
+        section = lesson.section
+        title = f"{section.chapter:>3}  {section.title}"
+        click.echo(f"{number:3}  {lesson.name:13} {title:46} {state}".rstrip())
+    click.echo("\nGo on with: diffbotctl learn next")
+
+
+@command.command()
+def next() -> None:
+    """Show the next lesson; its files are written when they are not there yet."""
+    lesson = _lesson(None)
+    if _folder().progress(lesson).passed:
+        click.echo("All lessons have passed.\n")
+    path = _folder().begin(lesson)
+    _show(lesson, path)
+
+
+@command.command()
+@lesson_argument
+@exclusive("--watch", ("--json",), "it prints until Ctrl-C")
+@click.option("--seed", type=click.IntRange(0), help="Seed of the first run; default: drawn.")
+@click.option("--watch", is_flag=True, help="Check again each time a file is saved.")
+@json_option
+def check(name: str | None, seed: int | None, watch: bool, as_json: bool) -> int:
+    """Check what you did, by simulated runs with values that are drawn anew each time.
+
+    Your code runs with limits of time and memory, and sees only the files of the lesson.
+
+    Exit code: 0 passed, 1 not yet, 2 wrong usage.
+    """
+    lesson = _lesson(name)
+    folder = _folder()
+    if not folder.has_begun(lesson):
+        click.echo(f"Written: {folder.begin(lesson)}")
+    if watch:
+        return _watch(lesson, folder)
+    verdict = _checked(lesson, folder, seed)
+    if as_json:
+        found = verdict.finding
+        print_json({"lesson": lesson.name, "passed": verdict.passed, **found._asdict()})
+    else:
+        _print_verdict(lesson, folder, verdict)
+    return 0 if verdict.passed else 1
+
+
+@command.command()
+@lesson_argument
+def hint(name: str | None) -> None:
+    """Show a hint; each time one more."""
+    lesson, folder = _lesson(name), _folder()
+    hints, progress = lesson.section.hints, folder.progress(lesson)
+    shown = min(progress.hints + 1, len(hints))
+    for number, text in enumerate(hints[:shown], 1):
+        click.echo(f"{number}. {text}")
+    if shown == len(hints):
+        click.echo(
+            f"\nThat was the last hint. `diffbotctl learn solution {lesson.name}` shows one."
+        )
+    folder.note(lesson, progress._replace(hints=shown))
+
+
+@command.command()
+@lesson_argument
+def reset(name: str | None) -> None:
+    """Begin a lesson again; your files are kept in ./learn/backups."""
+    lesson, folder = _lesson(name), _folder()
+    backup = folder.reset(lesson)
+    if backup is not None:
+        click.echo(f"Your files are in {backup}")
+    click.echo(f"Begun again: {folder.of(lesson)}")
+
+
+@command.command()
+@lesson_argument
+def solution(name: str | None) -> None:
+    """Show one solution of a lesson."""
+    lesson = _lesson(name)
+    files = [lesson.source("solution") / file for file in lesson.section.files]
+    for path in files:
+        if path.is_file():
+            click.echo(f"# {path.name}\n{path.read_text()}")
+        else:
+            click.echo(f"{path.name} comes from your own hands; `learn hint` helps.")
+
+
+@command.command("class")
+@click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path))
+def class_table(folders: tuple[Path, ...]) -> None:
+    """Show which lessons have passed in the FOLDERS of several learners."""
+    from diffbotctl.learn.course import lessons
+    from diffbotctl.learn.learner_folder import FOLDER, LearnerFolder
+
+    known = lessons()
+    names = [folder.resolve().name for folder in folders]
+    width = max(map(len, names))
+    for name, folder in zip(names, folders, strict=True):
+        learner = LearnerFolder(folder / FOLDER)
+        marks = ["x" if learner.progress(lesson).passed else "." for lesson in known]
+        click.echo(f"{name:{width}}  {' '.join(marks)}  {marks.count('x')} of {len(known)}")
+
+
+def _folder() -> LearnerFolder:
+    from diffbotctl.learn.learner_folder import LearnerFolder
+
+    return LearnerFolder()
+
+
+def _lesson(name: str | None) -> Lesson:
+    """The lesson called `name`; the first that has not passed, or else the last."""
+    from diffbotctl.learn.course import find_lesson, lessons
+
+    if name is not None:
+        return find_lesson(name)
+    known, folder = lessons(), _folder()
+    return next_of(known, folder)
+
+
+def next_of(known: list[Lesson], folder: LearnerFolder) -> Lesson:
+    """The first lesson that has not passed; the last one when all have."""
+    for lesson in known:
+        if not folder.progress(lesson).passed:
+            return lesson
+    return known[-1]
+
+
+def _show(lesson: Lesson, path: Path) -> None:
+    from rich.console import Console
+    from rich.markdown import Markdown
+
+    console = Console(width=min(Console().width, 100))
+    console.print(Markdown(lesson.text))
+    click.echo(f"\nYour folder: {path}")
+    click.echo(f"Your files:  {', '.join(lesson.section.files)}")
+    click.echo("Then: diffbotctl learn check")
+
+
+def _checked(lesson: Lesson, folder: LearnerFolder, seed: int | None = None) -> LessonVerdict:
+    from diffbotctl.learn.check import check
+
+    verdict = check(lesson, folder.of(lesson), seed, folder.checked(lesson))
+    if verdict.passed:
+        progress = folder.progress(lesson)
+        folder.note(lesson, progress._replace(passed=time.strftime("%Y-%m-%d")))
+    return verdict
+
+
+def _print_verdict(lesson: Lesson, folder: LearnerFolder, verdict: LessonVerdict) -> None:
+    if verdict.passed:
+        click.echo(f"{lesson.name}: passed. Go on with: diffbotctl learn next")
+        return
+    found = verdict.finding
+    click.echo(f"{lesson.name}: not yet.\n")
+    click.echo(verdict.advice or found.seen)
+    if verdict.pipeline and found.code not in ("error", "missing"):
+        words = ["diffbotctl", "run", str(folder.checked(lesson) / verdict.pipeline)]
+        words += ["--seed", str(verdict.seed)]
+        for each in verdict.sets:
+            words += ["--set", each]
+        click.echo(f"\nThe same run, to look at:\n    {shlex.join(words)} --dash")
+    click.echo("\nA hint: diffbotctl learn hint")
+
+
+def _watch(lesson: Lesson, folder: LearnerFolder) -> int:
+    """Check whenever a file was saved, until it has passed or Ctrl-C."""
+    files = [folder.of(lesson) / name for name in lesson.section.files]
+    before: list[int] | None = None
+    while True:
+        times = [path.stat().st_mtime_ns if path.exists() else 0 for path in files]
+        if times != before:
+            before = times
+            click.echo(time.strftime("\n%H:%M:%S"))
+            verdict = _checked(lesson, folder)
+            _print_verdict(lesson, folder, verdict)
+            if verdict.passed:
+                return 0
+            click.echo("Waiting for you to save; Ctrl-C ends.")
+        time.sleep(LOOK_PERIOD_S)

@@ -1,0 +1,51 @@
+"""The lessons in their order: those of diffbotctl, then those of other packages."""
+
+from __future__ import annotations
+
+from importlib.metadata import entry_points
+from importlib.util import find_spec
+from pathlib import Path
+
+from diffbotctl.config import lookup
+from diffbotctl.errors import Problem, UsageError, closest_match
+from diffbotctl.learn.lesson import CHECK_FILE, Lesson
+
+ENTRY_POINTS = "diffbotctl.lessons"
+OWN = "lessons"  # the shipped folder
+ORDER = (
+    "talker",
+    "parameters",
+    "turtle_keys",
+    "turtle_square",
+    "one_metre",
+    "counter",
+    "counter_cpp",
+    "own_message",
+    "wiring",
+    "wheel_speeds",
+    "odometry",
+    "scan_stop",
+    "calibration",
+    "why",
+)
+
+
+def lessons() -> list[Lesson]:
+    """All lessons in order."""
+    found = [Lesson(lookup.folder(OWN) / name) for name in ORDER]
+    for entry in sorted(entry_points(group=ENTRY_POINTS)):
+        spec = find_spec(entry.value)
+        for folder in spec.submodule_search_locations or () if spec else ():
+            found += [Lesson(path.parent) for path in sorted(Path(folder).glob(f"*/{CHECK_FILE}"))]
+    return found
+
+
+def find_lesson(text: str) -> Lesson:
+    """The lesson with the name or number `text`. Raises UsageError."""
+    known = lessons()
+    for number, lesson in enumerate(known, 1):
+        if text in (lesson.name, str(number)):
+            return lesson
+    near = closest_match(text, [lesson.name for lesson in known])
+    fix = f"did you mean {near}?" if near else "`diffbotctl learn` lists the lessons"
+    raise UsageError(Problem("E-LESSON", text, "there is no such lesson", fix))

@@ -1,0 +1,89 @@
+"""The learner's folder: a folder for each lesson begun, and the progress."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+from diffbotctl.learn.lesson import Lesson
+
+FOLDER = Path("learn")  # in the present folder
+PROGRESS = "progress.json"
+
+
+class LessonProgress(NamedTuple):
+    """How far a learner is with one lesson: the day on which it passed, and the hints shown."""
+
+    passed: str = ""
+    hints: int = 0
+
+
+class LearnerFolder:
+    """The lessons of one learner in `root`."""
+
+    def __init__(self, root: Path = FOLDER) -> None:
+        self.root = root
+
+    def of(self, lesson: Lesson) -> Path:
+        """The learner's folder of a lesson."""
+        return self.root / lesson.name
+
+    def checked(self, lesson: Lesson) -> Path:
+        """Where the files of a run that failed are kept."""
+        return self.root / "checked" / lesson.name
+
+    def has_begun(self, lesson: Lesson) -> bool:
+        """Whether the lesson's folder is there."""
+        return self.of(lesson).is_dir()
+
+    def begin(self, lesson: Lesson) -> Path:
+        """Write the files to start from; those that are there stay as they are."""
+        start = lesson.source("start")
+        files = {str(path.relative_to(start)): path for path in start.rglob("*") if path.is_file()}
+        for name, source in {**files, **lesson.extra_files()}.items():
+            path = self.of(lesson) / name
+            if not path.exists():
+                path.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(source, path)
+        return self.of(lesson)
+
+    def reset(self, lesson: Lesson) -> Path | None:
+        """Start again; where the files were put that were there, None for none."""
+        backup = None
+        if self.has_begun(lesson):
+            stamp = time.strftime("%Y%m%d-%H%M%S")
+            backup = self.root / "backups" / f"{lesson.name}-{stamp}"
+            number = 1
+            while backup.exists():
+                number += 1
+                backup = backup.with_name(f"{lesson.name}-{stamp}-{number}")
+            backup.parent.mkdir(parents=True, exist_ok=True)
+            self.of(lesson).rename(backup)
+        self.begin(lesson)
+        return backup
+
+    def progress(self, lesson: Lesson) -> LessonProgress:
+        """How far the learner is with a lesson."""
+        found = self._read().get(lesson.name)
+        if not isinstance(found, dict):
+            return LessonProgress()
+        passed, hints = found.get("passed", ""), found.get("hints", 0)
+        return LessonProgress(str(passed), hints if isinstance(hints, int) else 0)
+
+    def note(self, lesson: Lesson, progress: LessonProgress) -> None:
+        """Keep how far the learner is."""
+        kept = {**self._read(), lesson.name: progress._asdict()}
+        self.root.mkdir(parents=True, exist_ok=True)
+        draft = self.root / f"{PROGRESS}.part"
+        draft.write_text(json.dumps(kept, indent=2) + "\n")
+        draft.replace(self.root / PROGRESS)
+
+    def _read(self) -> dict[str, object]:
+        try:
+            found = json.loads((self.root / PROGRESS).read_text())
+        except (OSError, ValueError):
+            return {}
+        return found if isinstance(found, dict) else {}

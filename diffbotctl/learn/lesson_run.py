@@ -1,0 +1,238 @@
+"""One run that judges a learner's files: a pipeline whose block `judge` states its finding."""
+
+from __future__ import annotations
+
+import random
+import runpy
+import subprocess
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+from diffbotctl.config import consents
+from diffbotctl.config.code_files import CodeFile
+from diffbotctl.config.configuration import Configuration
+from diffbotctl.config.load import load
+from diffbotctl.errors import ConfigurationError, Problem, UserError
+from diffbotctl.graph import Sink
+from diffbotctl.learn.lesson import Draw, RunEntry
+from diffbotctl.messages import Text
+from diffbotctl.params import declared
+from diffbotctl.programs.driver import ProgramsDriver
+from diffbotctl.recording.reader import RecordingReader
+from diffbotctl.runs.options import RunOptions, RunResult
+from diffbotctl.runs.run import Run
+from diffbotctl.time import SECOND
+
+JUDGE = "judge.finding"  # the wire with the finding
+PASSED = "passed"
+ERROR, SILENT = "error", "silent"
+SHOWN_PROBLEMS_MAX = 2
+BUILD_TIME_MAX_S = 60.0
+
+
+class LessonFinding(NamedTuple):
+    """What a run found: `code` names it for the lesson's advice, `seen` is what was seen."""
+
+    code: str
+    seen: str = ""
+
+    @classmethod
+    def of(cls, text: str) -> LessonFinding:
+        """From `passed`, or `code: what was seen`."""
+        code, _, seen = text.partition(":")
+        return cls(code.strip(), seen.strip())
+
+
+def drawn_sets(draws: Mapping[str, Draw], seed: int) -> list[str]:
+    """Values for --set, the same ones for the same seed."""
+    rng = random.Random(f"lesson {seed}")
+    sets = []
+    for path, draw in draws.items():
+        value = rng.uniform(draw.low, draw.high)
+        text = str(round(value)) if draw.whole else f"{value:.4f}"
+        sets.append(f"{path}={text} {draw.unit}".rstrip())
+    return sets
+
+
+class LessonRunFinding(NamedTuple):
+    """The finding of the run with `seed`, and the values that were drawn for it."""
+
+    finding: LessonFinding
+    seed: int = 0
+    sets: tuple[str, ...] = ()
+
+
+def judge(
+    entry: RunEntry, folder: Path, names: Sequence[str], first: int, failures: int
+) -> list[LessonRunFinding]:
+    """The findings of the runs of `entry` in `folder`, which is the present folder.
+
+    `names`: the learner's files in it; errors in others are those of the lesson's pipeline.
+    `first`: seed of the first run. It ends when more than `failures` runs have failed.
+    """
+    for path in folder.glob("*.py"):
+        consents.allow_here(CodeFile(path.name, path, path.read_bytes()).consent_key)
+    built = build(entry, folder)
+    if built is not None:
+        return [LessonRunFinding(built, first, ())] * (failures + 1)
+    found: list[LessonRunFinding] = []
+    for seed in range(first, first + entry.count):
+        sets = (*entry.settings, *drawn_sets(entry.draw, seed))
+        finding = _judged(entry, folder, names, sets, seed)
+        found.append(LessonRunFinding(finding, seed, sets))
+        if sum(each.finding.code != PASSED for each in found) > failures:
+            break
+    return found
+
+
+def _judged(
+    entry: RunEntry, folder: Path, names: Sequence[str], sets: tuple[str, ...], seed: int
+) -> LessonFinding:
+    try:
+        if entry.recording:
+            return _recorded(entry, folder)
+        return _accepted(entry, sets) or _run(entry, sets, seed)
+    except UserError as error:
+        return LessonFinding(ERROR, _problems_text(error, names))
+
+
+def build(entry: RunEntry, folder: Path) -> LessonFinding | None:
+    """Run the command that builds a program; the finding when it fails."""
+    if not entry.build:
+        return None
+    try:
+        done = subprocess.run(
+            entry.build, shell=True, cwd=folder, capture_output=True, timeout=BUILD_TIME_MAX_S
+        )
+    except subprocess.TimeoutExpired:
+        return LessonFinding(ERROR, f"`{entry.build}` did not end within {BUILD_TIME_MAX_S:.0f} s")
+    if done.returncode == 0:
+        return None
+    text = (done.stderr or done.stdout).decode(errors="replace").strip()
+    return LessonFinding(ERROR, f"`{entry.build}`: {text[:1000]}")
+
+
+def _recorded(entry: RunEntry, folder: Path) -> LessonFinding:
+    """The finding of the function `judged` in the lesson's judge.py. Raises RunError."""
+    judged = runpy.run_path(str(folder / "judge.py"))["judged"]
+    return LessonFinding.of(judged(RecordingReader(Path(entry.recording)).messages()))
+
+
+def _accepted(entry: RunEntry, sets: Sequence[str]) -> LessonFinding | None:
+    """The finding when a value is accepted that has to be refused."""
+    for refused in entry.refused:
+        with suppress(ConfigurationError):
+            load(f"./{entry.pipeline}", None, [*sets, refused])
+            return LessonFinding("accepted", refused)
+    return None
+
+
+@cache
+def _loaded(pipeline: str, sets: tuple[str, ...]) -> Configuration:
+    return load(f"./{pipeline}", None, sets)
+
+
+def _run(entry: RunEntry, sets: tuple[str, ...], seed: int) -> LessonFinding:
+    configuration = _loaded(entry.pipeline, sets)
+    options = RunOptions(
+        seed=seed,
+        fast=not entry.programs,
+        duration=entry.time,
+        stay=True,
+        programs=ProgramsDriver if entry.programs else None,
+    )
+    run = LessonRun(configuration, options)
+    for wire, type_text in entry.types.items():
+        kind = run.assembly.graph.kinds.get(wire, type(None))
+        found = f"{kind.__name__}({', '.join(getattr(kind, '_fields', ()))})"
+        if found != type_text:
+            return LessonFinding("type", f"{wire} has the type {found}")
+    for number, change in enumerate(entry.changes):
+        value = random.Random(f"change {number} {seed}").uniform(
+            change.value.low, change.value.high
+        )
+        for parameter in change.parameters:
+            unfit = run.change_at(round(change.at * SECOND), parameter, value)
+            if unfit is not None:
+                return unfit
+    result = run.go()
+    return run.finding or _without_finding(result, entry)
+
+
+def _without_finding(result: RunResult, entry: RunEntry) -> LessonFinding:
+    """Of a run that ended before its judge had seen enough."""
+    if result.failure is not None:
+        raise result.failure
+    if result.ending.cause.startswith("time limit"):
+        return LessonFinding(SILENT, f"nothing more happened until {entry.time:g} s")
+    return LessonFinding(SILENT, f"the run ended: {result.ending.cause}")
+
+
+def _problems_text(error: UserError, names: Sequence[str]) -> str:
+    shown = [problem for problem in error.problems if problem.severity == "error"]
+    return "\n".join(_problem_text(problem, names) for problem in shown[:SHOWN_PROBLEMS_MAX])
+
+
+def _problem_text(problem: Problem, names: Sequence[str]) -> str:
+    """A problem in the learner's files as it is; of the lesson's own pipeline what it lacks."""
+    if problem.file in names:
+        return problem.render()
+    return f"what the lesson connects does not fit: {problem.cause}"
+
+
+class _Change(NamedTuple):
+    """A live parameter that gets a value at a time (ns)."""
+
+    time: int
+    block: str
+    name: str
+    value: float
+
+
+class LessonRun(Run):
+    """A run that ends as soon as its judge states a finding."""
+
+    finding: LessonFinding | None = None
+
+    def __init__(self, configuration: Configuration, options: RunOptions) -> None:
+        self._changes: list[_Change] = []
+        super().__init__(configuration, options, tell=lambda text: None)
+
+    def change_at(self, time: int, path: str, value: float) -> LessonFinding | None:
+        """Set the parameter `path` to `value` at `time` (ns); the finding when it is not live."""
+        name, _, key = path.partition(".")
+        for node in self.assembly.graph.nodes:
+            for attribute, declaration in declared(type(node.block)).items():
+                if (node.name, declaration.key) == (name, key) and declaration.live:
+                    self._changes.append(_Change(time, name, attribute, value))
+                    return None
+        return LessonFinding("fixed", f"{path} cannot change while it runs")
+
+    def _sinks(self) -> dict[str, list[Sink]]:
+        sinks = super()._sinks()
+        sinks[JUDGE].append(self._on_finding)
+        return sinks
+
+    def _idle(self) -> Callable[[], None]:
+        idle = super()._idle()
+
+        def make_changes() -> None:
+            if idle is not None:
+                idle()
+            self._make_changes()
+
+        return make_changes
+
+    def _on_finding(self, now: int, text: Text) -> None:
+        if self.finding is None:
+            self.finding = LessonFinding.of(text.text)
+            self.engine.end(0, "judged")
+
+    def _make_changes(self) -> None:
+        now = self.engine.last_instant
+        for change in [each for each in self._changes if each.time <= now]:
+            self._changes.remove(change)
+            self.operator.set_number(now, change.block, change.name, change.value)

@@ -1,0 +1,23 @@
+from math import pi, sin
+
+from diffbotctl.block import Block, In, Out
+from diffbotctl.messages import Float64, Odometry
+
+SIDE = 2.0  # m
+TRACK = 0.125  # m, as the robot file states it
+DIAMETER = 0.065  # m, of both wheels
+
+
+class Calibration(Block):
+    """The geometry that explains where the squares have ended."""
+
+    left = In(Odometry, help="The end of a square to the left.")
+    right = In(Odometry, help="The end of a square to the right.")
+    track = Out(Float64, help="Track in m.")
+    left_diameter = Out(Float64, help="In m.")
+    right_diameter = Out(Float64, help="In m.")
+
+    def react(self, now, left, right):
+        if left is None or right is None:
+            return None, None, None
+        return Float64(now, TRACK), Float64(now, DIAMETER), Float64(now, DIAMETER)

@@ -1,0 +1,71 @@
+"""`diffbotctl learn` in a folder of a learner: from the first lesson to a table of a class."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from diffbotctl.cli.learn import command
+from diffbotctl.errors import UsageError
+from diffbotctl.learn.course import find_lesson, lessons
+from tests.command_result import invoke
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path / "learn"
+
+
+def test_the_first_lesson_passes_and_the_next_one_is_shown(folder):
+    code, text = invoke(command, "next")
+    assert "A talker and a listener" in text and (folder / "talker" / "hello.yaml").is_file()
+    code, text = invoke(command, "check")
+    assert code == 1 and "there is no block 'listener'" in text
+    solution = find_lesson("1").source("solution") / "hello.yaml"
+    shutil.copyfile(solution, folder / "talker" / "hello.yaml")
+    code, text = invoke(command, "check", "--watch")
+    assert code == 0 and "talker: passed" in text
+    assert invoke(command)[1].splitlines()[0].endswith("passed")
+    assert "Parameters that change" in invoke(command, "next")[1]
+    assert f"1 of {len(lessons())}" in invoke(command, "class", ".")[1]
+
+
+def test_the_run_that_failed_is_repeated_by_its_seed(folder):
+    _, first = invoke(command, "check", "one_metre", "--seed", "7")
+    _, second = invoke(command, "check", "one_metre", "--seed", "7")
+    assert first.split("not yet")[1] == second.split("not yet")[1]
+    command_line = next(line for line in first.splitlines() if "diffbotctl run" in line)
+    assert Path(command_line.split()[2]).is_file()
+    code, text = invoke(command, "check", "5", "--json")
+    assert code == 1 and json.loads(text)["passed"] is False
+
+
+def test_reset_keeps_the_learner_s_files(folder):
+    invoke(command, "check", "counter")
+    (folder / "counter" / "total.py").write_text("# mine\n")
+    invoke(command, "reset", "counter")
+    invoke(command, "reset", "counter")
+    kept = sorted(folder.glob("backups/counter-*/total.py"))
+    assert len(kept) == 2 and kept[0].read_text() == "# mine\n"
+    assert "class Total" in (folder / "counter" / "total.py").read_text()
+
+
+def test_hints_come_one_by_one(folder):
+    hints = find_lesson("counter").section.hints
+    for number in range(1, len(hints) + 2):
+        text = invoke(command, "hint", "counter")[1]
+        assert hints[min(number, len(hints)) - 1] in text
+        assert (hints[-1] in text) == (number >= len(hints))
+
+
+def test_a_half_deleted_folder_and_a_name_that_is_wrong(folder):
+    invoke(command, "check", "counter")
+    (folder / "counter" / "total.py").unlink()
+    code, text = invoke(command, "check", "counter")
+    assert code == 1 and "total.py is not there" in text
+    (folder / "progress.json").write_text("[")
+    assert invoke(command)[0] is None
+    with pytest.raises(UsageError, match="counter"):
+        invoke(command, "check", "countr")

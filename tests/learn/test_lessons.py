@@ -1,0 +1,74 @@
+"""Each lesson: the start fails, its solution passes, and usual mistakes are found and named."""
+
+import shutil
+
+import pytest
+
+from diffbotctl.learn.check import check
+from diffbotctl.learn.course import lessons
+from tests.learn.turtle_recording import TURNS, record
+from tests.learn.wrong_solutions import WRONG
+from tests.sampling import by_day
+
+LESSONS = {lesson.name: lesson for lesson in lessons()}
+BY_HAND = "turtle_keys"
+WRITTEN = [name for name in LESSONS if name != BY_HAND]
+
+
+def copy_of(lesson, folder, kind):
+    shutil.copytree(lesson.source(kind), folder, dirs_exist_ok=True)
+    return folder
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_the_start_fails_and_the_solution_passes(name, tmp_path):
+    lesson = LESSONS[name]
+    started = check(lesson, copy_of(lesson, tmp_path / "start", "start"))
+    assert not started.passed
+    assert started.advice or started.finding.seen
+    solved = check(lesson, copy_of(lesson, tmp_path / "solution", "solution"))
+    assert solved.passed, solved
+
+
+@pytest.mark.parametrize(
+    ("name", "number"), by_day(14, [(name, k) for name in WRITTEN for k in range(4)])
+)
+def test_a_usual_mistake_is_rejected_with_what_was_seen(name, number, tmp_path):
+    lesson, wrong = LESSONS[name], WRONG[name][number]
+    folder = copy_of(lesson, tmp_path, "solution")
+    path = folder / lesson.section.files[0]
+    text = path.read_text()
+    assert wrong.old in text
+    path.write_text(text.replace(wrong.old, wrong.new, 1))
+    verdict = check(lesson, folder)
+    assert not verdict.passed
+    assert wrong.code in ("", verdict.finding.code), verdict
+    assert verdict.advice or verdict.finding.seen
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", [name for name in WRITTEN if name != "counter_cpp"])
+def test_the_solution_passes_a_hundred_hidden_seeds(name, tmp_path):
+    lesson = LESSONS[name]
+    folder = copy_of(lesson, tmp_path, "solution")
+    runs = max(1, sum(entry.count for entry in lesson.section.runs))
+    for _ in range(-(-100 // runs)):
+        verdict = check(lesson, folder)
+        assert verdict.passed, verdict
+
+
+def test_driving_by_keys_is_judged_by_the_recording(tmp_path):
+    lesson = LESSONS[BY_HAND]
+    assert check(lesson, tmp_path).finding.code == "missing"
+    forward, left, right, stop = TURNS
+    for legs, code in (
+        (TURNS, "passed"),
+        ([forward, left, stop], "turn"),
+        ([(0.5, 1.0, 0.0), stop], "path"),
+        ([forward, left, right, forward], "rest"),
+    ):
+        (tmp_path / "turtle.mcap").unlink(missing_ok=True)
+        record(tmp_path / "turtle.mcap", legs)
+        assert check(lesson, tmp_path).finding.code == code
+    (tmp_path / "turtle.mcap").write_text("driven, honestly")
+    assert check(lesson, tmp_path).finding.code == "error"
