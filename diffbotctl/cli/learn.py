@@ -42,8 +42,7 @@ def _show_list() -> None:
         state = folder.progress(lesson).passed and "passed"
         state = state or ("begun" if folder.has_begun(lesson) else "")
         section = lesson.section
-        title = f"{section.chapter:>3}  {section.title}"
-        click.echo(f"{number:3}  {lesson.name:13} {title:46} {state}".rstrip())
+        click.echo(f"{number:3}  {lesson.name:14} {section.title:44} {state}".rstrip())
     click.echo("\nGo on with: diffbotctl learn next")
 
 

@@ -59,7 +59,6 @@ class CheckSection(Section):
     format = Param(int, choices=(1,), help="Version of the file format.")
     kind = Param(str, choices=("lesson",), help="Kind of file.")
     title = Param(str, help="What the learner does, in a few words.")
-    chapter = Param(str, default="", help="Chapter of the book.")
     files = Param(list[str], help="Files of the learner, below the lesson's folder.")
     header = Param(bool, default=False, help="Whether diffbot_program.h lies beside them.")
     runs = Param(list[RunEntry], help="The runs that judge them.")
