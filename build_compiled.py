@@ -23,12 +23,10 @@ LEFT_OUT = frozenset(
         "estimation/commanded_wheel.py",
         "plant/collision.py",
         "plant/components.py",
-        "plant/disturbances.py",
-        "plant/echo_sensor.py",
+        "plant/faults.py",
         "plant/gyro.py",
         "plant/imu_mounting.py",
         "plant/robot_parameters.py",
-        "plant/sharp_ir.py",
         "plant/wiring.py",
     }
 )

@@ -30,15 +30,16 @@ HELD_TIMES_MAX = 3  # times that a command is typed to a robot which a loaded ma
 PIPELINES = {"robots.md": "turtles"}  # what runs while a page's commands speak to it; else standby
 # What a page takes for granted: files of the reader's own.
 PREPARED = {
+    "trials.md": ("diffbotctl new robot other",),
     "recordings.md": (
         "diffbotctl run goal --fast --quiet --record monday.mcap",
         "diffbotctl run goal --fast --quiet --seed 2 --record tuesday.mcap",
         "head -c 20000 monday.mcap > cut.mcap",
         "cp monday.mcap drive.mcap",
-    )
+    ),
 }
 # These say by their exit code what they found: no board on this machine, two files that differ.
-FINDS = {"ports", "doctor", "bag diff"}
+FINDS = {"ports", "doctor", "bag diff", "learn check", "trials"}
 ON_AN_ENGINE = {"why", "stop", "resume", "goto", "drive", "topic", "param", "call"}
 
 

@@ -59,7 +59,9 @@ def next() -> None:
 @command.command()
 @lesson_argument
 @exclusive("--watch", ("--json",), "it prints until Ctrl-C")
-@click.option("--seed", type=click.IntRange(0), help="Seed of the first run; default: drawn.")
+@click.option(
+    "--repeat", "seed", type=click.IntRange(0), metavar="SEED", help="Begin with the run of SEED."
+)
 @click.option("--watch", is_flag=True, help="Check again each time a file is saved.")
 @json_option
 def check(name: str | None, seed: int | None, watch: bool, as_json: bool) -> int:

@@ -56,17 +56,15 @@ class HelpRow(NamedTuple):
 
 GROUPS = {
     "Set up": (
-        HelpRow("start", "Guided setup, simulated robot first"),
+        HelpRow("start, learn", "Guided setup; lessons that check themselves"),
         HelpRow("flash, blink", "Write the firmware to the board; blink its light", "flash"),
         HelpRow("ports, doctor", "List the serial ports; check this machine", "ports"),
         HelpRow("bluetooth", "Find, pair and test a Bluetooth module"),
         HelpRow("service", "Print a systemd unit that starts a run at boot"),
-        HelpRow("learn", "Learn by lessons that check themselves"),
         HelpRow("completion", "Print the completion script of a shell"),
     ),
     "Run": (
-        HelpRow("run", "Run a pipeline; simulated unless --port is given"),
-        HelpRow("trials", "Run a pipeline many times, with faults, and judge the runs"),
+        HelpRow("run, trials", "Run a pipeline, real or simulated; judge many runs"),
         HelpRow("emulate", "Start a virtual board that runs the real firmware"),
     ),
     "Look": (

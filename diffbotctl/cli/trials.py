@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from diffbotctl.cli.contradictions import exclusive
-from diffbotctl.cli.options import FILE, force_option, json_option, set_option
+from diffbotctl.cli.options import FILE, force_option, json_option, set_option, yes_option
 from diffbotctl.cli.output import open_output, print_json
 from diffbotctl.cli.program_consent import with_code_consent
 
@@ -58,7 +58,7 @@ BASELINE_ENDINGS = (".json", ".jsonl")
 )
 @click.option("--watch", is_flag=True, help="Show one run after another on the dashboard.")
 @click.option("--allow-programs", is_flag=True, help="Run the pipeline's files of code, unasked.")
-@click.option("--yes", is_flag=True, help="Do not ask before trials that take long.")
+@yes_option
 @json_option
 def command(
     file: str,

@@ -133,7 +133,7 @@ class CodeFiles:
 
 def is_code(text: str) -> bool:
     """Whether `text` names a class in a file, in place of a registered name."""
-    return ":" in text or "/" in text or text.endswith(".py")
+    return "/" in text or ".py" in text or text.startswith(":")
 
 
 def _read(path: Path, written: str) -> bytes:

@@ -85,11 +85,12 @@ class ActiveFaults:
 
     def pushes(self) -> float:
         """Speed to the left at which the robot is pushed, m/s."""
-        return sum(
+        pushes = [
             (1.0 if fault.sides[0] else -1.0) * fault.size * SECOND / (fault.end - fault.start)
             for fault in self._faults
             if fault.kind == "robot_pushed"
-        )
+        ]
+        return sum(pushes, 0.0)
 
     def drags(self) -> tuple[float, float]:
         """Further friction of the wheels, in duty."""

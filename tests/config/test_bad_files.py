@@ -18,6 +18,8 @@ NOT_FROM_FILES = {
     "E-BLOCK-CLASH",
     "E-BLOCK-IMPORT",
     "E-BLOCK-RAISED",
+    "E-LESSON",
+    "E-PARTS",  # of parts that are named on the command line
     "E-BLOCK-OUTPUT",  # found while it runs
     "E-TRIALS",  # of a file of trials, as the next two
     "E-TRIALS-BASELINE",

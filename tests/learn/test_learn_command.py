@@ -33,8 +33,8 @@ def test_the_first_lesson_passes_and_the_next_one_is_shown(folder):
 
 
 def test_the_run_that_failed_is_repeated_by_its_seed(folder):
-    _, first = invoke(command, "check", "one_metre", "--seed", "7")
-    _, second = invoke(command, "check", "one_metre", "--seed", "7")
+    _, first = invoke(command, "check", "one_metre", "--repeat", "7")
+    _, second = invoke(command, "check", "one_metre", "--repeat", "7")
     assert first.split("not yet")[1] == second.split("not yet")[1]
     command_line = next(line for line in first.splitlines() if "diffbotctl run" in line)
     assert Path(command_line.split()[2]).is_file()

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from diffbotctl.config.simulation import EncoderTruth
-from diffbotctl.plant.encoder_disc import EncoderDisc, EncoderPin, draw_disc
+from diffbotctl.plant.encoder_disc import EncoderDisc, EncoderPin, PulseFaults, draw_disc
 from diffbotctl.plant.wheel import REST_SPEED, MotorModel, WheelModel
 from diffbotctl.time import SECOND
 
@@ -238,9 +238,9 @@ def test_the_level_of_a_pin_is_that_of_the_pulses_that_come(falling):
     """By hand: each pitch has an open half and a dark half; `index` counts the edges passed."""
     pin = EncoderPin(IDEAL, falling, Random(1))
     assert [pin.levels(index)[0] for index in range(6)] == [0, 1, 0, 1, 0, 1]
-    pin.halved = True  # of every second slot
+    pin.set_faults(PulseFaults(halved=True))
     assert [pin.levels(index)[0] for index in range(6)] == [0, 1, 0, 0, 0, 1]
-    pin.silent = True
+    pin.set_faults(PulseFaults(silent=True))
     assert [pin.levels(index)[0] for index in range(6)] == [0] * 6
     covered = EncoderPin(IDEAL._replace(covered=frozenset({0})), falling, Random(1))
     assert [covered.levels(index)[0] for index in range(6)] == [0, 0, 0, 1, 0, 1]

@@ -25,7 +25,7 @@ Schema = dict[str, Any]
 CODE_NAME = "\\.py:[A-Za-z_][A-Za-z0-9_]*$"  # a class in a file beside the pipeline
 DRAFT = "https://json-schema.org/draft/2020-12/schema"
 VARIABLE = {"type": "string", "pattern": "\\$[A-Za-z_]"}
-WIRE = {"type": "string", "pattern": "^[a-z][a-z0-9_]*\\.[a-z][a-z0-9_]*$"}
+WIRE = {"type": "string", "pattern": "^[a-z][a-z0-9_]*(\\.[a-z][a-z0-9_]*){1,2}$"}
 
 
 def robot() -> Schema:
