@@ -66,7 +66,7 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "blocks": 2_870,
     "bluetooth": 800,
     "calibrate": 8_990,
-    "cli": 9_425,
+    "cli": 9_430,
     "client": 930,
     "config": 9_150,
     "control": 1_750,

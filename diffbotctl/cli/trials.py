@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from diffbotctl.trials.verdict import JudgedRun
     from diffbotctl.trials.workers import TrialOutcome
 
-ASKED_S = 600.0  # trials that take longer are begun only after a question
+# Trials that take longer, or are more, are begun only after a question.
+ASKED_S, ASKED_RUNS = 600.0, 2000
 PROBES = 6  # trials from which that time is estimated
 PROGRESS_PERIOD_S = 10.0  # between two lines where standard error is no terminal
 OUTPUTS = ("--json", "--junit", "--report", "--against")
@@ -226,7 +227,8 @@ class _Session:
         from diffbotctl.errors import Problem, UsageError
         from diffbotctl.trials.summary import duration_text
 
-        if seconds < ASKED_S or self.yes:
+        is_short = seconds < ASKED_S and len(self.plan.trials) < ASKED_RUNS
+        if is_short or self.yes:
             return
         self._show_progress(is_last=True)
         cause = f"{len(self.plan.trials)} runs take about {duration_text(seconds)}"
