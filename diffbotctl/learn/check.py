@@ -6,7 +6,7 @@ import os
 import random
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import accumulate
 from pathlib import Path
 from typing import NamedTuple
@@ -41,13 +41,11 @@ def check(
     folder: Path,
     seed: int | None = None,
     kept: Path | None = None,
-    notify: Callable[[int, int], None] = lambda done, total: None,
 ) -> LessonVerdict:
     """Judge the learner's files of a lesson in `folder`.
 
     `seed`: of the first run; None: drawn. `kept`: a folder for what a run that failed has used, in
-    place of what is there. `notify` is called with the runs done and all. Raises
-    UserError for a lesson that cannot be read.
+    place of what is there. Raises UserError for a lesson that cannot be read.
     """
     section = lesson.section
     with tempfile.TemporaryDirectory(prefix="lesson-") as made:
@@ -59,17 +57,14 @@ def check(
         if missing:
             return _verdict(lesson, LessonRunFinding(LessonFinding(MISSING, "; ".join(missing))))
         first = random.SystemRandom().randrange(1, 1_000_000) if seed is None else seed
-        total = sum(entry.count for entry in section.runs)
         firsts = accumulate((entry.count for entry in section.runs), initial=first)
         children = [
             _begun(entry, copy, section.files, number, section.failures)
             for entry, number in zip(section.runs, firsts, strict=False)
         ]
         try:
-            done = failed = 0
+            failed = 0
             for entry, child in zip(section.runs, children, strict=True):
-                notify(done, total)
-                done += entry.count
                 for found in _findings(child, section.failures):
                     failed += found.finding.code != PASSED
                     if failed > section.failures:

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import os
 import pickle
-import resource
 import select
 import signal
-import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Generic, TypeVar
 
 from diffbotctl.processes.child_process import fork
+from diffbotctl.processes.limited_child import limit_child, send_result
 
 Result = TypeVar("Result")
-MEMORY_MAX_BYTES = 1 << 30
+MEMORY_MAX_BYTES, FILE_MAX_BYTES = 1 << 30, 64 << 20
 
 
 class ConfinedError(Exception):
@@ -37,10 +36,8 @@ class Confined(Generic[Result]):
         def child() -> int:
             os.close(self.file)
             os.setsid()  # what it starts ends with it
-            _limit(processor)
-            data = pickle.dumps(run())
-            while data:
-                data = data[os.write(write, data) :]
+            limit_child(processor, MEMORY_MAX_BYTES, FILE_MAX_BYTES)
+            send_result(write, run())
             return 0
 
         self.pid = fork(child)
@@ -86,19 +83,6 @@ class Confined(Generic[Result]):
                 return found.si_status if found.si_code != os.CLD_EXITED else found.si_status << 8
             time.sleep(0.002)
         raise TimeoutError
-
-
-def _limit(processor: float) -> None:
-    seconds = max(round(processor), 1)
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 1))
-    resource.setrlimit(resource.RLIMIT_FSIZE, (64 << 20, 64 << 20))
-    with suppress(ValueError, OSError):  # a lower limit is in force
-        resource.setrlimit(resource.RLIMIT_AS, (MEMORY_MAX_BYTES, MEMORY_MAX_BYTES))
-    null = os.open(os.devnull, os.O_RDWR)
-    for file in (0, 1, 2):
-        os.dup2(null, file)
-    sys.stdout = sys.stderr = os.fdopen(null, "w")
 
 
 def _received(file: int, end: float) -> bytes:

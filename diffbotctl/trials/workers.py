@@ -9,16 +9,15 @@ from __future__ import annotations
 
 import os
 import pickle
-import resource
 import select
 import signal
-import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import NamedTuple
 
 from diffbotctl.processes.child_process import fork
+from diffbotctl.processes.limited_child import limit_child, send_result
 from diffbotctl.trials.plan import Trial
 from diffbotctl.trials.trial_run import TrialResult, run_trial
 
@@ -76,31 +75,18 @@ def run_trials(
     return [found[number] for number in range(len(trials))]
 
 
-def _start(number: int, trials: Sequence[Trial], limit: float) -> tuple[int, _Worker]:
+def _start(number: int, trials: Sequence[Trial], processor: float) -> tuple[int, _Worker]:
     read, write = os.pipe()
 
     def run() -> int:
         os.close(read)
-        _isolate(limit)
-        _send(write, _guarded(trials[number]))
+        limit_child(processor, MEMORY_MAX_BYTES)
+        send_result(write, _guarded(trials[number]))
         return 0
 
     pid = fork(run)
     os.close(write)
     return read, _Worker(number, pid, time.monotonic(), bytearray())
-
-
-def _isolate(limit: float) -> None:
-    """Limit what a trial can use, and let it print nothing: the terminal is the parent's."""
-    seconds = max(round(limit), 1)
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 1))
-    with suppress(ValueError, OSError):  # a lower limit is in force
-        resource.setrlimit(resource.RLIMIT_AS, (MEMORY_MAX_BYTES, MEMORY_MAX_BYTES))
-    null = os.open(os.devnull, os.O_RDWR)
-    for file in (0, 1, 2):
-        os.dup2(null, file)
-    sys.stdout = sys.stderr = os.fdopen(null, "w")
 
 
 def _guarded(trial: Trial) -> TrialResult:
@@ -113,12 +99,6 @@ def _guarded(trial: Trial) -> TrialResult:
 
 def _crashed(trial: Trial, cause: str) -> TrialResult:
     return TrialResult(trial.name, trial.case, trial.robot, trial.seed, "crashed", cause)
-
-
-def _send(file: int, result: TrialResult) -> None:
-    data = pickle.dumps(result)
-    while data:
-        data = data[os.write(file, data) :]
 
 
 def _ended(active: dict[int, _Worker], wall_limit: float) -> list[int]:
