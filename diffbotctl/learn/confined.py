@@ -55,8 +55,13 @@ class Confined(Generic[Result]):
             raise ConfinedError(f"it took more than {self.wall:g} s") from None
         finally:
             self.close()
-        if os.WIFSIGNALED(status) and os.WTERMSIG(status) in (signal.SIGXCPU, signal.SIGKILL):
-            cause = f"it took more than {self.processor:g} s of processor time: an endless loop?"
+        if os.WIFSIGNALED(status):
+            number = signal.Signals(os.WTERMSIG(status))
+            cause = f"its process was ended by {number.name}"
+            if number == signal.SIGXCPU:
+                cause = (
+                    f"it took more than {self.processor:g} s of processor time: an endless loop?"
+                )
             raise ConfinedError(cause)
         try:
             result: Result = pickle.loads(data)

@@ -126,7 +126,7 @@ def _outcome(trial: Trial, worker: _Worker, limit: float) -> TrialOutcome:
     except Exception:  # what a child that was killed has written is not whole
         cause = f"its process ended with exit code {os.waitstatus_to_exitcode(status)}"
         number = os.WTERMSIG(status) if os.WIFSIGNALED(status) else 0
-        if number in (signal.SIGXCPU, signal.SIGKILL):
+        if number == signal.SIGXCPU or (number == signal.SIGKILL and processor >= limit):
             cause = f"it took more than {limit:g} s of processor time: a block does not return"
         elif number:
             cause = f"its process was ended by {signal.Signals(number).name}"

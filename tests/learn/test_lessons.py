@@ -46,6 +46,22 @@ def test_a_usual_mistake_is_rejected_with_what_was_seen(name, number, tmp_path):
     assert verdict.advice or verdict.finding.seen
 
 
+@pytest.mark.parametrize(
+    ("code", "seen"),
+    [
+        ("import os; os.kill(os.getpid(), 9)", "ended by SIGKILL"),
+        ("import os; os._exit(0)", "before it gave a result"),
+        ("bytearray(3 << 30)", "MemoryError"),
+    ],
+)
+def test_code_that_ends_its_process_is_reported_as_that(code, seen, tmp_path):
+    lesson = LESSONS["counter"]
+    path = copy_of(lesson, tmp_path, "solution") / "total.py"
+    path.write_text(path.read_text().replace("self.sum += number.data", code))
+    finding = check(lesson, tmp_path).finding
+    assert seen in finding.seen and "processor time" not in finding.seen
+
+
 @pytest.mark.nightly
 @pytest.mark.parametrize("name", [name for name in WRITTEN if name != "counter_cpp"])
 def test_the_solution_passes_a_hundred_hidden_seeds(name, tmp_path):
