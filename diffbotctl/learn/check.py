@@ -11,12 +11,13 @@ from itertools import accumulate
 from pathlib import Path
 from typing import NamedTuple
 
-from diffbotctl.learn.confined import Confined, ConfinedError
 from diffbotctl.learn.lesson import Lesson, RunEntry
 from diffbotctl.learn.lesson_run import PASSED, LessonFinding, LessonRunFinding, judge
+from diffbotctl.processes.limited_child import ChildEndedError, ChildLimits, LimitedChild
 
 PROCESSOR_MAX_S = 20.0  # of one run
 WALL_MAX_S = 120.0
+MEMORY_MAX_BYTES = 1 << 30
 FILE_BYTES_MAX = 64 << 20  # of a recording; others are small
 ENDLESS, MISSING = "endless", "missing"
 
@@ -98,7 +99,7 @@ def _copied(names: list[str], folder: Path, copy: Path) -> Iterator[str]:
 
 def _begun(
     entry: RunEntry, copy: Path, names: list[str], first: int, failures: int
-) -> Confined[list[LessonRunFinding]]:
+) -> LimitedChild[list[LessonRunFinding]]:
     """A child that judges the runs of `entry`."""
 
     def run() -> list[LessonRunFinding]:
@@ -106,13 +107,13 @@ def _begun(
         return judge(entry, copy, names, first, failures)
 
     wall = entry.time + WALL_MAX_S if entry.programs else WALL_MAX_S
-    return Confined(run, PROCESSOR_MAX_S, wall)
+    return LimitedChild(run, ChildLimits(PROCESSOR_MAX_S, wall, MEMORY_MAX_BYTES))
 
 
-def _findings(child: Confined[list[LessonRunFinding]], failures: int) -> list[LessonRunFinding]:
+def _findings(child: LimitedChild[list[LessonRunFinding]], failures: int) -> list[LessonRunFinding]:
     try:
         return child.result()
-    except ConfinedError as error:
+    except ChildEndedError as error:
         return [LessonRunFinding(LessonFinding(ENDLESS, str(error)))] * (failures + 1)
 
 

@@ -7,23 +7,19 @@ does in it, crash, print or never return, ends with the child.
 
 from __future__ import annotations
 
-import os
-import pickle
 import select
-import signal
-import time
 from collections.abc import Callable, Sequence
-from contextlib import suppress
+from functools import partial
 from typing import NamedTuple
 
-from diffbotctl.processes.child_process import fork
-from diffbotctl.processes.limited_child import limit_child, send_result
+from diffbotctl.processes.limited_child import ChildEndedError, ChildLimits, LimitedChild
 from diffbotctl.trials.plan import Trial
 from diffbotctl.trials.trial_run import TrialResult, run_trial
 
 MEMORY_MAX_BYTES = 4 << 30  # of a child: a block that fills the memory ends alone
 # Processor time on a busy machine takes longer; a block that sleeps uses none.
 WALL_TIME_RATIO, WALL_TIME_MIN_S = 20.0, 120.0
+LOOK_PERIOD_S = 1.0  # for children that are late
 
 
 class TrialOutcome(NamedTuple):
@@ -31,13 +27,6 @@ class TrialOutcome(NamedTuple):
 
     result: TrialResult
     processor: float
-
-
-class _Worker(NamedTuple):
-    number: int  # of the trial
-    pid: int
-    started: float
-    received: bytearray
 
 
 Notify = Callable[[int, TrialOutcome], None]
@@ -51,42 +40,27 @@ def run_trials(
     `processor_limit`: time of a processor (s) after which a trial is ended. `notify` is called with
     the number of each trial that has ended, in no order. KeyboardInterrupt ends all children.
     """
+    wall = max(WALL_TIME_RATIO * processor_limit, WALL_TIME_MIN_S)
+    limits = ChildLimits(processor_limit, wall, MEMORY_MAX_BYTES)
     found: dict[int, TrialOutcome] = {}
-    active: dict[int, _Worker] = {}
+    active: dict[LimitedChild[TrialResult], int] = {}
     waiting = list(range(len(trials)))[::-1]
-    wall_limit = max(WALL_TIME_RATIO * processor_limit, WALL_TIME_MIN_S)
     try:
         while waiting or active:
             while waiting and len(active) < workers:
-                file, worker = _start(waiting.pop(), trials, processor_limit)
-                active[file] = worker
-            for file in _ended(active, wall_limit):
-                worker = active.pop(file)
-                os.close(file)
-                outcome = _outcome(trials[worker.number], worker, processor_limit)
-                found[worker.number] = outcome
-                notify(worker.number, outcome)
+                number = waiting.pop()
+                child = LimitedChild(partial(_guarded, trials[number]), limits)
+                active[child] = number
+            ready, _, _ = select.select(list(active), [], [], LOOK_PERIOD_S)
+            sent = {child for child in ready if child.receive()}
+            for child in [each for each in active if each in sent or each.is_late()]:
+                number = active.pop(child)
+                found[number] = _outcome(trials[number], child)
+                notify(number, found[number])
     finally:
-        for file, worker in active.items():
-            os.close(file)
-            with suppress(ProcessLookupError):
-                os.kill(worker.pid, signal.SIGKILL)
-            os.waitpid(worker.pid, 0)
+        for child in active:
+            child.close()
     return [found[number] for number in range(len(trials))]
-
-
-def _start(number: int, trials: Sequence[Trial], processor: float) -> tuple[int, _Worker]:
-    read, write = os.pipe()
-
-    def run() -> int:
-        os.close(read)
-        limit_child(processor, MEMORY_MAX_BYTES)
-        send_result(write, _guarded(trials[number]))
-        return 0
-
-    pid = fork(run)
-    os.close(write)
-    return read, _Worker(number, pid, time.monotonic(), bytearray())
 
 
 def _guarded(trial: Trial) -> TrialResult:
@@ -101,34 +75,10 @@ def _crashed(trial: Trial, cause: str) -> TrialResult:
     return TrialResult(trial.name, trial.case, trial.robot, trial.seed, "crashed", cause)
 
 
-def _ended(active: dict[int, _Worker], wall_limit: float) -> list[int]:
-    """Read what the children send; the files of those that have ended."""
-    ready, _, _ = select.select(list(active), [], [], 1.0)
-    ended = []
-    for file in ready:
-        data = os.read(file, 1 << 16)
-        active[file].received.extend(data)
-        if not data:
-            ended.append(file)
-    for worker in active.values():
-        if time.monotonic() - worker.started > wall_limit:
-            with suppress(ProcessLookupError):
-                os.kill(worker.pid, signal.SIGKILL)
-    return ended
-
-
-def _outcome(trial: Trial, worker: _Worker, limit: float) -> TrialOutcome:
-    """The outcome of a trial whose child has ended."""
-    _, status, usage = os.wait4(worker.pid, 0)
-    processor = usage.ru_utime + usage.ru_stime
+def _outcome(trial: Trial, child: LimitedChild[TrialResult]) -> TrialOutcome:
+    """The outcome of a trial whose child has ended, or is late."""
     try:
-        result = pickle.loads(bytes(worker.received))
-    except Exception:  # what a child that was killed has written is not whole
-        cause = f"its process ended with exit code {os.waitstatus_to_exitcode(status)}"
-        number = os.WTERMSIG(status) if os.WIFSIGNALED(status) else 0
-        if number == signal.SIGXCPU or (number == signal.SIGKILL and processor >= limit):
-            cause = f"it took more than {limit:g} s of processor time: a block does not return"
-        elif number:
-            cause = f"its process was ended by {signal.Signals(number).name}"
-        result = _crashed(trial, cause)
-    return TrialOutcome(result, processor)
+        result = child.result()
+    except ChildEndedError as error:
+        result = _crashed(trial, str(error))
+    return TrialOutcome(result, child.processor)
