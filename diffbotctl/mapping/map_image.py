@@ -1,0 +1,110 @@
+"""The grid of a map as picture and description of ROS's map_server: NAME.pgm and NAME.yaml.
+
+Rules: wiki.ros.org/map_server. A picture's row 0 is the top, dark is occupied.
+"""
+
+from __future__ import annotations
+
+import re
+from math import isfinite
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from diffbotctl.errors import Problem, RunError
+from diffbotctl.mapping.occupancy_grid import CELLS_MAX, OccupancyGrid
+
+OCCUPIED, FREE = 0.65, 0.196
+GREY_OCCUPIED, GREY_FREE, GREY_UNKNOWN = 0, 254, 205
+HEADER = re.compile(rb"P5\s+(?:#[^\n]*\n\s*)*(\d+)\s+(?:#[^\n]*\n\s*)*(\d+)\s+(\d+)\s")
+
+
+def picture_bytes(grid: OccupancyGrid) -> bytes:
+    """The grid as a binary pgm: black occupied, white free, grey unknown."""
+    grey = np.full(grid.cells.shape, GREY_UNKNOWN, np.uint8)
+    grey[grid.cells >= 100 * OCCUPIED] = GREY_OCCUPIED
+    grey[(grid.cells >= 0) & (grid.cells <= 100 * FREE)] = GREY_FREE
+    rows, columns = len(grey), grey.size // max(1, len(grey))
+    return f"P5\n{columns} {rows}\n255\n".encode() + np.flipud(grey).tobytes()
+
+
+def description(grid: OccupancyGrid, picture: str) -> str:
+    """The text of the yaml file beside the file named `picture`."""
+    x, y = grid.origin
+    return (
+        f"image: {picture}\nmode: trinary\nresolution: {grid.resolution:.6g}\n"
+        f"origin: [{x:.6g}, {y:.6g}, 0]\nnegate: 0\n"
+        f"occupied_thresh: {OCCUPIED}\nfree_thresh: {FREE}\n"
+    )
+
+
+def save_picture(grid: OccupancyGrid, path: Path) -> None:
+    """Write `path` (NAME.yaml) and NAME.pgm beside it."""
+    picture = path.with_suffix(".pgm")
+    picture.write_bytes(picture_bytes(grid))
+    path.write_text(description(grid, picture.name))
+
+
+def load_picture(path: Path) -> OccupancyGrid:
+    """The grid of a yaml file and its pgm, of map_server or `save_picture`.
+
+    Raises RunError, with place, cause and fix.
+    """
+    try:
+        text = yaml.safe_load(path.read_text())
+        if not isinstance(text, dict):
+            raise ValueError("it is no table of keys")
+        picture = path.parent / str(text["image"])
+        return _grid(text, _greys(picture.read_bytes()))
+    except KeyError as error:
+        raise RunError([_problem(path, f"{error.args[0]} is missing")]) from error
+    except OSError as error:
+        raise RunError([_problem(path, f"{error.filename}: {error.strerror}")]) from error
+    except (ValueError, TypeError, yaml.YAMLError) as error:
+        raise RunError([_problem(path, str(error))]) from error
+
+
+def _problem(path: Path, cause: str) -> Problem:
+    fix = "state image (a binary pgm), resolution, origin, negate, occupied_thresh and free_thresh"
+    return Problem("E-MAP-IMAGE", str(path), f"this map cannot be read: {cause}", fix)
+
+
+def _greys(content: bytes) -> NDArray[np.uint8]:
+    header = HEADER.match(content)
+    if header is None:
+        raise ValueError("the picture is no binary pgm (P5)")
+    columns, rows, highest = map(int, (header[1], header[2], header[3]))
+    if highest > 255 or columns * rows > CELLS_MAX:
+        raise ValueError(
+            f"the picture has {columns} x {rows} cells and greys up to {highest}; "
+            f"{CELLS_MAX:,} cells and 255 are the limits"
+        )
+    body = content[header.end() :]
+    if len(body) < columns * rows:
+        raise ValueError(f"the picture has {len(body)} of {columns * rows} bytes")
+    grey = np.frombuffer(body, np.uint8, columns * rows).reshape(rows, columns)
+    return np.flipud(grey)
+
+
+def _grid(text: dict[str, Any], grey: NDArray[np.uint8]) -> OccupancyGrid:
+    """Cells by the rules of map_server's mode: trinary, scale or raw."""
+    mode: Literal["trinary", "scale", "raw"] = text.get("mode", "trinary")
+    resolution = float(text["resolution"])
+    x, y, turn = (float(each) for each in text["origin"])
+    if not (isfinite(x + y) and 0.001 <= resolution <= 10):
+        raise ValueError(f"resolution {resolution:g} m, origin {x:g} {y:g}")
+    if turn:
+        raise ValueError(f"its origin is turned by {turn:g} rad, which map_server ignores too")
+    if mode == "raw":
+        cells = np.where(grey <= 100, grey, -1)
+    else:
+        share = grey / 255.0 if int(text["negate"]) else (255.0 - grey) / 255.0
+        high, low = float(text["occupied_thresh"]), float(text["free_thresh"])
+        if not 0 <= low < high <= 1:
+            raise ValueError(f"free_thresh {low:g} is not below occupied_thresh {high:g}")
+        between = -1.0 if mode == "trinary" else np.rint(99 * (share - low) / (high - low))
+        cells = np.where(share > high, 100.0, np.where(share < low, 0.0, between))
+    return OccupancyGrid(resolution, (x, y), cells.astype(np.int8), 1)

@@ -1,0 +1,116 @@
+"""The map as cells that are free, occupied or unknown.
+
+Each cell holds an integer log-odds of being occupied (Thrun, Burgard and Fox 2005, chapter 9). It
+is limited on both sides, so that five looks clear what has been moved away.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diffbotctl.mapping.lidar_scan import MappedScan
+from diffbotctl.mapping.plane_pose import Array, transformed
+
+LOG_ODDS = 0.75  # of one unit
+HIT, MISS = 3, -2
+HIGHEST, LOWEST = 6, -20  # five misses turn the most certain wall into free space
+STEP_RATIO = 0.7  # of a cell, along a ray
+GROWTH = 40  # cells, by which the grid grows beyond what it must hold
+CELLS_MAX = 16_000_000  # of one grid: 200 m x 200 m at 5 cm
+
+
+class OccupancyGrid:
+    """An immutable picture of the map, row after row from the lowest y on."""
+
+    def __init__(
+        self, resolution: float, origin: tuple[float, float], cells: NDArray[np.int8], version: int
+    ) -> None:
+        """`resolution`: m a cell. `origin`: x, y of the lower left corner of cell [0, 0] in map, m.
+
+        `cells`: rows (y) x columns (x): -1 unknown, 0 free to 100 occupied.
+        """
+        self.resolution = resolution
+        self.origin = origin
+        self.cells = cells
+        self.version = version
+
+    @cached_property
+    def sha256(self) -> str:
+        """Of resolution, origin, shape and cells."""
+        head = f"{self.resolution!r} {self.origin!r} {self.cells.shape!r} "
+        return hashlib.sha256(head.encode() + self.cells.tobytes()).hexdigest()
+
+
+class GridBuilder:
+    """Log-odds of the cells that scans have crossed; grows with them."""
+
+    def __init__(self, resolution: float) -> None:
+        self.resolution = resolution
+        self.low = np.zeros(2, np.int64)  # cell number of [0, 0]
+        self.odds = np.zeros((0, 0), np.int8)  # rows: y
+        self.seen = np.zeros((0, 0), np.bool_)
+
+    def _hold(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> bool:
+        """Grow so that the cells from `low` to `high` (x, y) fit; False when that is too many."""
+        if self.odds.size:
+            size = np.array(self.odds.shape[::-1])
+            if (low >= self.low).all() and (high < self.low + size).all():
+                return True
+            low = np.where(low < self.low, low - GROWTH, self.low)
+            high = np.where(high >= self.low + size, high + GROWTH, self.low + size - 1)
+        columns, rows = (high - low + 1).tolist()
+        if columns * rows > CELLS_MAX:
+            return False
+        odds = np.zeros((rows, columns), np.int8)
+        seen = np.zeros((rows, columns), np.bool_)
+        if self.odds.size:
+            x, y = (self.low - low).tolist()
+            part = slice(y, y + self.odds.shape[0]), slice(x, x + self.odds.shape[1])
+            odds[part], seen[part] = self.odds, self.seen
+        self.low, self.odds, self.seen = low, odds, seen
+        return True
+
+    def insert(self, scan: MappedScan, pose: Array) -> None:
+        """Add the rays of `scan`, seen from `pose` (base_link in map)."""
+        source = transformed(np.array([scan.origin]), pose)[0]
+        ends = transformed(np.vstack([scan.points, scan.clear]), pose)
+        if not len(ends):
+            return
+        low = np.floor(np.minimum(ends.min(0), source) / self.resolution).astype(np.int64)
+        high = np.floor(np.maximum(ends.max(0), source) / self.resolution).astype(np.int64)
+        if not self._hold(low, high):
+            return
+        hit = np.unique(self._cells(ends[: len(scan.points)]))
+        ray = ends - source
+        length = np.hypot(*ray.T)
+        along = (
+            STEP_RATIO
+            * self.resolution
+            * np.arange(int(length.max() / (STEP_RATIO * self.resolution)) + 1)
+        )
+        before = along[None, :] < (length - self.resolution)[:, None]
+        share = along[None, :] / np.maximum(length, 1e-9)[:, None]
+        crossed = np.zeros(self.odds.size, np.bool_)
+        crossed[self._cells((source + ray[:, None, :] * share[..., None])[before])] = True
+        crossed[hit] = False
+        free = np.flatnonzero(crossed)
+        odds, seen = self.odds.reshape(-1), self.seen.reshape(-1)
+        odds[hit] = np.minimum(odds[hit] + HIT, HIGHEST)
+        odds[free] = np.maximum(odds[free] + MISS, LOWEST)
+        seen[hit] = True
+        seen[free] = True
+
+    def _cells(self, points: Array) -> NDArray[np.int64]:
+        place = np.floor(points / self.resolution).astype(np.int64) - self.low
+        return place[:, 1] * self.odds.shape[1] + place[:, 0]
+
+    def grid(self, version: int) -> OccupancyGrid:
+        """The grid with a probability for each cell: 50 where free and occupied balance."""
+        cells = np.rint(100 / (1 + np.exp(-LOG_ODDS * self.odds.astype(float)))).astype(np.int8)
+        cells[~self.seen] = -1
+        x, y = (self.low * self.resolution).tolist()
+        return OccupancyGrid(self.resolution, (x, y), cells, version)

@@ -1,0 +1,109 @@
+"""Map files, and pictures for and from ROS's map_server."""
+
+import numpy as np
+import pytest
+
+from diffbotctl.errors import RunError
+from diffbotctl.mapping.map_file import load_map, map_bytes, save_map
+from diffbotctl.mapping.map_image import load_picture, save_picture
+from diffbotctl.mapping.mapper import Mapper, MapperParameters
+from diffbotctl.mapping.occupancy_grid import OccupancyGrid
+from tests.support.rooms import Robot, box, polyline
+
+
+@pytest.fixture(scope="module")
+def room_map():
+    mapper = Mapper(MapperParameters())
+    for scan in Robot(box(0, 0, 4, 3)).drive(polyline([(1, 1), (3, 1), (3, 2)], 0.1, 0.3)):
+        mapper.add(scan)
+    return mapper.map()
+
+
+def test_a_saved_map_is_loaded_as_it_was(room_map, tmp_path):
+    save_map(room_map, tmp_path / "room.map")
+    loaded = load_map(tmp_path / "room.map")
+    assert loaded.poses == pytest.approx(room_map.poses)
+    for before, after in zip(room_map.scans, loaded.scans, strict=True):
+        assert after.points == pytest.approx(before.points, abs=1e-6)
+        assert (after.number, after.time, after.origin) == (
+            before.number,
+            before.time,
+            before.origin,
+        )
+    assert map_bytes(loaded) == map_bytes(room_map)
+    assert [each.name for each in tmp_path.iterdir()] == ["room.map"]
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.99])
+def test_a_part_of_a_file_is_refused(room_map, tmp_path, share):
+    content = map_bytes(room_map)
+    path = tmp_path / "part.map"
+    path.write_bytes(content[: int(share * len(content))])
+    with pytest.raises(RunError, match="E-MAP-FILE"):
+        load_map(path)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_a_damaged_file_is_a_map_or_is_refused(room_map, tmp_path, seed):
+    random = np.random.default_rng(seed)
+    content = bytearray(map_bytes(room_map))
+    for _ in range(3):
+        content[random.integers(len(content))] = random.integers(256)
+    path = tmp_path / "damaged.map"
+    path.write_bytes(bytes(content))
+    try:
+        load_map(path)
+    except RunError as error:
+        assert "E-MAP-FILE" in str(error)
+
+
+def test_a_grid_survives_map_server_s_files(room_map, tmp_path):
+    grid = room_map.grid()
+    save_picture(grid, tmp_path / "room.yaml")
+    loaded = load_picture(tmp_path / "room.yaml")
+    assert loaded.resolution == pytest.approx(grid.resolution)
+    assert loaded.origin == pytest.approx(grid.origin)
+    assert ((loaded.cells == 100) == (grid.cells >= 65)).all()
+    assert ((loaded.cells == 0) == ((grid.cells >= 0) & (grid.cells <= 25))).all()
+
+
+# Greys of a row, by the rules of wiki.ros.org/map_server.
+@pytest.mark.parametrize(
+    ("keys", "cells"),
+    [
+        ("mode: trinary\nnegate: 0", [100, -1, -1, 0]),
+        ("negate: 1", [0, -1, 100, 100]),
+        ("mode: scale\nnegate: 0", [100, 77, 0, 0]),
+        ("mode: raw\nnegate: 0", [0, 100, -1, -1]),
+    ],
+)
+def test_pictures_are_read_by_the_rules_of_map_server(tmp_path, keys, cells):
+    greys = {"trinary": [0, 100, 205, 254], "scale": [0, 115, 205, 254]}
+    row = greys["scale" if "scale" in keys else "trinary"]
+    (tmp_path / "a.pgm").write_bytes(b"P5\n# a comment\n4 1\n255\n" + bytes(row))
+    (tmp_path / "a.yaml").write_text(
+        f"image: a.pgm\nresolution: 0.1\norigin: [-1.0, 2.0, 0.0]\n{keys}\n"
+        "occupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    )
+    grid = load_picture(tmp_path / "a.yaml")
+    assert isinstance(grid, OccupancyGrid)
+    assert (grid.resolution, grid.origin) == (0.1, (-1.0, 2.0))
+    assert grid.cells.tolist() == [cells]
+
+
+@pytest.mark.parametrize(
+    ("yaml", "picture", "cause"),
+    [
+        ("image: a.pgm\nresolution: 0.1\n", b"P5 1 1 255\n0", "origin is missing"),
+        ("- 1\n", b"", "no table"),
+        ("image: b.pgm\n", b"", "b.pgm"),
+        ("image: a.pgm\n", b"P2 1 1 255\n0", "no binary pgm"),
+        ("image: a.pgm\n", b"P5 10000 10000 255\n", "16,000,000"),
+        ("image: a.pgm\n", b"P5 10 10 255\n0", "of 100 bytes"),
+    ],
+)
+def test_what_is_no_map_of_map_server_is_refused(tmp_path, yaml, picture, cause):
+    (tmp_path / "a.yaml").write_text(yaml)
+    (tmp_path / "a.pgm").write_bytes(picture)
+    with pytest.raises(RunError, match=cause):
+        load_picture(tmp_path / "a.yaml")
