@@ -47,10 +47,11 @@ def _show_list() -> None:
 
 
 @command.command()
-def next() -> None:
+@lesson_argument
+def next(name: str | None) -> None:
     """Show the next lesson; its files are written when they are not there yet."""
-    lesson = _lesson(None)
-    if _folder().progress(lesson).passed:
+    lesson = _lesson(name)
+    if name is None and _folder().progress(lesson).passed:
         click.echo("All lessons have passed.\n")
     path = _folder().begin(lesson)
     _show(lesson, path)
@@ -63,8 +64,10 @@ def next() -> None:
     "--repeat", "seed", type=click.IntRange(0), metavar="SEED", help="Begin with the run of SEED."
 )
 @click.option("--watch", is_flag=True, help="Check again each time a file is saved.")
+@exclusive("--solution", ("--watch",), "the solution does not change")
+@click.option("--solution", is_flag=True, help="Check the solution of the lesson, for its author.")
 @json_option
-def check(name: str | None, seed: int | None, watch: bool, as_json: bool) -> int:
+def check(name: str | None, seed: int | None, watch: bool, solution: bool, as_json: bool) -> int:
     """Check what you did, by simulated runs with values that are drawn anew each time.
 
     Your code runs with limits of time and memory, and sees only the files of the lesson.
@@ -73,17 +76,36 @@ def check(name: str | None, seed: int | None, watch: bool, as_json: bool) -> int
     """
     lesson = _lesson(name)
     folder = _folder()
+    if solution:
+        return _check_solution(lesson, seed, as_json)
     if not folder.has_begun(lesson):
         click.echo(f"Written: {folder.begin(lesson)}")
     if watch:
         return _watch(lesson, folder)
     verdict = _checked(lesson, folder, seed)
     if as_json:
-        found = verdict.finding
-        print_json({"lesson": lesson.name, "passed": verdict.passed, **found._asdict()})
+        _print_json(lesson, verdict)
     else:
         _print_verdict(lesson, folder, verdict)
     return 0 if verdict.passed else 1
+
+
+def _print_json(lesson: Lesson, verdict: LessonVerdict) -> None:
+    print_json({"lesson": lesson.name, "passed": verdict.passed, **verdict.finding._asdict()})
+
+
+def _check_solution(lesson: Lesson, seed: int | None, as_json: bool) -> int:
+    """Check the start, which must not pass, and the solution, which must."""
+    from diffbotctl.learn.check import check
+
+    start, solved = (check(lesson, lesson.source(kind), seed) for kind in ("start", "solution"))
+    if as_json:
+        _print_json(lesson, solved)
+    else:
+        result = "passes, which it must not" if start.passed else "does not pass, as it must not"
+        click.echo(f"start: {result}. {start.advice}".rstrip())
+        click.echo("solution: passes." if solved.passed else f"solution: {solved.finding.seen}")
+    return 0 if solved.passed and not start.passed else 1
 
 
 @command.command()

@@ -47,6 +47,18 @@ DRIVER_FILES = {
     "README.md": "driver_readme.md",
 }
 
+LESSON_FILES = {
+    "lesson.md": "lesson.md",
+    "check.yaml": "lesson_check.yaml",
+    "start/double.py": "lesson_start.py",
+    "start/double.yaml": "lesson_start.yaml",
+    "start/numbers.py": "lesson_numbers.py",
+    "check/judge.py": "lesson_judge.py",
+    "check/judge.yaml": "lesson_judge.yaml",
+    "check/numbers.py": "lesson_numbers.py",
+    "solution/double.py": "lesson_start.py",
+}
+
 PROGRAM_FILES = {
     "python": {"{name}.py": "program_python.py", "diffbot_program.py": "diffbot_program.py"},
     "c": {"{name}.c": "program_c.c", "diffbot_program.h": "diffbot_program.h"},
@@ -81,7 +93,7 @@ def part_options(command: Any) -> Any:
 
 @click.group(cls=CommandGroup)
 def command() -> None:
-    """Write a new robot, pipeline, trials, block, driver, message or program to start from."""
+    """Write a new robot, pipeline, trials, lesson, block or other part to start from."""
 
 
 @command.command()
@@ -181,6 +193,23 @@ def pipeline(name: str) -> None:
 def trials(name: str) -> None:
     """Write trials/NAME.yaml: simulated runs of a pipeline with faults, and what is expected."""
     write("trials", name)
+
+
+@command.command()
+@click.argument("name")
+def lesson(name: str) -> None:
+    """Write lessons/NAME: a lesson for `diffbotctl learn`, with its text, solution and judge."""
+    from diffbotctl.learn.course import LESSONS, ORDER
+
+    _check_word(name, "lesson")
+    if name in ORDER:
+        cause = f"'{name}' is the name of a lesson of diffbotctl"
+        raise _refused("E-NAME", name, cause, "choose another name")
+    for path, template in LESSON_FILES.items():
+        factor = "2.0 * " if path.startswith("solution") else ""
+        fields = {"Name": name.replace("_", " ").capitalize(), "factor": factor}
+        _write(LESSONS / name / path, template, fields)
+    click.echo(f"Now: diffbotctl learn check {name} --solution\n     diffbotctl learn next {name}")
 
 
 @command.command()

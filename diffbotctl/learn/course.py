@@ -1,4 +1,4 @@
-"""The lessons in their order: those of diffbotctl, then those of other packages."""
+"""The lessons in their order: of diffbotctl, of other packages, and of the present folder."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from diffbotctl.errors import Problem, UsageError, closest_match
 from diffbotctl.learn.lesson import CHECK_FILE, Lesson
 
 ENTRY_POINTS = "diffbotctl.lessons"
-OWN = "lessons"  # the shipped folder
+LESSONS = Path("lessons")  # the shipped folder, and that of a teacher in the present folder
 ORDER = (
     "talker",
     "parameters",
@@ -32,12 +32,17 @@ ORDER = (
 
 def lessons() -> list[Lesson]:
     """All lessons in order."""
-    found = [Lesson(lookup.folder(OWN) / name) for name in ORDER]
+    found = [Lesson(lookup.folder(LESSONS.name) / name) for name in ORDER]
     for entry in sorted(entry_points(group=ENTRY_POINTS)):
         spec = find_spec(entry.value)
         for folder in spec.submodule_search_locations or () if spec else ():
-            found += [Lesson(path.parent) for path in sorted(Path(folder).glob(f"*/{CHECK_FILE}"))]
-    return found
+            found += _lessons_in(Path(folder))
+    known = {lesson.name for lesson in found}
+    return found + [lesson for lesson in _lessons_in(LESSONS) if lesson.name not in known]
+
+
+def _lessons_in(folder: Path) -> list[Lesson]:
+    return [Lesson(path.parent) for path in sorted(folder.glob(f"*/{CHECK_FILE}"))]
 
 
 def find_lesson(text: str) -> Lesson:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from diffbotctl.cli.learn import command
+from diffbotctl.cli.new import command as new
 from diffbotctl.errors import UsageError
 from diffbotctl.learn.course import find_lesson, lessons
 from tests.command_result import invoke
@@ -69,3 +70,23 @@ def test_a_half_deleted_folder_and_a_name_that_is_wrong(folder):
     assert invoke(command)[0] is None
     with pytest.raises(UsageError, match="counter"):
         invoke(command, "check", "countr")
+
+
+def test_a_new_lesson_is_listed_judges_its_solution_and_passes_when_solved(folder):
+    assert "written: lessons/twice/lesson.md" in invoke(new, "lesson", "twice")[1]
+    assert invoke(command)[1].splitlines()[len(lessons()) - 1].split()[1] == "twice"
+    code, text = invoke(command, "check", "twice", "--solution")
+    assert code == 0 and text.startswith("start: does not pass") and "solution: passes." in text
+    assert "Your folder: learn/twice" in invoke(command, "next", "twice")[1]
+    path = folder / "twice" / "double.py"
+    assert "Each number has to be published twice" in invoke(command, "check", "twice")[1]
+    path.write_text(path.read_text().replace(", number.data", ", number.data + number.data"))
+    assert "twice: passed" in invoke(command, "check", "twice")[1]
+    solved = Path("lessons/twice/solution/double.py")
+    solved.write_text(solved.read_text().replace("2.0", "3.0"))
+    assert invoke(command, "check", "twice", "--solution")[0] == 1
+
+
+def test_a_new_lesson_does_not_take_the_name_of_another(folder):
+    with pytest.raises(UsageError, match="name of a lesson of diffbotctl"):
+        invoke(new, "lesson", "talker")
