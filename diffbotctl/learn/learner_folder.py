@@ -8,10 +8,12 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
+from diffbotctl.learn.course import lessons
 from diffbotctl.learn.lesson import Lesson
 
 FOLDER = Path("learn")  # in the present folder
 PROGRESS = "progress.json"
+CHECKED = "checked"  # below it
 
 
 class LessonProgress(NamedTuple):
@@ -33,7 +35,7 @@ class LearnerFolder:
 
     def checked(self, lesson: Lesson) -> Path:
         """Where the files of a run that failed are kept."""
-        return self.root / "checked" / lesson.name
+        return self.root / CHECKED / lesson.name
 
     def has_begun(self, lesson: Lesson) -> bool:
         """Whether the lesson's folder is there."""
@@ -87,3 +89,11 @@ class LearnerFolder:
         except (OSError, ValueError):
             return {}
         return found if isinstance(found, dict) else {}
+
+
+def lesson_of_file(path: Path) -> Lesson | None:
+    """The lesson of a file in a learner's folder; None for any other file."""
+    folder = path.resolve().parent
+    if folder.parent.name not in (FOLDER.name, CHECKED):
+        return None
+    return next((lesson for lesson in lessons() if lesson.name == folder.name), None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.config.load import load, load_robot
@@ -40,9 +41,12 @@ def model_of_run(status: Fields, robot: str | None) -> tuple[RobotModel, str]:
 
 def configuration_of_run(status: Fields) -> Configuration:
     """The files of a run, from the reply to `status`. Raises UserError, as on another computer."""
-    folder = Path(f"/proc/{status['pid']}/cwd")  # its relative paths begin there
-    pipeline, own = str(folder / status["pipeline"]), str(folder / status["robot"])
-    return load(pipeline, own)
+    return load(str(run_file(status, "pipeline")), str(run_file(status, "robot")))
+
+
+def run_file(status: Fields, kind: Literal["pipeline", "robot"]) -> Path:
+    """A file of a run, from the reply to `status`; its relative paths begin in its own folder."""
+    return Path(f"/proc/{status['pid']}/cwd") / str(status[kind])
 
 
 def urdf_of_run(status: Fields) -> str:

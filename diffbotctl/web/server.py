@@ -18,7 +18,8 @@ from diffbotctl.control_socket.address import EngineAddress
 from diffbotctl.control_socket.connection import TokenBucket
 from diffbotctl.control_socket.protocol import RefusalError
 from diffbotctl.errors import UserError
-from diffbotctl.ros2.robot_model import urdf_of_run
+from diffbotctl.learn.learner_folder import lesson_of_file
+from diffbotctl.ros2.robot_model import run_file, urdf_of_run
 from diffbotctl.ui.saved_view import ViewSettings
 from diffbotctl.web.certificate import ServerCertificate
 from diffbotctl.web.deadman import BEAT_PERIOD_S, BeatNumbers
@@ -119,6 +120,7 @@ class WebServer:
         application.router.add_post("/session", self._enter)
         application.router.add_get("/session", self._show_session)
         application.router.add_get("/robot.urdf", self._send_urdf)
+        application.router.add_get("/lesson.md", self._send_lesson)
         application.router.add_get("/view.json", self._send_view)
         application.router.add_get(f"/{FILE_NAME}", self._send_view_file)
         application.router.add_get("/{file:.*}", self._send_asset)
@@ -177,6 +179,17 @@ class WebServer:
         if not text:
             raise RequestRefusalError(404, "this run has no robot")
         return web.Response(text=text, content_type="application/xml", headers=HEADERS)
+
+    async def _send_lesson(self, request: web.Request) -> web.StreamResponse:
+        """The text of the lesson to which the run's pipeline belongs; empty without one."""
+        self._require_session(request)
+        try:
+            pipeline = run_file(await self.feed.status(), "pipeline")
+            lesson = await asyncio.to_thread(lesson_of_file, pipeline)
+            text = "" if lesson is None else lesson.text
+        except RefusalError as refusal:
+            raise RequestRefusalError(503, refusal.cause) from refusal
+        return web.Response(text=text, content_type="text/markdown", headers=HEADERS)
 
     async def _send_view(self, request: web.Request) -> web.StreamResponse:
         """The view that a page opens with, for a device with a session."""

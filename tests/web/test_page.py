@@ -10,6 +10,8 @@ from math import pi
 import pytest
 from PIL import Image, ImageChops
 
+from diffbotctl.learn.course import find_lesson
+from diffbotctl.learn.learner_folder import LearnerFolder
 from diffbotctl.time import SECOND
 from diffbotctl.web.server import load_assets
 from tests.sampling import by_day, each_once
@@ -589,3 +591,23 @@ def test_the_page_ends_with_its_run(tmp_path, browser):
         assert server.process.wait(timeout=60) == 0
         page.click("#stop")
         page.until("document.getElementById('notice').textContent.includes('does not reach')")
+
+
+def test_the_page_of_a_lesson_shows_its_text_beside_the_map(tmp_path, browser):
+    lesson = find_lesson("turtle_square")
+    path = LearnerFolder(tmp_path / "learn").begin(lesson) / "square.yaml"
+    with serving(tmp_path, run=(str(path), "--allow-programs")) as server:
+        page = browser.open_page(server.next_link())
+        page.until("document.body.dataset.view === 'lesson'")
+        assert page.evaluate("document.querySelector('#lesson h2').textContent") in lesson.text
+        assert "--dash" in page.evaluate("document.querySelector('#lesson pre').textContent")
+        for size, is_phone in (((1280, 800), False), (PHONE, True)):
+            page.resize(size, is_phone)
+            for shown in ("#map", "#lesson", "#stop"):
+                box = page.evaluate(
+                    f"(b => [b.width, b.height])(document.querySelector('{shown}')"
+                    ".getBoundingClientRect())"
+                )
+                assert min(box) > 60, (shown, size, box)
+        page.click("#view-map")
+        page.until("document.getElementById('lesson').offsetHeight === 0")

@@ -2,13 +2,14 @@
 
 import { Connection } from "./connection.js";
 import { Inside } from "./inside.js";
+import { loadLesson } from "./lesson.js";
 import { RunMap } from "./map.js";
 import { Pad } from "./pad.js";
 import { openSavedView, saveView } from "./saved_view.js";
 
 const NOTICE_MS = 6000;
 const QUESTION_MS = 700; // for which a question is shown before it takes an answer
-const VIEWS = ["drive", "map", "inside"];
+const VIEWS = ["drive", "map", "lesson", "inside"];
 const element = (id) => document.getElementById(id);
 const state = { role: null, allowedGoal: null, noticeTimer: null, connection: "connecting" };
 
@@ -209,4 +210,8 @@ addEventListener("keydown", (event) => {
   stop();
 });
 addEventListener("hashchange", () => location.hash.length > 1 && location.reload());
-connection.enter().then(() => openSavedView(map, inside.plots, showView));
+connection.enter().then(async () => {
+  element("view-lesson").hidden = !await loadLesson(element("lesson"));
+  if (!element("view-lesson").hidden) showView("lesson");
+  await openSavedView(map, inside.plots, showView);
+});
