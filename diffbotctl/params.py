@@ -10,7 +10,7 @@ import operator
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeVar, cast, get_args
+from typing import Any, NamedTuple, TypeVar, cast, get_args, overload
 
 from diffbotctl.units import UNITS, magnitude_max
 
@@ -166,17 +166,67 @@ def Param(  # noqa: N802 - reads as a declaration
     return cast(T, declaration)
 
 
+@overload
+def Number(
+    unit: str, interval: str, default: float | Required, help: str, reason: str = ...
+) -> float: ...
+@overload
+def Number(
+    unit: str, interval: str, default: None, help: str, reason: str = ...
+) -> float | None: ...
+def Number(  # noqa: N802 - reads as a declaration
+    unit: str, interval: str, default: Any, help: str, reason: str = ""
+) -> Any:
+    """Declare a number with its bounds as an interval, such as `[0, 0.5)` or `(0, inf)`.
+
+    A bracket includes the bound, a parenthesis excludes it; an empty text: any number. The default
+    None stands for `none` in the file. `unit`, `reason`: as for `Param`.
+    """
+    bounds = _bounds(interval, float)
+    is_none = default is None
+    return Param(
+        float, unit=unit, default=default, none=is_none, help=help, reason=reason, **bounds
+    )
+
+
+@overload
+def Count(interval: str, default: int | Required, help: str, reason: str = ...) -> int: ...
+@overload
+def Count(interval: str, default: None, help: str, reason: str = ...) -> int | None: ...
+def Count(  # noqa: N802 - reads as a declaration
+    interval: str, default: Any, help: str, reason: str = ""
+) -> Any:
+    """Declare a whole number; the arguments are those of `Number`."""
+    bounds = _bounds(interval, int)
+    return Param(int, default=default, none=default is None, help=help, reason=reason, **bounds)
+
+
+def _bounds(interval: str, kind: type[float] | type[int]) -> dict[str, Any]:
+    """The bounds of an interval by the names that `Param` gives them."""
+    if not interval:
+        return {}
+    ends = [end.strip() for end in interval[1:-1].split(",")]
+    names = (
+        "above" if interval[0] == "(" else "minimum",
+        "below" if interval[-1] == ")" else "maximum",
+    )
+    return {
+        name: kind(end) for name, end in zip(names, ends, strict=True) if end not in ("-inf", "inf")
+    }
+
+
 def Choice(  # noqa: N802 - reads as a declaration
-    options: Any, *, help: str, default: Any = REQUIRED, none: bool = False, live: bool = False
+    options: Any, default: Any = REQUIRED, help: str = "", *, live: bool = False
 ) -> Any:
     """Declare a setting that is one of the words of the Literal type `options`.
 
-    Annotate the attribute with the same type, so that mypy finds a misspelt word wherever it is
-    compared: `idle: IdleMode = Choice(IdleMode, default="coast", help="...")`.
+    The default None stands for `none` in the file. Annotate the attribute with the same type, so
+    that mypy finds a misspelt word wherever it is compared:
+    `idle: IdleMode = Choice(IdleMode, "coast", "At rest: ...")`.
     """
     choices = get_args(options)
-    kind = type(choices[0])
-    return Param(kind, choices=choices, default=default, none=none, live=live, help=help)
+    kind, is_none = type(choices[0]), default is None
+    return Param(kind, choices=choices, default=default, none=is_none, live=live, help=help)
 
 
 class Spread(NamedTuple):

@@ -13,7 +13,7 @@ from diffbotctl.device import DeviceDriver
 from diffbotctl.errors import Place, Problem
 from diffbotctl.estimation.geometry_deviation import may_have_wrong_slots
 from diffbotctl.messages import Range, Scan
-from diffbotctl.params import Choice, Param, Section
+from diffbotctl.params import REQUIRED, Choice, Number, Param, Section
 from diffbotctl.units import POSE_MAX
 
 SensorMessage = Literal["Volts", "Range", "Scan"]
@@ -31,25 +31,9 @@ class RobotUse(Section):
 class GoalEntry(Section):
     """A pose to reach, in the frame odom: the robot starts at 0, 0, heading along x."""
 
-    x = Param(
-        float,
-        unit="m",
-        default=0.0,
-        minimum=-POSE_MAX["m"],
-        maximum=POSE_MAX["m"],
-        help="x coordinate.",
-    )
-    y = Param(
-        float,
-        unit="m",
-        default=0.0,
-        minimum=-POSE_MAX["m"],
-        maximum=POSE_MAX["m"],
-        help="y coordinate.",
-    )
-    heading: float | None = Param(
-        float, unit="rad", none=True, default=None, help="Final heading; none: any."
-    )
+    x = Number("m", f"[{-POSE_MAX['m']}, {POSE_MAX['m']}]", 0.0, "x coordinate.")
+    y = Number("m", f"[{-POSE_MAX['m']}, {POSE_MAX['m']}]", 0.0, "y coordinate.")
+    heading = Number("rad", "", None, "Final heading; none: any.")
 
 
 class BlockEntry(Section):
@@ -64,9 +48,8 @@ class BlockEntry(Section):
     values: Any = Param(dict, key="with", default={}, help="Values of the block's parameters.")
     needs: SensorMessage | None = Choice(
         SensorMessage,
-        none=True,
-        default=None,
-        help="Leave the block out, and pass its input on, when no sensor of the robot and no "
+        None,
+        "Leave the block out, and pass its input on, when no sensor of the robot and no "
         "source has this message.",
     )
 
@@ -82,7 +65,7 @@ class ObstacleEntry(Section):
     """A round obstacle of the simulated world."""
 
     at = Param(tuple[float, float], unit="m", help="Centre: [x, y].")
-    radius = Param(float, unit="m", above=0.0, help="Radius.")
+    radius = Number("m", "(0, inf)", REQUIRED, "Radius.")
 
 
 class WorldEntry(Section):

@@ -170,10 +170,7 @@ class FaultEntry(Section):
         help="Ends after this time, or between [shortest, longest]; none: never.",
     )
     side: FaultSide | None = Choice(
-        FaultSide,
-        none=True,
-        default=None,
-        help="Which wheel; `either`: the seed draws one; none: both.",
+        FaultSide, None, "Which wheel; `either`: the seed draws one; none: both."
     )
     sensor: str | None = Param(
         str,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from copy import copy
 from math import pi
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 from diffbotctl.config.board_pins import BOARDS, SIMULATED
 from diffbotctl.config.imu_chips import IMU_CHIPS
@@ -18,7 +18,7 @@ from diffbotctl.geometry.distance_sensors import CUSTOM, ECHOES, SHARPS
 from diffbotctl.geometry.lidars import LIDARS
 from diffbotctl.links.diffbot_frames import SLOTS_MAXIMUM
 from diffbotctl.links.link_protocol import USB_BAUD
-from diffbotctl.params import Choice, Param, Pin, Section
+from diffbotctl.params import REQUIRED, Choice, Count, Number, Param, Pin, Required, Section
 
 RPM = 2 * pi / 60  # rad/s
 SIDES = ("left", "right")
@@ -45,6 +45,12 @@ CountedEdge = Literal["rising", "falling"]
 Polarity = Literal["unproven", "checked_by_hand", "calibrated"]
 
 
+def _pin(help: str, default: Required | None = None) -> Pin | None:
+    """Declare a pin of the board, or `none`."""
+    pin: Any = Param(Pin, none=True, default=default, help=help)
+    return cast("Pin | None", pin)
+
+
 class BoardSection(Section):
     """The microcontroller board."""
 
@@ -55,29 +61,23 @@ class BoardSection(Section):
         help="Board type; it decides what each pin can do. simulated: no board, the robot exists "
         "only in the simulator and all its pins are `none`.",
     )
-    telemetry = Param(
-        float, unit="Hz", default=38.0, minimum=1.0, maximum=100.0, help="Telemetry frame rate."
-    )
+    telemetry = Number("Hz", "[1, 100]", 38.0, "Telemetry frame rate.")
     edge_times = Param(
         bool, default=True, help="Report the time of each encoder's last edge besides its count."
     )
-    deadman = Param(
-        float,
-        unit="s",
-        default=0.3,
-        minimum=0.1,
-        maximum=0.5,
-        help="The board stops the motors when no valid command has arrived for this time.",
+    deadman = Number(
+        "s",
+        "[0.1, 0.5]",
+        0.3,
+        "The board stops the motors when no valid command has arrived for this time.",
         reason="a shorter time stops the robot between two commands, a longer one lets it drive on "
         "without any",
     )
-    stop_button: Pin | None = Param(
-        Pin, none=True, default=None, help="Pin of an emergency stop button."
-    )
+    stop_button = _pin("Pin of an emergency stop button.")
     supply: BoardSupply = Choice(
         BoardSupply,
-        default="vin",
-        help="Board supply: the battery at VIN, the motor driver's 5 V regulator, or USB.",
+        "vin",
+        "Board supply: the battery at VIN, the motor driver's 5 V regulator, or USB.",
     )
 
 
@@ -85,53 +85,37 @@ class LinkSection(Section):
     """The serial link between host and board."""
 
     protocol: Protocol = Choice(
-        Protocol,
-        default="diffbot",
-        help="Protocol: diffbot (our firmware) or rosserial (the book's firmware).",
+        Protocol, "diffbot", "Protocol: diffbot (our firmware) or rosserial (the book's firmware)."
     )
-    uart = Param(
-        int, default=1, minimum=0, maximum=3, help="Serial port of the board; 0 is the USB port."
-    )
+    uart = Count("[0, 3]", 1, "Serial port of the board; 0 is the USB port.")
     baud: BaudRate = Choice(
         BaudRate,
-        default=9600,
-        help="Baud rate of the port. A USB cable means 115200, also on the only port of an Uno or "
-        "Nano.",
+        9600,
+        "Baud rate of the port. A USB cable means 115200, also on the only port of an Uno or Nano.",
     )
     radio: Radio | None = Choice(
-        Radio,
-        none=True,
-        default=None,
-        help="Device on the port; default: HC-05, on port 0 the USB cable.",
+        Radio, None, "Device on the port; default: HC-05, on port 0 the USB cable."
     )
     level: LevelShift = Choice(
-        LevelShift,
-        default="divider",
-        help="Connection of the board's 5 V signal to the module's 3.3 V input.",
+        LevelShift, "divider", "Connection of the board's 5 V signal to the module's 3.3 V input."
     )
-    command_delay = Param(
-        float,
-        unit="s",
-        default=0.015,
-        minimum=0.0,
-        maximum=1.0,
-        help="Delay of a command from host to motor: serial line, radio, board loop.",
+    command_delay = Number(
+        "s",
+        "[0, 1]",
+        0.015,
+        "Delay of a command from host to motor: serial line, radio, board loop.",
     )
-    command_jitter = Param(
-        float,
-        unit="s",
-        default=0.0,
-        minimum=0.0,
-        maximum=0.1,
-        help="Standard deviation of command_delay; 0 when the board reports the time of effect.",
+    command_jitter = Number(
+        "s",
+        "[0, 0.1]",
+        0.0,
+        "Standard deviation of command_delay; 0 when the board reports the time of effect.",
     )
-    stamp_jitter = Param(
-        float,
-        unit="s",
-        default=0.0,
-        minimum=0.0,
-        maximum=0.1,
-        help="Standard deviation of telemetry times; 0 when the board stamps its frames.",
+    stamp_jitter = Number(
+        "s",
+        "[0, 0.1]",
+        0.0,
+        "Standard deviation of telemetry times; 0 when the board stamps its frames.",
     )
 
     @property
@@ -143,9 +127,9 @@ class LinkSection(Section):
 class WheelSection(Section):
     """One wheel."""
 
-    diameter = Param(float, unit="m", above=0.01, below=0.5, help="Rolling diameter.")
-    width = Param(float, unit="m", default=0.026, above=0.001, below=0.3, help="Tyre width.")
-    mass = Param(float, unit="kg", default=0.035, above=0.0, maximum=10.0, help="Mass.")
+    diameter = Number("m", "(0.01, 0.5)", REQUIRED, "Rolling diameter.")
+    width = Number("m", "(0.001, 0.3)", 0.026, "Tyre width.")
+    mass = Number("kg", "(0, 10]", 0.035, "Mass.")
 
 
 class SpeedLoopSection(Section):
@@ -154,37 +138,13 @@ class SpeedLoopSection(Section):
     It runs on the board, or on the host for a board that takes PWM duties.
     """
 
-    static = Param(
-        float,
-        unit="1",
-        default=0.10,
-        minimum=0.0,
-        maximum=0.75,
-        help="Duty that overcomes friction.",
+    static = Number("1", "[0, 0.75]", 0.1, "Duty that overcomes friction.")
+    speed = Number(
+        "", "(0, 0.75]", None, "Duty per rad/s above static; none: full duty at rated speed."
     )
-    speed: float | None = Param(
-        float,
-        none=True,
-        default=None,
-        above=0.0,
-        maximum=0.75,
-        help="Duty per rad/s above static; none: full duty at rated speed.",
-    )
-    proportional: float | None = Param(
-        float,
-        none=True,
-        default=None,
-        minimum=0.0,
-        maximum=0.75,
-        help="Duty per rad/s of speed error; none: as `speed`.",
-    )
-    integral: float | None = Param(
-        float,
-        none=True,
-        default=None,
-        minimum=0.0,
-        maximum=4.5,
-        help="Duty per rad of angle error; none: `speed` over 0.1 s.",
+    proportional = Number("", "[0, 0.75]", None, "Duty per rad/s of speed error; none: as `speed`.")
+    integral = Number(
+        "", "[0, 4.5]", None, "Duty per rad of angle error; none: `speed` over 0.1 s."
     )
 
 
@@ -197,84 +157,44 @@ class MotorSection(Section):
         default="l298n",
         help="Motor driver chip; none: simulated robots only.",
     )
-    rated = Param(
-        float,
-        unit="rad/s",
-        above=0.0,
-        default=100 * RPM,
-        help="Wheel speed at full duty and full battery.",
-    )
+    rated = Number("rad/s", "(0, inf)", 100 * RPM, "Wheel speed at full duty and full battery.")
     idle: IdleMode = Choice(
-        IdleMode, default="coast", help="At rest: turn freely, or brake by shorted windings."
+        IdleMode, "coast", "At rest: turn freely, or brake by shorted windings."
     )
-    enable: Pin | None = Param(
-        Pin, none=True, default=None, help="Pin of the driver's EN input; carries the PWM."
-    )
-    in1: Pin | None = Param(
-        Pin,
-        none=True,
-        help="Pin of the driver's first direction input, or first PWM input.",
-    )
-    in2: Pin | None = Param(
-        Pin,
-        none=True,
-        default=None,
-        help="Pin of its second direction input, or second PWM input; none: a driver with one.",
-    )
+    enable = _pin("Pin of the driver's EN input; carries the PWM.")
+    in1 = _pin("Pin of the driver's first direction input, or first PWM input.", REQUIRED)
+    in2 = _pin("Pin of its second direction input, or second PWM input; none: a driver with one.")
     pulses: PulsedPins | None = Choice(
         PulsedPins,
-        none=True,
-        default=None,
-        help="PWM on `inputs`, in1 and in2, so that the driver shorts the motor between the "
+        None,
+        "PWM on `inputs`, in1 and in2, so that the driver shorts the motor between the "
         "pulses, or on `enable`; none: on the inputs where driver and pins allow it.",
     )
-    standby: Pin | None = Param(
-        Pin, none=True, default=None, help="Pin of the driver's standby input, for both motors."
-    )
-    stall_current: float | None = Param(
-        float,
-        unit="A",
-        none=True,
-        default=None,
-        above=0.0,
-        below=100.0,
-        help="Current of the blocked motor at full battery; none: unknown, not checked.",
+    standby = _pin("Pin of the driver's standby input, for both motors.")
+    stall_current = Number(
+        "A",
+        "(0, 100)",
+        None,
+        "Current of the blocked motor at full battery; none: unknown, not checked.",
     )
     reversed = Param(
         bool, default=False, help="True when in1 high and in2 low turns the wheel backwards."
     )
-    lag = Param(
-        float,
-        unit="s",
-        default=0.1,
-        minimum=LAG_MIN_S,
-        below=2.0,
-        help="Time constant from duty to speed.",
-    )
+    lag = Number("s", f"[{LAG_MIN_S}, 2)", 0.1, "Time constant from duty to speed.")
     decay: Decay | None = Choice(
         Decay,
-        none=True,
-        default=None,
-        help="Current between two pulses of the driver: `slow`, the windings are shorted and the "
+        None,
+        "Current between two pulses of the driver: `slow`, the windings are shorted and the "
         "speed is linear in the duty; `fast`, they are open; none: unknown, odometry finds out.",
     )
-    friction: float | None = Param(
-        float,
-        unit="1",
-        none=True,
-        default=None,
-        minimum=0.0,
-        maximum=0.75,
-        help="Duty at which friction just stops a turning wheel; none: as loop.static.",
+    friction = Number(
+        "1",
+        "[0, 0.75]",
+        None,
+        "Duty at which friction just stops a turning wheel; none: as loop.static.",
     )
-    breakaway: float | None = Param(
-        float,
-        unit="1",
-        none=True,
-        default=None,
-        minimum=0.0,
-        maximum=1.0,
-        help="Duty at which a standing wheel begins to turn; none: unknown.",
+    breakaway = Number(
+        "1", "[0, 1]", None, "Duty at which a standing wheel begins to turn; none: unknown."
     )
     loop = Param(SpeedLoopSection, default=SpeedLoopSection(), help="Speed loop of the wheel.")
     bridge_share = 0.0
@@ -293,32 +213,24 @@ class EncoderSection(Section):
         default=1,
         help="Channels; two, A and B, show the direction; 0, also `encoder: none`: no encoder.",
     )
-    slots = Param(
-        int,
-        minimum=1,
-        maximum=SLOTS_MAXIMUM,
+    slots = Count(
+        f"[1, {SLOTS_MAXIMUM}]",
+        REQUIRED,
+        "Slots of the disc, or pulses of channel A, per turn of the wheel.",
         reason="the board keeps the counts per turn of a wheel in 16 bits",
-        help="Slots of the disc, or pulses of channel A, per turn of the wheel.",
     )
     counts_of_slot = 1
     """counts that the board makes of a slot; `fill_counts` sets it"""
-    edge: CountedEdge = Choice(CountedEdge, default="rising", help="Edge that is counted.")
-    glitch = Param(
-        float,
-        unit="s",
-        none=True,
-        default=None,
-        minimum=0.0,
-        maximum=0.05,
-        help="A level shorter than this is noise, and the edge at its end is not counted; default: "
+    edge: CountedEdge = Choice(CountedEdge, "rising", "Edge that is counted.")
+    glitch: Any = Number(  # `fill_glitch` sets the default
+        "s",
+        "[0, 0.05]",
+        None,
+        "A level shorter than this is noise, and the edge at its end is not counted; default: "
         "a quarter of the shortest level at the rated speed, at most 2 ms; none with two channels.",
     )
-    pin: Pin | None = Param(
-        Pin, none=True, help="Pin of the encoder's output, or channel A; needs an interrupt."
-    )
-    pin_b: Pin | None = Param(
-        Pin, none=True, default=None, help="Pin of channel B; none: one channel."
-    )
+    pin = _pin("Pin of the encoder's output, or channel A; needs an interrupt.", REQUIRED)
+    pin_b = _pin("Pin of channel B; none: one channel.")
     reversed = Param(
         bool,
         default=False,
@@ -340,14 +252,11 @@ class EncoderSection(Section):
         maximum=0.4,
         help="As slot_errors, for the edges counted backward, after open_share; empty: unknown.",
     )
-    open_share: float | None = Param(
-        float,
-        unit="1",
-        none=True,
-        default=None,
-        minimum=0.1,
-        maximum=0.9,
-        help="Share of a pitch between the edge counted forward and the one counted backward: the "
+    open_share = Number(
+        "1",
+        "[0.1, 0.9]",
+        None,
+        "Share of a pitch between the edge counted forward and the one counted backward: the "
         "pin keeps its level between them; none: unknown, about half.",
     )
 
@@ -369,29 +278,24 @@ class DriveSection(Section):
     """The two driven wheels. `wheel`, `motor` and `encoder` here apply to both sides."""
 
     type = Param(str, choices=("differential",), default="differential", help="Kind of drive.")
-    track = Param(float, unit="m", above=0.02, below=2.0, help="Distance between the tyre centres.")
-    wheelbase: float | None = Param(
-        float,
-        unit="m",
-        none=True,
-        default=None,
-        above=0.01,
-        below=2.0,
-        help="Distance of front and rear axle of a robot with four driven wheels, whose `track` is "
+    track = Number("m", "(0.02, 2)", REQUIRED, "Distance between the tyre centres.")
+    wheelbase = Number(
+        "m",
+        "(0.01, 2)",
+        None,
+        "Distance of front and rear axle of a robot with four driven wheels, whose `track` is "
         "the one at which it turns; none: two wheels.",
     )
-    slip = Param(
-        float,
-        unit="m",
-        default=0.0015,
-        minimum=0.0,
-        below=0.05,
-        help="Slip of each wheel: standard deviation after 1 m, growing with the square root.",
+    slip = Number(
+        "m",
+        "[0, 0.05)",
+        0.0015,
+        "Slip of each wheel: standard deviation after 1 m, growing with the square root.",
     )
     polarity: Polarity = Choice(
         Polarity,
-        default="unproven",
-        help="How it was verified that each motor turns its own wheel in the right direction.",
+        "unproven",
+        "How it was verified that each motor turns its own wheel in the right direction.",
     )
     wheel: Any = Param(WheelSection, shared=True, default=None, help="Values of both wheels.")
     motor: Any = Param(MotorSection, shared=True, default=None, help="Values of both motors.")
@@ -403,43 +307,18 @@ class DriveSection(Section):
 class MountSection(Section):
     """Pose of a sensor in the frame base_link."""
 
-    x = Param(float, unit="m", default=0.0, above=-2.0, below=2.0, help="Forward of the axle.")
-    y = Param(float, unit="m", default=0.0, above=-2.0, below=2.0, help="Left of the middle.")
-    z = Param(
-        float,
-        unit="m",
-        default=0.0,
-        above=-2.0,
-        below=2.0,
-        help="Above the axle; for drawings and the model.",
-    )
-    heading = Param(float, unit="rad", default=0.0, help="Direction; counter-clockwise from x.")
+    x = Number("m", "(-2, 2)", 0.0, "Forward of the axle.")
+    y = Number("m", "(-2, 2)", 0.0, "Left of the middle.")
+    z = Number("m", "(-2, 2)", 0.0, "Above the axle; for drawings and the model.")
+    heading = Number("rad", "", 0.0, "Direction; counter-clockwise from x.")
 
 
 class CurveSection(Section):
     """Curve of a Sharp distance sensor: volts = a / (distance + b) + c."""
 
-    a: float | None = Param(
-        float, none=True, default=None, above=0.0, maximum=50.0, help="Slope, in V m."
-    )
-    b: float | None = Param(
-        float,
-        unit="m",
-        none=True,
-        default=None,
-        minimum=0.0,
-        maximum=1.0,
-        help="Offset of the distance.",
-    )
-    c: float | None = Param(
-        float,
-        unit="V",
-        none=True,
-        default=None,
-        minimum=-5.0,
-        maximum=5.0,
-        help="Offset of the voltage.",
-    )
+    a = Number("", "(0, 50]", None, "Slope, in V m.")
+    b = Number("m", "[0, 1]", None, "Offset of the distance.")
+    c = Number("V", "[-5, 5]", None, "Offset of the voltage.")
 
 
 class SensorSection(Section):
@@ -451,12 +330,9 @@ class SensorSection(Section):
         help="Part name. sharp_custom: another Sharp, with near, reach and curve; overhead_camera: "
         "sees the actual pose from above.",
     )
-    pin: Pin | None = Param(
-        Pin,
-        none=True,
-        default=None,
-        help="Analog pin of its output; none: not read by the board, but by a source of the "
-        "pipeline or in the simulator.",
+    pin = _pin(
+        "Analog pin of its output; none: not read by the board, but by a source of the "
+        "pipeline or in the simulator."
     )
     device: str | None = Param(
         str,
@@ -470,38 +346,13 @@ class SensorSection(Section):
         default=False,
         help="Whether a lidar is mounted upside down. Its heading is that of its zero angle.",
     )
-    trigger: Pin | None = Param(
-        Pin, none=True, default=None, help="Pin of the trigger of an HC-SR04."
-    )
-    echo: Pin | None = Param(
-        Pin,
-        none=True,
-        default=None,
-        help="Pin of its echo; needs a pin change interrupt.",
-    )
+    trigger = _pin("Pin of the trigger of an HC-SR04.")
+    echo = _pin("Pin of its echo; needs a pin change interrupt.")
     level: EchoLevel = Choice(
-        EchoLevel,
-        default="direct",
-        help="Connection of its 5 V echo to the pin; a Pico needs the divider.",
+        EchoLevel, "direct", "Connection of its 5 V echo to the pin; a Pico needs the divider."
     )
-    near: float | None = Param(
-        float,
-        unit="m",
-        none=True,
-        default=None,
-        above=0.0,
-        below=1.0,
-        help="Smallest distance of a sharp_custom.",
-    )
-    reach: float | None = Param(
-        float,
-        unit="m",
-        none=True,
-        default=None,
-        above=0.0,
-        below=10.0,
-        help="Largest distance of a sharp_custom.",
-    )
+    near = Number("m", "(0, 1)", None, "Smallest distance of a sharp_custom.")
+    reach = Number("m", "(0, 10)", None, "Largest distance of a sharp_custom.")
     at = Param(MountSection, default=MountSection(), help="Pose on the robot.")
     curve = Param(CurveSection, default=CurveSection(), help="Curve; default: the data sheet's.")
 
@@ -522,120 +373,68 @@ class ImuSection(Section):
     )
     axes: ImuAxis = Choice(
         ImuAxis,
-        default="z",
-        help="The axis printed on the part that points up; with a minus sign: that points down.",
+        "z",
+        "The axis printed on the part that points up; with a minus sign: that points down.",
     )
     at = Param(MountSection, default=MountSection(), help="Pose on the robot.")
-    scale = Param(
-        float,
-        unit="1",
-        default=1.0,
-        minimum=0.9,
-        maximum=1.1,
-        help="True turn of the robot divided by the turn that the gyro measures.",
+    scale = Number(
+        "1", "[0.9, 1.1]", 1.0, "True turn of the robot divided by the turn that the gyro measures."
     )
 
 
 class CasterSection(Section):
     """The ball or caster that supports the robot besides its two wheels."""
 
-    x: float | None = Param(
-        float,
-        unit="m",
-        none=True,
-        default=None,
-        above=-2.0,
-        below=2.0,
-        help="Contact point, forward of the axle; none: near the end that is farther away.",
+    x = Number(
+        "m",
+        "(-2, 2)",
+        None,
+        "Contact point, forward of the axle; none: near the end that is farther away.",
     )
-    diameter = Param(float, unit="m", default=0.02, above=0.0, below=0.5, help="Ball diameter.")
-    mass = Param(float, unit="kg", default=0.02, above=0.0, maximum=10.0, help="Mass.")
+    diameter = Number("m", "(0, 0.5)", 0.02, "Ball diameter.")
+    mass = Number("kg", "(0, 10]", 0.02, "Mass.")
 
 
 class BodySection(Section):
     """The robot's outline, measured from the middle of the axle."""
 
-    front = Param(
-        float, unit="m", minimum=0.0, below=2.0, default=0.08, help="Reach forward of the axle."
-    )
-    back = Param(
-        float, unit="m", minimum=0.0, below=2.0, default=0.15, help="Reach backward of the axle."
-    )
-    width = Param(
-        float, unit="m", above=0.0, below=3.0, default=0.151, help="Total width with tyres."
-    )
-    height = Param(
-        float, unit="m", above=0.0, below=3.0, default=0.1, help="Height of the chassis."
-    )
-    clearance = Param(float, unit="m", above=0.0, below=1.0, default=0.02, help="Ground clearance.")
-    mass = Param(
-        float,
-        unit="kg",
-        above=0.0,
-        maximum=200.0,
-        default=0.7,
-        help="Mass without wheels and caster; used only by the model.",
-    )
+    front = Number("m", "[0, 2)", 0.08, "Reach forward of the axle.")
+    back = Number("m", "[0, 2)", 0.15, "Reach backward of the axle.")
+    width = Number("m", "(0, 3)", 0.151, "Total width with tyres.")
+    height = Number("m", "(0, 3)", 0.1, "Height of the chassis.")
+    clearance = Number("m", "(0, 1)", 0.02, "Ground clearance.")
+    mass = Number("kg", "(0, 200]", 0.7, "Mass without wheels and caster; used only by the model.")
     caster = Param(CasterSection, default=CasterSection(), help="Ball or caster.")
 
 
 class LimitsSection(Section):
     """Motion limits."""
 
-    speed = Param(
-        float, unit="m/s", minimum=0.005, default=0.3, help="Speed, forward and backward."
+    speed = Number("m/s", "[0.005, inf)", 0.3, "Speed, forward and backward.")
+    turn_rate = Number("rad/s", "[0.01, inf)", 4.0, "Turning speed.")
+    acceleration = Number(
+        "m/s2", f"[0.01, {GRIP_MAX_M_S2}]", 1.0, "Wheel acceleration.", reason=GRIP_REASON
     )
-    turn_rate = Param(float, unit="rad/s", minimum=0.01, default=4.0, help="Turning speed.")
-    acceleration = Param(
-        float,
-        unit="m/s2",
-        minimum=0.01,
-        maximum=GRIP_MAX_M_S2,
-        default=1.0,
-        help="Wheel acceleration.",
-        reason=GRIP_REASON,
-    )
-    braking = Param(
-        float,
-        unit="m/s2",
-        minimum=0.01,
-        maximum=GRIP_MAX_M_S2,
-        default=1.5,
-        help="Wheel deceleration.",
-        reason=GRIP_REASON,
+    braking = Number(
+        "m/s2", f"[0.01, {GRIP_MAX_M_S2}]", 1.5, "Wheel deceleration.", reason=GRIP_REASON
     )
 
 
 class BatterySection(Section):
     """The motor supply."""
 
-    full: float | None = Param(
-        float,
-        unit="V",
-        none=True,
-        default=None,
-        above=0.0,
-        maximum=60.0,
-        help="Voltage when full, for the wiring checks; none: not checked.",
+    full = Number(
+        "V", "(0, 60]", None, "Voltage when full, for the wiring checks; none: not checked."
     )
-    pin: Pin | None = Param(
-        Pin, none=True, default=None, help="Analog pin that measures it through a divider."
+    pin = _pin("Analog pin that measures it through a divider.")
+    divider = Number(
+        "1", "[1, 20]", None, "Battery voltage divided by the voltage at the pin; none: unknown."
     )
-    divider: float | None = Param(
-        float,
-        unit="1",
-        none=True,
-        default=None,
-        minimum=1.0,
-        maximum=20.0,
-        help="Battery voltage divided by the voltage at the pin; none: unknown.",
-    )
-    low = Param(
-        float,
-        unit="V",
-        minimum=0.0,
-        default=0.0,
-        help="Below it the battery is low: a warning, and a stop after 10 s; 0: never.",
+    low = Number(
+        "V",
+        "[0, inf)",
+        0.0,
+        "Below it the battery is low: a warning, and a stop after 10 s; 0: never.",
     )
 
 
@@ -665,10 +464,7 @@ class Calibrated(Section):
         str, none=True, default=None, help="Hash of the recording it was taken from."
     )
     pulses: PulsedPins | None = Choice(
-        PulsedPins,
-        none=True,
-        default=None,
-        help="Of a motor: the pulses it was measured with, for which alone it is used.",
+        PulsedPins, None, "Of a motor: the pulses it was measured with, for which alone it is used."
     )
     simulated = Param(
         bool,

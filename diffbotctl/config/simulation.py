@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 from diffbotctl.config.faults import FaultEntry
 from diffbotctl.links.diffbot_frames import SLOTS_MAXIMUM
-from diffbotctl.params import Choice, Param, Section
+from diffbotctl.params import Choice, Count, Number, Param, Section
 from diffbotctl.units import POSE_MAX
 
 # No gear motor of such a robot starts within less; a shorter one makes steps of no length.
@@ -37,29 +37,14 @@ class MotorTruth(Section):
         maximum=5.0,
         help="Range of the time constant from duty to speed; one value for both motors.",
     )
-    lag_spread = Param(
-        float,
-        default=0.05,
-        unit="1",
-        minimum=0.0,
-        maximum=0.5,
-        help="Largest relative deviation of each motor's lag from that value.",
+    lag_spread = Number(
+        "1", "[0, 0.5]", 0.05, "Largest relative deviation of each motor's lag from that value."
     )
-    gain_spread = Param(
-        float,
-        default=0.10,
-        unit="1",
-        minimum=0.0,
-        maximum=0.5,
-        help="Largest relative deviation of each motor's speed at full duty.",
+    gain_spread = Number(
+        "1", "[0, 0.5]", 0.1, "Largest relative deviation of each motor's speed at full duty."
     )
-    backlash = Param(
-        float,
-        default=0.0,
-        unit="rad",
-        minimum=0.0,
-        maximum=0.5,
-        help="Play between encoder and wheel, which each reversal crosses.",
+    backlash = Number(
+        "rad", "[0, 0.5]", 0.0, "Play between encoder and wheel, which each reversal crosses."
     )
     start_duty = Param(
         tuple[float, float],
@@ -69,26 +54,14 @@ class MotorTruth(Section):
         maximum=0.9,
         help="Range of the breakaway duty of a wheel at rest; one value for each motor.",
     )
-    keep_share = Param(
-        float,
-        default=0.8,
-        unit="1",
-        above=0.0,
-        maximum=1.0,
-        help="Duty that keeps a wheel turning, as a share of the breakaway duty.",
+    keep_share = Number(
+        "1", "(0, 1]", 0.8, "Duty that keeps a wheel turning, as a share of the breakaway duty."
     )
-    ripple = Param(
-        float,
-        default=0.02,
-        unit="1",
-        minimum=0.0,
-        maximum=0.5,
-        help="Amplitude of the torque ripple.",
-    )
+    ripple = Number("1", "[0, 0.5]", 0.02, "Amplitude of the torque ripple.")
     coasting: Coasting = Choice(
         Coasting,
-        default="linear",
-        help="Without drive: exponential decay, or a stop in finite time by dry friction, which "
+        "linear",
+        "Without drive: exponential decay, or a stop in finite time by dry friction, which "
         "the equations `torque` always have.",
     )
 
@@ -97,219 +70,88 @@ class EncoderTruth(Section):
     """Random spreads of the two slotted discs and their light barriers."""
 
     phase: SlotPhase = Choice(
-        SlotPhase, default="random", help="Position of the wheels within a slot at the start."
+        SlotPhase, "random", "Position of the wheels within a slot at the start."
     )
-    slot_spread = Param(
-        float,
-        default=0.03,
-        unit="1",
-        minimum=0.0,
-        maximum=0.15,
-        help="Standard deviation of a slot's position, in pitches.",
+    slot_spread = Number(
+        "1", "[0, 0.15]", 0.03, "Standard deviation of a slot's position, in pitches."
     )
-    duty_spread = Param(
-        float,
-        default=0.05,
-        unit="1",
-        minimum=0.0,
-        maximum=0.15,
-        help="Standard deviation of each disc's open share, about one half.",
+    duty_spread = Number(
+        "1", "[0, 0.15]", 0.05, "Standard deviation of each disc's open share, about one half."
     )
-    jitter = Param(
-        float,
-        default=50e-6,
-        unit="s",
-        minimum=0.0,
-        maximum=2e-3,
-        help="Standard deviation of an edge's delay.",
+    jitter = Number("s", "[0, 0.002]", 5e-05, "Standard deviation of an edge's delay.")
+    slots = Count(
+        f"[1, {SLOTS_MAXIMUM}]", None, "Actual slots of the discs; none: as the robot file states."
     )
-    slots: int | None = Param(
-        int,
-        none=True,
-        default=None,
-        minimum=1,
-        maximum=SLOTS_MAXIMUM,
-        help="Actual slots of the discs; none: as the robot file states.",
+    bounce = Number("s", "[0, 0.01]", 0.0, "Longest bounce of an edge; 0: none.")
+    covered = Count(
+        "[0, 1000]",
+        0,
+        "Slots of each one-channel disc that are covered by dirt: they give no pulse.",
     )
-    bounce = Param(
-        float,
-        default=0.0,
-        unit="s",
-        minimum=0.0,
-        maximum=0.01,
-        help="Longest bounce of an edge; 0: none.",
+    bounce_share = Number("1", "[0, 1]", 1.0, "Share of the edges that bounce.")
+    missed = Number(
+        "1", "[0, 0.5]", 0.0, "Share of the slots whose pulse does not reach the board."
     )
-    covered = Param(
-        int,
-        default=0,
-        minimum=0,
-        maximum=1000,
-        help="Slots of each one-channel disc that are covered by dirt: they give no pulse.",
-    )
-    bounce_share = Param(
-        float,
-        default=1.0,
-        unit="1",
-        minimum=0.0,
-        maximum=1.0,
-        help="Share of the edges that bounce.",
-    )
-    missed = Param(
-        float,
-        default=0.0,
-        unit="1",
-        minimum=0.0,
-        maximum=0.5,
-        help="Share of the slots whose pulse does not reach the board.",
-    )
-    doubled = Param(
-        float,
-        default=0.0,
-        unit="1",
-        minimum=0.0,
-        maximum=0.5,
-        help="Share of the counted edges that are followed by a second one.",
+    doubled = Number(
+        "1", "[0, 0.5]", 0.0, "Share of the counted edges that are followed by a second one."
     )
 
 
 class GeometryTruth(Section):
     """Errors of the geometry stated in the robot file."""
 
-    track_spread = Param(
-        float,
-        default=0.0,
-        unit="1",
-        minimum=0.0,
-        maximum=0.2,
-        help="Largest relative error of the track.",
-    )
-    diameter_spread = Param(
-        float,
-        default=0.0,
-        unit="1",
-        minimum=0.0,
-        maximum=0.2,
-        help="Largest relative error of each wheel's diameter.",
+    track_spread = Number("1", "[0, 0.2]", 0.0, "Largest relative error of the track.")
+    diameter_spread = Number(
+        "1", "[0, 0.2]", 0.0, "Largest relative error of each wheel's diameter."
     )
 
 
 class SensorTruth(Section):
     """Errors of one distance sensor."""
 
-    noise = Param(
-        float,
-        default=0.010,
-        unit="V",
-        minimum=0.0,
-        maximum=5.0,
-        help="Standard deviation of a reading.",
-    )
-    offset = Param(
-        float,
-        default=0.0,
-        unit="V",
-        minimum=-5.0,
-        maximum=5.0,
-        help="Constant error of the voltage.",
-    )
-    spread = Param(
-        float,
-        default=0.010,
-        unit="m",
-        minimum=0.0,
-        maximum=1.0,
-        help="Standard deviation of a laser scanner's distance.",
-    )
-    echo_spread = Param(
-        float,
-        default=0.003,
-        unit="m",
-        minimum=0.0,
-        maximum=1.0,
-        help="Standard deviation of an HC-SR04's distance.",
-    )
+    noise = Number("V", "[0, 5]", 0.01, "Standard deviation of a reading.")
+    offset = Number("V", "[-5, 5]", 0.0, "Constant error of the voltage.")
+    spread = Number("m", "[0, 1]", 0.01, "Standard deviation of a laser scanner's distance.")
+    echo_spread = Number("m", "[0, 1]", 0.003, "Standard deviation of an HC-SR04's distance.")
 
 
 class GyroTruth(Section):
     """Errors of the gyro."""
 
-    scale_spread = Param(
-        float,
-        default=0.03,
-        unit="1",
-        minimum=0.0,
-        maximum=0.1,
-        help="Largest relative error of its scale.",
+    scale_spread = Number("1", "[0, 0.1]", 0.03, "Largest relative error of its scale.")
+    noise = Number("rad/s", "[0, 0.01]", 8.7e-05, "Noise of the rate in a bandwidth of 1 Hz.")
+    bias = Number("rad/s", "[0, 0.3]", 0.02, "Largest rate that it measures at rest.")
+    drift = Number(
+        "rad/s",
+        "[0, 0.1]",
+        0.0035,
+        "Change of that rate while it warms up, with a time constant of 60 s.",
     )
-    noise = Param(
-        float,
-        default=8.7e-5,
-        unit="rad/s",
-        minimum=0.0,
-        maximum=0.01,
-        help="Noise of the rate in a bandwidth of 1 Hz.",
-    )
-    bias = Param(
-        float,
-        default=0.02,
-        unit="rad/s",
-        minimum=0.0,
-        maximum=0.3,
-        help="Largest rate that it measures at rest.",
-    )
-    drift = Param(
-        float,
-        default=0.0035,
-        unit="rad/s",
-        minimum=0.0,
-        maximum=0.1,
-        help="Change of that rate while it warms up, with a time constant of 60 s.",
-    )
-    tilt = Param(
-        float,
-        default=0.087,
-        unit="rad",
-        minimum=0.0,
-        maximum=0.5,
-        help="Angle of its axis from the vertical.",
-    )
+    tilt = Number("rad", "[0, 0.5]", 0.087, "Angle of its axis from the vertical.")
     axes: ImuAxis | None = Choice(
         ImuAxis,
-        none=True,
-        default=None,
-        help="Its axis that points up, or down with a minus sign; none: the one that the robot "
+        None,
+        "Its axis that points up, or down with a minus sign; none: the one that the robot "
         "file states.",
     )
-    acceleration_effect = Param(
-        float,
-        default=2e-4,
-        unit="rad/s",
-        minimum=0.0,
-        maximum=0.01,
-        help="Rate that an acceleration of 1 m/s2 adds, forward and to the side.",
+    acceleration_effect = Number(
+        "rad/s",
+        "[0, 0.01]",
+        0.0002,
+        "Rate that an acceleration of 1 m/s2 adds, forward and to the side.",
     )
 
 
 class Start(Section):
     """Pose of the robot in the simulated world at the start: the origin of the frame odom."""
 
-    x = Param(
-        float,
-        unit="m",
-        default=0.0,
-        minimum=-POSE_MAX["m"],
-        maximum=POSE_MAX["m"],
-        help="Position along the world's x axis.",
+    x = Number(
+        "m", f"[{-POSE_MAX['m']}, {POSE_MAX['m']}]", 0.0, "Position along the world's x axis."
     )
-    y = Param(
-        float,
-        unit="m",
-        default=0.0,
-        minimum=-POSE_MAX["m"],
-        maximum=POSE_MAX["m"],
-        help="Position along the world's y axis.",
+    y = Number(
+        "m", f"[{-POSE_MAX['m']}, {POSE_MAX['m']}]", 0.0, "Position along the world's y axis."
     )
-    heading = Param(float, unit="rad", default=0.0, help="Heading; counter-clockwise from x.")
+    heading = Number("rad", "", 0.0, "Heading; counter-clockwise from x.")
 
 
 class WiringTruth(Section):
@@ -317,57 +159,44 @@ class WiringTruth(Section):
 
     left: MotorWiring = Choice(
         MotorWiring,
-        default="plain",
-        help="Left motor: leads reversed, motors swapped, dead, or encoder pin floating.",
+        "plain",
+        "Left motor: leads reversed, motors swapped, dead, or encoder pin floating.",
     )
     right: MotorWiring = Choice(
         MotorWiring,
-        default="plain",
-        help="Right motor: leads reversed, motors swapped, dead, or encoder pin floating.",
+        "plain",
+        "Right motor: leads reversed, motors swapped, dead, or encoder pin floating.",
     )
     encoders: EncoderPlugs = Choice(
-        EncoderPlugs, default="plain", help="Whether the plugs of the two encoders are swapped."
+        EncoderPlugs, "plain", "Whether the plugs of the two encoders are swapped."
     )
     left_encoder: EncoderWiring = Choice(
         EncoderWiring,
-        default="plain",
-        help="Left encoder: light barrier dead, wire off, or its two channels exchanged.",
+        "plain",
+        "Left encoder: light barrier dead, wire off, or its two channels exchanged.",
     )
     right_encoder: EncoderWiring = Choice(
         EncoderWiring,
-        default="plain",
-        help="Right encoder: light barrier dead, wire off, or its two channels exchanged.",
+        "plain",
+        "Right encoder: light barrier dead, wire off, or its two channels exchanged.",
     )
 
 
 class BatteryTruth(Section):
     """The motor supply of the simulated robot."""
 
-    volts: float | None = Param(
-        float,
-        none=True,
-        default=None,
-        unit="V",
-        above=0.0,
-        maximum=60.0,
-        help="Voltage of the battery at rest: the motors' speed is in proportion to it; none: as "
+    volts = Number(
+        "V",
+        "(0, 60]",
+        None,
+        "Voltage of the battery at rest: the motors' speed is in proportion to it; none: as "
         "`battery.full` of the robot states, else 7.6 V.",
     )
-    divider_error = Param(
-        float,
-        default=0.0,
-        unit="1",
-        minimum=-0.3,
-        maximum=0.3,
-        help="Relative error of the voltage divider at the board's pin.",
+    divider_error = Number(
+        "1", "[-0.3, 0.3]", 0.0, "Relative error of the voltage divider at the board's pin."
     )
-    sag = Param(
-        float,
-        default=0.04,
-        unit="1",
-        minimum=0.0,
-        maximum=0.5,
-        help="Share of the voltage lost while both motors run at full duty.",
+    sag = Number(
+        "1", "[0, 0.5]", 0.04, "Share of the voltage lost while both motors run at full duty."
     )
 
 
@@ -376,8 +205,8 @@ class Simulation(Section):
 
     equations: Equations = Choice(
         Equations,
-        default="exponential",
-        help="Motion of the wheels: speeds that follow the duty exponentially, computed exactly; "
+        "exponential",
+        "Motion of the wheels: speeds that follow the duty exponentially, computed exactly; "
         "or, slower, torques, static friction, caster and inertia in steps of a millisecond.",
     )
     plant: Any = Param(
@@ -390,13 +219,11 @@ class Simulation(Section):
     motor = Param(MotorTruth, default=MotorTruth(), help="The gear motors.")
     encoder = Param(EncoderTruth, default=EncoderTruth(), help="The slotted discs.")
     geometry = Param(GeometryTruth, default=GeometryTruth(), help="Errors of the geometry.")
-    slip = Param(
-        float,
-        default=0.0005,
-        unit="m",
-        minimum=0.0,
-        maximum=SLIP_MAX_M,
-        help="Slip of each wheel: standard deviation after 1 m, growing with the square root.",
+    slip = Number(
+        "m",
+        f"[0, {SLIP_MAX_M}]",
+        0.0005,
+        "Slip of each wheel: standard deviation after 1 m, growing with the square root.",
     )
     battery = Param(BatteryTruth, default=BatteryTruth(), help="The motor supply.")
     sensors = Param(dict[str, SensorTruth], default={}, help="Errors of the sensors by name.")
