@@ -82,7 +82,7 @@ def test_the_drawing_in_the_hardware_page_is_what_wiring_draws(tmp_path):
     from diffbotctl.cli import wiring
 
     words = ["book_2wd", "--output", str(tmp_path / "wiring.svg")]
-    assert CliRunner().invoke(wiring.command, words).exit_code == 0
+    assert CliRunner().invoke(wiring.wiring, words).exit_code == 0
     assert (tmp_path / "wiring.svg").read_text() == (ROOT / "docs/wiring.svg").read_text(), (
         "run `diffbotctl wiring book_2wd --output docs/wiring.svg`"
     )

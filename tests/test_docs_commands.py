@@ -15,7 +15,7 @@ from pathlib import Path
 import click
 import pytest
 
-from diffbotctl.cli.main import COMMANDS, program
+from diffbotctl.cli.main import commands, program
 from diffbotctl.processes.real_time import prefer
 from tests.support.command_process import start_in_pipe
 from tests.support.terminal import Terminal
@@ -236,7 +236,7 @@ def read(words, where):
     """Read a command line as the program does, without running it."""
     if words[0].startswith("--"):
         words = words[1:]
-    assert words[0] in COMMANDS, f"{where}: there is no such command"
+    assert words[0] in commands(), f"{where}: there is no such command"
     command = program.get_command(None, words[0])
     rest = words[1:]
     while isinstance(command, click.Group) and rest and rest[0] in command.commands:

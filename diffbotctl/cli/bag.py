@@ -13,8 +13,9 @@ import click
 
 from diffbotctl.cli.bag_live import record, save
 from diffbotctl.cli.bag_play import play
+from diffbotctl.cli.command import argument, group, option
 from diffbotctl.cli.contradictions import check_span, exclusive, needs
-from diffbotctl.cli.options import CommandGroup, Quantity, force_option, json_option, output_option
+from diffbotctl.cli.options import FORCE, JSON, quantity_option
 from diffbotctl.cli.output import (
     CSV_MARK,
     check_overwrite,
@@ -32,20 +33,18 @@ if TYPE_CHECKING:
 recording_argument = click.argument("file", type=click.Path(path_type=Path))
 
 
-@click.group(cls=CommandGroup)
-def command() -> None:
+@group("Record", 2, "Recordings: record, save, info, plot, export, diff")
+def bag() -> None:
     """Record a running engine, play into one; inspect recordings: content, plots, differences."""
 
 
-command.add_command(record)
-command.add_command(save)
-command.add_command(play)
+bag.add_command(record)
+bag.add_command(save)
+bag.add_command(play)
 
 
-@command.command()
-@recording_argument
-@json_option
-def info(file: Path, as_json: bool) -> int:
+@bag.command()
+def info(file: Path, as_json: bool = JSON) -> int:
     """Show what is in the recording FILE, why its run ended, and whether it is complete."""
     from diffbotctl.recording.reader import recording_info
     from diffbotctl.ui import recording_text
@@ -73,10 +72,12 @@ def _info_record(info: RecordingInfo) -> dict[str, Any]:
     }
 
 
-@command.command()
-@recording_argument
-@output_option("The recovered file; default: FILE-recovered beside FILE.")
-def recover(file: Path, output: Path | None, force: bool) -> int:
+@bag.command()
+def recover(
+    file: Path,
+    output: Path | None = option("The recovered file; default: FILE-recovered beside FILE."),
+    force: bool = FORCE,
+) -> int:
     """Write what can be read of the damaged or unfinished recording FILE as a complete file."""
     from diffbotctl.recording.recover import recover
 
@@ -105,36 +106,29 @@ def _write_attachment(file: Path, name: str, output: Path | None, force: bool) -
     return 0
 
 
-@command.command()
+@bag.command()
 @exclusive("--attachment", ("FIELD", "--format", "--robot"), "an attached file is written as it is")
 @needs(("--force",), ("--output",), "it overwrites a file")
-@recording_argument
-@click.argument("fields", nargs=-1, metavar="[FIELD]...")
-@click.option("--attachment", metavar="NAME", help="Write this attached file: layout.json.")
-@click.option(
-    "--format",
-    "kind",
-    type=click.Choice(["csv", "rosbag2"]),
-    default="csv",
-    show_default=True,
-    help="A table, or a folder for ROS 2.",
-)
-@click.option(
-    "--output",
-    metavar="FILE",
-    type=click.Path(path_type=Path),
-    help="Write FILE.csv instead of standard output; the folder of a rosbag2.",
-)
-@force_option
-@click.option("--robot", metavar="ROBOT", help="rosbag2: robot file in place of the recorded one.")
 def export(
     file: Path,
-    fields: tuple[str, ...],
-    attachment: str | None,
-    kind: str,
-    output: Path | None,
-    force: bool,
-    robot: str | None,
+    fields: tuple[str, ...] = argument("[FIELD]..."),
+    attachment: str | None = option("Write this attached file: layout.json.", metavar="NAME"),
+    kind: str = option(
+        "--format",
+        "A table, or a folder for ROS 2.",
+        type=click.Choice(["csv", "rosbag2"]),
+        default="csv",
+        show_default=True,
+    ),
+    output: Path | None = option(
+        "Write FILE.csv instead of standard output; the folder of a rosbag2.",
+        metavar="FILE",
+        type=click.Path(path_type=Path),
+    ),
+    force: bool = FORCE,
+    robot: str | None = option(
+        "rosbag2: robot file in place of the recorded one.", metavar="ROBOT"
+    ),
 ) -> int:
     """Write the FIELDs of the recording FILE as CSV: odometry.odometry.x, or a whole topic.
 
@@ -198,23 +192,17 @@ def _cell(value: object) -> object:
     return "" if value is None else value
 
 
-@command.command()
+@bag.command()
 @exclusive("--output", ("--ascii",), "a picture has no characters")
 @needs(("--force",), ("--output",), "it overwrites a file")
-@click.argument("fields", nargs=-1, metavar="[FIELD]...")
-@recording_argument
-@click.option("--from", "begin", metavar="TIME", type=Quantity("s"), help="Start, such as 3s.")
-@click.option("--until", metavar="TIME", type=Quantity("s"), help="End.")
-@output_option("Write a picture: FILE.svg or FILE.png.")
-@click.option("--ascii", "ascii_only", is_flag=True, help="Draw with ASCII characters only.")
 def plot(
-    fields: tuple[str, ...],
-    file: Path,
-    begin: float | None,
-    until: float | None,
-    output: Path | None,
-    force: bool,
-    ascii_only: bool,
+    fields: tuple[str, ...] = argument("[FIELD]..."),
+    file: Path = argument(),
+    begin: float | None = quantity_option("s", "--from", "Start, such as 3s."),
+    until: float | None = quantity_option("s", "End."),
+    output: Path | None = option("Write a picture: FILE.svg or FILE.png."),
+    force: bool = FORCE,
+    ascii_only: bool = option("--ascii", "Draw with ASCII characters only."),
 ) -> int:
     """Plot the FIELDs of the recording FILE over time, in the terminal or into --output.
 
@@ -280,11 +268,8 @@ def _can_print_braille() -> bool:
     return True
 
 
-@command.command()
-@click.argument("one", type=click.Path(path_type=Path))
-@click.argument("other", type=click.Path(path_type=Path))
-@json_option
-def diff(one: Path, other: Path, as_json: bool) -> int:
+@bag.command()
+def diff(one: Path, other: Path, as_json: bool = JSON) -> int:
     """Show where the recordings ONE and OTHER first differ, by topic, and how their metrics do.
 
     Exit code: 0 the same, 1 different.

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from diffbotctl.cli.command import argument, option, subcommand
 from diffbotctl.cli.engine_client import WATCHER_NICENESS, attached
-from diffbotctl.cli.options import FILE, engine_option, for_option, force_option
+from diffbotctl.cli.options import ENGINE, FOR, FORCE
 from diffbotctl.cli.output import check_overwrite
 
 if TYPE_CHECKING:
@@ -25,20 +26,14 @@ SAVING_TIMEOUT_S = 10.0  # a slow SD card takes a second
 POLL_PERIOD_S = 0.05
 
 
-@click.command()
-@click.argument("topics", nargs=-1, metavar="[TOPIC]...")
-@click.option("--exclude", multiple=True, metavar="PATTERN", help="Leave topics out. Repeatable.")
-@click.option("--output", type=FILE, metavar="FILE", help="Default: ENGINE-DATE-TIME.mcap here.")
-@force_option
-@for_option
-@engine_option
+@subcommand()
 def record(
-    topics: tuple[str, ...],
-    exclude: tuple[str, ...],
-    output: Path | None,
-    force: bool,
-    duration: float | None,
-    engine: str | None,
+    topics: tuple[str, ...] = argument("[TOPIC]..."),
+    exclude: tuple[str, ...] = option("Leave topics out. Repeatable.", metavar="PATTERN"),
+    output: Path | None = option("Default: ENGINE-DATE-TIME.mcap here."),
+    force: bool = FORCE,
+    duration: float | None = FOR,
+    engine: str | None = ENGINE,
 ) -> int:
     """Record TOPICs of a running engine, or all, until Ctrl-C or the end of the run.
 
@@ -169,9 +164,8 @@ def _cannot_write(path: Path, error: OSError) -> Exception:
     return RunError(Problem("E-RECORD", str(path), cause, "give another file: --output"))
 
 
-@click.command()
-@engine_option
-def save(engine: str | None) -> int:
+@subcommand()
+def save(engine: str | None = ENGINE) -> int:
     """Save the last three minutes of a running engine, or the whole run if it is younger.
 
     The file goes to the folder of the black box on the engine's computer, which keeps the ten

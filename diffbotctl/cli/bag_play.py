@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
+from diffbotctl.cli.command import option, subcommand
 from diffbotctl.cli.engine_client import attached
-from diffbotctl.cli.options import engine_option, yes_option
+from diffbotctl.cli.options import ENGINE, YES
 from diffbotctl.time import SECOND
 
 if TYPE_CHECKING:
@@ -37,35 +38,22 @@ class PlayedSpan(NamedTuple):
         return length + (length / (self.messages - 1) if length else SECOND)
 
 
-@click.command()
-@click.argument("file", type=click.Path(path_type=Path))
-@click.option(
-    "--map",
-    "maps",
-    multiple=True,
-    required=True,
-    metavar="TOPIC=INPUT",
-    help="A recorded topic, and the input that gets its messages. Repeatable.",
-)
-@click.option(
-    "--rate",
-    type=click.FloatRange(0.01, 100.0),
-    default=1.0,
-    metavar="X",
-    help="X times the recorded speed.",
-)
-@click.option("--loop", is_flag=True, help="Begin again at the end, until Ctrl-C.")
-@click.option("--drive", is_flag=True, help="Also into inputs on which the robot's motion depends.")
-@yes_option
-@engine_option
+@subcommand()
 def play(
     file: Path,
-    maps: tuple[str, ...],
-    rate: float,
-    loop: bool,
-    drive: bool,
-    yes: bool,
-    engine: str | None,
+    maps: tuple[str, ...] = option(
+        "--map",
+        "A recorded topic, and the input that gets its messages. Repeatable.",
+        required=True,
+        metavar="TOPIC=INPUT",
+    ),
+    rate: float = option(
+        "X times the recorded speed.", type=click.FloatRange(0.01, 100.0), default=1.0, metavar="X"
+    ),
+    loop: bool = option("Begin again at the end, until Ctrl-C."),
+    drive: bool = option("Also into inputs on which the robot's motion depends."),
+    yes: bool = YES,
+    engine: str | None = ENGINE,
 ) -> int:
     """Play topics of the recording FILE into inputs that the running pipeline declares.
 

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from diffbotctl.cli.command import group, option
 from diffbotctl.cli.contradictions import refuse_before_subcommand
 from diffbotctl.cli.engine_client import attached, host, rate_text
-from diffbotctl.cli.options import CommandGroup, engine_option, json_option
+from diffbotctl.cli.options import ENGINE, JSON
 from diffbotctl.cli.output import print_json
 
 if TYPE_CHECKING:
@@ -23,15 +24,16 @@ MEASURING_TIMEOUT_S = 3.0  # a load is measured over 1 s
 POLL_PERIOD_S = 0.1
 
 
-@click.group(cls=CommandGroup, invoke_without_command=True)
-@click.option(
-    "--running", "--live", is_flag=True, help="The blocks of a running engine: rate, load, errors."
-)
-@json_option
-@engine_option
-@click.pass_context
-def command(ctx: click.Context, running: bool, as_json: bool, engine: str | None) -> int:
+@group("Look", 8, "List blocks", invoke_without_command=True)
+def blocks(
+    running: bool = option(
+        "--running", "--live", "The blocks of a running engine: rate, load, errors."
+    ),
+    as_json: bool = JSON,
+    engine: str | None = ENGINE,
+) -> int:
     """List the available blocks and drivers; `blocks show NAME` describes one."""
+    ctx = click.get_current_context()
     if ctx.invoked_subcommand is not None:
         refuse_before_subcommand(ctx)
         return 0
@@ -102,10 +104,8 @@ def _row_text(row: dict[str, Any]) -> str:
     ).rstrip()
 
 
-@command.command()
-@click.argument("name")
-@json_option
-def show(name: str, as_json: bool) -> int:
+@blocks.command()
+def show(name: str, as_json: bool = JSON) -> int:
     """Show the ports and parameters of the block or driver NAME, or of ./FILE.py:CLASS."""
     from diffbotctl.block import Block
     from diffbotctl.config import registry

@@ -7,14 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from diffbotctl.cli.options import (
-    CommandGroup,
-    Quantity,
-    json_option,
-    port_option,
-    robot_option,
-    yes_option,
-)
+from diffbotctl.cli.command import argument, group, option
+from diffbotctl.cli.options import JSON, ROBOT, YES, port_option, quantity_option
 from diffbotctl.cli.output import print_json
 
 if TYPE_CHECKING:
@@ -24,30 +18,26 @@ if TYPE_CHECKING:
     from diffbotctl.config.configuration import RobotFile
     from diffbotctl.config.robot import Robot
 
-search_time_option = click.option(
-    "--for",
-    "seconds",
-    default="10s",  # a module answers within one or two inquiries of 5.12 s each
-    show_default=True,
-    metavar="TIME",
-    type=Quantity("s", positive=True),
-    help="How long to search.",
+# A module answers within one or two inquiries of 5.12 s each.
+SEARCH_TIME = quantity_option(
+    "s", "--for", "How long to search.", positive=True, default="10s", show_default=True
 )
 LINKED = """\
 To drive over it:
     diffbotctl run goal --port {port}"""
 
 
-@click.group(cls=CommandGroup)
-def command() -> None:
+@group("Set up", 7, "Find, pair and test a Bluetooth module")
+def bluetooth() -> None:
     """Find and pair a Bluetooth module, test its link, change its rate."""
 
 
-@command.command()
-@search_time_option
-@click.option("--all", "everything", is_flag=True, help="List other devices too, such as phones.")
-@json_option
-def scan(seconds: float, everything: bool, as_json: bool) -> int:
+@bluetooth.command()
+def scan(
+    seconds: float = SEARCH_TIME,
+    everything: bool = option("--all", "List other devices too, such as phones."),
+    as_json: bool = JSON,
+) -> int:
     """List the serial modules in range. Exit code: 1 when there is none."""
     from diffbotctl.bluetooth.bluez import BluezService
 
@@ -77,12 +67,13 @@ def _line(found: NearbyModule) -> str:
     return f"{found.address}  {found.name:<16}  {strength:<8}  {kind:<11}  {paired}".rstrip()
 
 
-@command.command()
-@click.argument("address")
-@click.option("--pin", default="1234", show_default=True, help="The module's PIN.")
-@click.option("--again", is_flag=True, help="Remove an existing pairing first.")
-@search_time_option
-def pair(address: str, pin: str, again: bool, seconds: float) -> None:
+@bluetooth.command()
+def pair(
+    address: str,
+    pin: str = option("The module's PIN.", default="1234", show_default=True),
+    again: bool = option("Remove an existing pairing first."),
+    seconds: float = SEARCH_TIME,
+) -> None:
     """Pair with the module of ADDRESS; needed once."""
     from diffbotctl.bluetooth.bluez import BluezService, parse_port
 
@@ -101,19 +92,14 @@ def pair(address: str, pin: str, again: bool, seconds: float) -> None:
     click.echo(LINKED.format(port=port))
 
 
-@command.command()
-@click.argument("port")
-@robot_option
-@click.option(
-    "--for",
-    "seconds",
-    default="20s",
-    show_default=True,
-    metavar="TIME",
-    type=Quantity("s", positive=True),
-    help="How long to measure.",
-)
-def test(port: str, robot: str | None, seconds: float) -> None:
+@bluetooth.command()
+def test(
+    port: str,
+    robot: str | None = ROBOT,
+    seconds: float = quantity_option(
+        "s", "--for", "How long to measure.", positive=True, default="20s", show_default=True
+    ),
+) -> None:
     """Measure latency, jitter and loss of the link on PORT: an address, or any serial port.
 
     Meets the board, asks it questions, looks at its telemetry, and proposes rates for the robot
@@ -191,12 +177,13 @@ BY_HAND = """\
     link: {{baud: {now}}}"""
 
 
-@command.command()
-@click.argument("rate", type=click.Choice(["9600", "19200", "38400", "57600", "115200"]))
-@port_option("auto", only_board=True)
-@robot_option
-@yes_option
-def baud(rate: str, port: str, robot: str | None, yes: bool) -> int:
+@bluetooth.command()
+def baud(
+    rate: str = argument(type=click.Choice(["9600", "19200", "38400", "57600", "115200"])),
+    port: str = port_option("auto", only_board=True),
+    robot: str | None = ROBOT,
+    yes: bool = YES,
+) -> int:
     """Set an HC-05, wired to the board as the book has it, to RATE, the board and its file too.
 
     Leads through the module's AT mode: its button must be held while its power comes on. Exit code:

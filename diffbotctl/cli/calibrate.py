@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from diffbotctl.calibrate.runner import STEPS
 from diffbotctl.cli import calibrate_steps
 from diffbotctl.cli.calibrate_results import keep, require_consent, show_results, undo
+from diffbotctl.cli.calibrate_steps import CalibrateOptions
+from diffbotctl.cli.command import ANY_PATH, argument, group, option
 from diffbotctl.cli.contradictions import refuse_before_subcommand
-from diffbotctl.cli.options import CommandGroup, robot_option, yes_option
+from diffbotctl.cli.options import ROBOT, YES
 
 if TYPE_CHECKING:
     from diffbotctl.calibrate.dead_reckoning import Geometry, RecordedDrive
@@ -19,44 +21,38 @@ if TYPE_CHECKING:
     from diffbotctl.calibrate.log_reader import CountLog
 
 ENDS_SHOWN_MAX = 3
-A_FILE = click.Path(path_type=Path)
 
 
-@click.group(cls=CommandGroup, invoke_without_command=True)
-@calibrate_steps.common
-@click.option("--skip", multiple=True, type=click.Choice(list(STEPS)), help="Leave a step out.")
-@click.pass_context
-def command(context: click.Context, /, skip: tuple[str, ...], **options: Any) -> None:
+@group("Calibrate", 1, "Measure wheels, track, motors and sensors", invoke_without_command=True)
+def calibrate(
+    options: CalibrateOptions,
+    skip: tuple[str, ...] = option("Leave a step out.", type=click.Choice(list(STEPS))),
+) -> None:
     """Find out what the robot's dimensions really are: all steps in order, or one of them.
 
     encoders, motors, discs (wheels off the ground), distance, geometry, imu (on the floor), range,
     battery. Each announces what it will do and waits; any key stops it.
     """
+    context = click.get_current_context()
     if context.invoked_subcommand is not None:
         refuse_before_subcommand(context)
     else:
         names = [name for name in STEPS if name not in skip]
-        calibrate_steps.run(names, calibrate_steps.CalibrateOptions(**options))
+        calibrate_steps.run(names, options)
 
 
-for subcommand in (*calibrate_steps.COMMANDS, show_results, undo):
-    command.add_command(subcommand)
+for step in (*calibrate_steps.COMMANDS, show_results, undo):
+    calibrate.add_command(step)
 
 
-@command.command("from-log")
-@click.argument("files", nargs=-1, required=True, type=A_FILE, metavar="FILE...")
-@robot_option
-@click.option("--ends", type=A_FILE, help="CSV file with the end pose of each drive.")
-@click.option("--truth", type=A_FILE, multiple=True, help="CSV file of true poses; one a FILE.")
-@click.option("--save", is_flag=True, help="Write the result into the robot file.")
-@yes_option
+@calibrate.command("from-log")
 def from_log(
-    files: tuple[Path, ...],
-    robot: str | None,
-    ends: Path | None,
-    truth: tuple[Path, ...],
-    save: bool,
-    yes: bool,
+    files: tuple[Path, ...] = argument("FILE...", required=True),
+    robot: str | None = ROBOT,
+    ends: Path | None = option("CSV file with the end pose of each drive.", type=ANY_PATH),
+    truth: tuple[Path, ...] = option("CSV file of true poses; one a FILE.", type=ANY_PATH),
+    save: bool = option("Write the result into the robot file."),
+    yes: bool = YES,
 ) -> None:
     """Fit wheel diameters and track to recorded drives whose ends, or paths, are known.
 

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from diffbotctl.cli.options import robot_option
+from diffbotctl.cli.command import subcommand
+from diffbotctl.cli.options import ROBOT
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -94,9 +95,8 @@ def _agreed() -> bool:
     return click.confirm("Write this?", default=True)
 
 
-@click.command("show")
-@robot_option
-def show_results(robot: str | None) -> None:
+@subcommand("show")
+def show_results(robot: str | None = ROBOT) -> None:
     """List what was calibrated, how sure it is and how old, and what was not."""
     from datetime import UTC, datetime
 
@@ -134,9 +134,8 @@ def _grouped(rows: Sequence[CalibrationEntry]) -> Iterator[str]:
         yield ""
 
 
-@click.command()
-@robot_option
-def undo(robot: str | None) -> None:
+@subcommand()
+def undo(robot: str | None = ROBOT) -> None:
     """Bring the robot file back as it was before the last calibration. Repeat to go further."""
     from diffbotctl.calibrate.robot_file import undo as undone
     from diffbotctl.config.load import load_robot

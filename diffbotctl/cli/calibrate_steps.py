@@ -9,19 +9,20 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
 from diffbotctl.cli.calibrate_results import keep, own, require_consent
+from diffbotctl.cli.command import option, subcommand
 from diffbotctl.cli.options import (
-    answers_option,
+    ANSWERS,
+    ROBOT,
+    SEED,
+    YES,
     choice_option,
     number_option,
     port_option,
-    robot_option,
-    seed_option,
-    yes_option,
 )
 
 if TYPE_CHECKING:
@@ -40,35 +41,15 @@ FOLDER = Path("recordings")
 
 
 class CalibrateOptions(NamedTuple):
-    """The command-line options that all steps share."""
+    """The options that all steps share."""
 
-    robot: str | None
-    port: str
-    seed: int
-    answers: Path | None
-    yes: bool
-    dry_run: bool
-    fast: bool = False
-
-
-def common(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The options that every step has."""
-    options = (
-        robot_option,
-        port_option("auto"),
-        seed_option,
-        answers_option,
-        yes_option,
-        click.option("--dry-run", is_flag=True, help="Do not write the robot file."),
-        click.option(
-            "--fast",
-            is_flag=True,
-            help="On the simulator: ask only what no simulated hand can do or measure.",
-        ),
-    )
-    for option in reversed(options):
-        command = option(command)
-    return command
+    robot: str | None = ROBOT
+    port: str = port_option("auto")
+    seed: int = SEED
+    answers: Path | None = ANSWERS
+    yes: bool = YES
+    dry_run: bool = option("Do not write the robot file.")
+    fast: bool = option("On the simulator: ask only what no simulated hand can do or measure.")
 
 
 def run(names: Sequence[str], options: CalibrateOptions, **settings: object) -> None:
@@ -228,68 +209,58 @@ def _prompter(
     return TerminalPrompter(keyboard, tools, options.fast)
 
 
-@click.command("encoders")
-@common
-@number_option("--turns", 10, 1, 100, "Turns by hand in one go.")
-@number_option("--rolls", 3, 0, 20, "How often each wheel is turned by hand; 0: not at all.")
-def encoders(turns: int, rolls: int, **options: Any) -> None:
+@subcommand("encoders")
+def encoders(
+    options: CalibrateOptions,
+    turns: int = number_option(10, 1, 100, "Turns by hand in one go."),
+    rolls: int = number_option(3, 0, 20, "How often each wheel is turned by hand; 0: not at all."),
+) -> None:
     """Find out which wire is which, which way is forward, how many slots.
 
     Wheels off the ground. Pulses one motor at a time and asks which wheel turned; then the wheels
     are turned by hand. What settings can make up for goes into the robot file.
     """
-    run(["encoders"], CalibrateOptions(**options), turns=turns, rolls=rolls)
+    run(["encoders"], options, turns=turns, rolls=rolls)
 
 
-@click.command("motors")
-@common
-def motors(**options: Any) -> None:
+@subcommand("motors")
+def motors(options: CalibrateOptions) -> None:
     """Find out how the motors follow: dead band, speed, lag. Sets the speed loops.
 
     Wheels off the ground.
     """
-    run(["motors"], CalibrateOptions(**options))
+    run(["motors"], options)
 
 
-@click.command("distance")
-@common
-@number_option("--metres", 1.0, 0.2, 20, "How far it drives.")
-@number_option("--repeats", 5, 1, 50, "How often.")
-def distance(metres: float, repeats: int, **options: Any) -> None:
+@subcommand("distance")
+def distance(
+    options: CalibrateOptions,
+    metres: float = number_option(1.0, 0.2, 20, "How far it drives."),
+    repeats: int = number_option(5, 1, 50, "How often."),
+) -> None:
     """Drive a metre several times, by the tape: finds the size of the wheels."""
-    run(["distance"], CalibrateOptions(**options), metres=metres, repeats=repeats)
+    run(["distance"], options, metres=metres, repeats=repeats)
 
 
-@click.command("geometry")
-@common
-@choice_option(
-    "--how",
-    ("squares", "spin", "straight"),
-    "Squares find track and wheel ratio; a spin the track alone; straight runs the ratio alone.",
-)
-@click.option(
-    "--side",
-    type=click.FloatRange(0.3, 10),
-    help="Of the squares, in m, or length of the straight; what suits the track when left out.",
-)
-@click.option("--runs", type=click.IntRange(1, 50), help="How often each way round.")
-@click.option(
-    "--rounds",
-    type=click.IntRange(1, 5),
-    help="Rounds of squares; each corrects what the one before has left.",
-)
-@click.option(
-    "--read",
-    type=click.Choice(["places", "headings", "both"]),
-    help="What is measured of each square's end.",
-)
+@subcommand("geometry")
 def geometry(
-    how: str,
-    side: float | None,
-    runs: int | None,
-    rounds: int | None,
-    read: str | None,
-    **options: Any,
+    options: CalibrateOptions,
+    how: str = choice_option(
+        ("squares", "spin", "straight"),
+        "Squares find track and wheel ratio; a spin the track alone; straight runs the ratio "
+        "alone.",
+    ),
+    side: float | None = option(
+        "Of the squares, in m, or length of the straight; what suits the track when left out.",
+        type=click.FloatRange(0.3, 10),
+    ),
+    runs: int | None = option("How often each way round.", type=click.IntRange(1, 50)),
+    rounds: int | None = option(
+        "Rounds of squares; each corrects what the one before has left.", type=click.IntRange(1, 5)
+    ),
+    read: str | None = option(
+        "What is measured of each square's end.", type=click.Choice(["places", "headings", "both"])
+    ),
 ) -> None:
     """Find the track and the ratio of the wheels by driving what is then measured (UMBmark)."""
     names = {
@@ -306,59 +277,61 @@ def geometry(
         settings |= {name: value for name, value in given.items() if value is not None}
     elif rounds or read or (side and how == "spin"):
         raise click.UsageError(f"--how {how} has no such option: see --help.")
-    run(["geometry"], CalibrateOptions(**options), **settings)
+    run(["geometry"], options, **settings)
 
 
-@click.command("imu")
-@common
-@number_option("--turns", 10, 3, 50, "Turns on the spot in one go.")
-@number_option("--repeats", 1, 1, 20, "How often in each direction.")
-@click.option(
-    "--lift/--no-lift",
-    default=True,
-    help="Whether you lift the robot by hand, which shows that an axis points up or down.",
-)
-def imu(turns: int, repeats: int, lift: bool, **options: Any) -> None:
+@subcommand("imu")
+def imu(
+    options: CalibrateOptions,
+    turns: int = number_option(10, 3, 50, "Turns on the spot in one go."),
+    repeats: int = number_option(1, 1, 20, "How often in each direction."),
+    lift: bool = option(
+        "--lift/--no-lift",
+        "Whether you lift the robot by hand, which shows that an axis points up or down.",
+        default=True,
+    ),
+) -> None:
     """Find axis and scale of the gyro by turns on the spot.
 
     On the floor. It turns one to three times for the vertical axis; you lift its front and its left
     side by a hand's width; then it turns ten times to the left and ten times to the right, and asks
     for the heading at the end of each.
     """
-    run(["imu"], CalibrateOptions(**options), turns=turns, repeats=repeats, lift=lift)
+    run(["imu"], options, turns=turns, repeats=repeats, lift=lift)
 
 
-@click.command("discs")
-@common
-def discs(**options: Any) -> None:
+@subcommand("discs")
+def discs(options: CalibrateOptions) -> None:
     """Find out where the slots of both encoders' discs lie.
 
     Wheels off the ground. They turn forward and backward for some seconds; odometry finds the
     discs again by their pattern after each power-on.
     """
-    run(["discs"], CalibrateOptions(**options))
+    run(["discs"], options)
 
 
-@click.command("range")
-@common
-@click.option("--sensor", default="", help="Which distance sensor; the only one when left out.")
-@number_option("--seconds", 5.0, 1, 60, "How long the voltage is averaged at each distance.")
-def range_(sensor: str, seconds: float, **options: Any) -> None:
+@subcommand("range")
+def range_(
+    options: CalibrateOptions,
+    sensor: str = option("Which distance sensor; the only one when left out.", default=""),
+    seconds: float = number_option(
+        5.0, 1, 60, "How long the voltage is averaged at each distance."
+    ),
+) -> None:
     """Find the curve of a distance sensor, with a rule and a white card.
 
     Six distances from 4 to 30 cm. Nothing moves.
     """
-    run(["range"], CalibrateOptions(**options), sensor=sensor, seconds=seconds)
+    run(["range"], options, sensor=sensor, seconds=seconds)
 
 
-@click.command("battery")
-@common
-def battery(**options: Any) -> None:
+@subcommand("battery")
+def battery(options: CalibrateOptions) -> None:
     """Find the ratio of the battery's divider with a meter, and the limit below which it is low.
 
     Nothing moves.
     """
-    run(["battery"], CalibrateOptions(**options))
+    run(["battery"], options)
 
 
 COMMANDS = (encoders, motors, discs, distance, geometry, imu, range_, battery)

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from diffbotctl.cli.options import json_option, robot_option, set_option
+from diffbotctl.cli.command import argument, command, option
+from diffbotctl.cli.options import JSON, ROBOT, SETS
 from diffbotctl.cli.output import print_json, problem_record
 
 if TYPE_CHECKING:
@@ -17,14 +18,13 @@ if TYPE_CHECKING:
 SIMILAR_CODES_MAX = 12  # that are listed for a part of a code
 
 
-@click.command()
-@click.argument("files", nargs=-1, metavar="[FILE]...")
-@robot_option
-@set_option
-@click.option("--real", is_flag=True, help="Also warn about what matters on a real robot only.")
-@json_option
+@command("Files", 2, "Check files")
 def check(
-    files: tuple[str, ...], robot: str | None, sets: tuple[str, ...], real: bool, as_json: bool
+    files: tuple[str, ...] = argument("[FILE]..."),
+    robot: str | None = ROBOT,
+    sets: tuple[str, ...] = SETS,
+    real: bool = option("Also warn about what matters on a real robot only."),
+    as_json: bool = JSON,
 ) -> int:
     """Check robot, pipeline and trials files, or names. Nothing is started.
 
@@ -147,10 +147,8 @@ def _count_text(count: int, noun: str) -> str:
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
-@click.command()
-@click.argument("code", required=False)
-@json_option
-def explain(code: str | None, as_json: bool) -> int:
+@command("Files", 3, "; explain an error code")
+def explain(code: str | None, as_json: bool = JSON) -> int:
     """Explain the error CODE, such as E-PIN-PWM; without CODE, list all codes."""
     from diffbotctl.codes import code_texts
     from diffbotctl.ui.text import render_columns

@@ -10,16 +10,15 @@ import click
 from click.shell_completion import CompletionItem, get_completion_class
 
 from diffbotctl.cli import COMPLETING, live_names
+from diffbotctl.cli.command import argument, command
 from diffbotctl.printable import keep_lines
 
 Values = Callable[[click.Context], Iterable[str]]
 PORTS = ("sim", "emulated", "auto")
 
 
-@click.command()
-@click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
-@click.pass_context
-def command(ctx: click.Context, shell: str) -> None:
+@command("Set up", 9, "Print the completion script of a shell")
+def completion(shell: str = argument(type=click.Choice(["bash", "zsh", "fish"]))) -> None:
     """Print what SHELL needs to complete diffbotctl's words.
 
     \b
@@ -30,6 +29,7 @@ def command(ctx: click.Context, shell: str) -> None:
     fish  diffbotctl completion fish \\
             > ~/.config/fish/completions/diffbotctl.fish
     """
+    ctx = click.get_current_context()
     kind = get_completion_class(shell)
     assert kind is not None
     keep_lines(sys.stdout)

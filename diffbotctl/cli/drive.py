@@ -11,15 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from diffbotctl.cli.command import NEGATIVE_NUMBERS, NumbersCommand, argument, command, option
 from diffbotctl.cli.contradictions import is_typed, refuse_pair
 from diffbotctl.cli.engine_client import attached, held_by
-from diffbotctl.cli.options import (
-    NEGATIVE_NUMBERS,
-    NumbersCommand,
-    Quantity,
-    engine_option,
-    for_option,
-)
+from diffbotctl.cli.options import ENGINE, FOR, Quantity, quantity_option
 from diffbotctl.printable import write_raw
 
 if TYPE_CHECKING:
@@ -140,38 +135,29 @@ def braking_ratio(remaining: float, speed: float, braking: float) -> float:
     return min(1.0, max(SPEED_RATIO_MIN, sqrt(2.0 * braking * remaining) / speed))
 
 
-@click.command(cls=NumbersCommand, context_settings=NEGATIVE_NUMBERS)
-@click.option(
-    "--speed",
-    "--v",
-    "linear",
-    type=Quantity("m/s"),
-    default="0",
-    metavar="SPEED",
-    help="Forward speed, such as 0.2 or 20cm/s.",
+@command(
+    "Drive",
+    4,
+    "; drive for a time, distance or angle",
+    cls=NumbersCommand,
+    context_settings=NEGATIVE_NUMBERS,
 )
-@click.option(
-    "--turn",
-    "--w",
-    "angular",
-    type=Quantity("rad/s"),
-    default="0",
-    metavar="RATE",
-    help="Turning speed, positive to the left, such as 45deg/s.",
-)
-@for_option
-@click.option("--distance", type=Quantity("m"), metavar="LENGTH", help="Stop after this distance.")
-@click.option("--angle", type=Quantity("rad"), metavar="ANGLE", help="Stop after this turn.")
-@click.option("--take-over", is_flag=True, help="Drive even if another client is driving.")
-@engine_option
 def drive(
-    linear: float,
-    angular: float,
-    duration: float | None,
-    distance: float | None,
-    angle: float | None,
-    take_over: bool,
-    engine: str | None,
+    linear: float = quantity_option(
+        "m/s", "--speed", "--v", "Forward speed, such as 0.2 or 20cm/s.", default="0"
+    ),
+    angular: float = quantity_option(
+        "rad/s",
+        "--turn",
+        "--w",
+        "Turning speed, positive to the left, such as 45deg/s.",
+        default="0",
+    ),
+    duration: float | None = FOR,
+    distance: float | None = quantity_option("m", "Stop after this distance."),
+    angle: float | None = quantity_option("rad", "Stop after this turn."),
+    take_over: bool = option("Drive even if another client is driving."),
+    engine: str | None = ENGINE,
 ) -> int:
     """Drive by hand, for 1 s unless --for, --distance or --angle is given.
 
@@ -296,13 +282,13 @@ def _drive_progress(
     if not is_typed(context, "--speed") and not is_typed(context, "--turn"):
         fix = "give --speed, such as --speed 0.1, or --turn, such as --turn 45deg/s"
         raise click.UsageError(f"without a speed the robot does not move: {fix}")
-    for end, name, speed, option in (
+    for end, name, speed, sign in (
         (distance, "--distance", linear, "--speed"),
         (angle, "--angle", angular, "--turn"),
     ):
         if end is not None and end * speed < 0.0:
-            cause = f"{name} and {option} have opposite signs"
-            raise click.UsageError(f"{cause}: the sign of {option} is the direction")
+            cause = f"{name} and {sign} have opposite signs"
+            raise click.UsageError(f"{cause}: the sign of {sign} is the direction")
     if distance is None and angle is None and duration is None:
         duration = DEFAULT_DURATION_S
     metres, radians = (None if end is None else abs(end) for end in (distance, angle))
@@ -349,16 +335,20 @@ class GotoCommand(NumbersCommand):
         return super().parse_args(context, args)
 
 
-@click.command(
+@command(
+    "Drive",
+    3,
+    "Drive to a pose",
     cls=GotoCommand,
     context_settings=NEGATIVE_NUMBERS,
     options_metavar="[OPTIONS] [ENGINE]",
 )
-@click.argument("x", type=Quantity("m"))
-@click.argument("y", type=Quantity("m"))
-@click.argument("heading", type=Quantity("rad"), required=False)
-@engine_option
-def goto(x: float, y: float, heading: float | None, engine: str | None) -> int:
+def goto(
+    x: float = argument(type=Quantity("m")),
+    y: float = argument(type=Quantity("m")),
+    heading: float | None = argument(type=Quantity("rad")),
+    engine: str | None = ENGINE,
+) -> int:
     """Drive to X Y and turn to HEADING, such as 0.5 0 90deg or 50cm 0 1.57rad.
 
     ENGINE is the name of a robot, as after --engine; only needed when several are running.

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl.cli.command import command, option
 from diffbotctl.cli.contradictions import exclusive
-from diffbotctl.cli.options import FILE, robot_object, seed_option
+from diffbotctl.cli.options import ROBOT_OBJECT, SEED
 
 if TYPE_CHECKING:
     from diffbotctl.config.robot import Robot
@@ -22,17 +23,16 @@ Now, from another terminal:
 Ctrl-C ends the board."""
 
 
-@click.command()
+@command("Run", 3, "Start a virtual board that runs the real firmware")
 @exclusive("--blank", ("--hex",), "a blank board has no program")
-@click.option("--blank", is_flag=True, help="Start with the stock bootloader only.")
-@click.option(
-    "--hex", "image", metavar="FILE", type=FILE, help="Run this program instead of the firmware."
-)
-@click.option("--world", metavar="PIPELINE", help="Use the walls of this pipeline.")
-@seed_option
-@robot_object
-def command(
-    robot: str | None, blank: bool, image: Path | None, world: str | None, seed: int
+def emulate(
+    blank: bool = option("Start with the stock bootloader only."),
+    image: Path | None = option(
+        "--hex", "Run this program instead of the firmware.", metavar="FILE"
+    ),
+    world: str | None = option("Use the walls of this pipeline.", metavar="PIPELINE"),
+    seed: int = SEED,
+    robot: str | None = ROBOT_OBJECT,
 ) -> None:
     """Start a virtual board that runs the real firmware, wired to the simulated ROBOT.
 

@@ -8,8 +8,9 @@ from typing import Any, NamedTuple
 
 import click
 
+from diffbotctl.cli.command import command, option
 from diffbotctl.cli.engine_client import held_by
-from diffbotctl.cli.options import json_option
+from diffbotctl.cli.options import JSON
 from diffbotctl.cli.output import print_json
 
 HERE = ""
@@ -26,16 +27,13 @@ class EngineRow(NamedTuple):
     state: str
 
 
-@click.command()
-@click.option(
-    "--at",
-    "hosts",
-    multiple=True,
-    metavar="USER@HOST",
-    help="Also ask this computer, through ssh. Repeatable.",
-)
-@json_option
-def command(hosts: tuple[str, ...], as_json: bool) -> int:
+@command("Look", 3, "List the running engines")
+def engines(
+    hosts: tuple[str, ...] = option(
+        "--at", "Also ask this computer, through ssh. Repeatable.", metavar="USER@HOST"
+    ),
+    as_json: bool = JSON,
+) -> int:
     """List the engines that you may command, here and on other computers, and their states.
 
     Exit code: 1 when a computer or an engine did not answer.

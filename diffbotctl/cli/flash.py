@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from diffbotctl.cli.options import FILE, number_option, port_option, robot_option, yes_option
+from diffbotctl.cli.command import argument, command, option
+from diffbotctl.cli.options import ROBOT, YES, number_option, port_option
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -29,32 +30,22 @@ to link: {{protocol: diffbot}} before the next run."""
 INTERRUPTED = "\nInterrupted. The bootloader is intact: run `flash firmware` again at any time."
 
 
-@click.command()
-@click.argument("what", type=click.Choice(["firmware"]))
-@port_option("auto", only_board=True)
-@robot_option
-@click.option(
-    "--programmer",
-    type=click.Choice(["built-in", "avrdude"]),
-    default="built-in",
-    show_default=True,
-    help="The program that speaks to the bootloader.",
-)
-@click.option(
-    "--backup", metavar="FILE", type=FILE, help="First save the board's present program to FILE."
-)
-@click.option(
-    "--hex", "image", metavar="FILE", type=FILE, help="Write this program instead of the firmware."
-)
-@yes_option
+@command("Set up", 3, "Write the firmware to the board")
 def flash(
-    what: str,
-    port: str,
-    robot: str | None,
-    programmer: str,
-    backup: Path | None,
-    image: Path | None,
-    yes: bool,
+    what: str = argument(type=click.Choice(["firmware"])),
+    port: str = port_option("auto", only_board=True),
+    robot: str | None = ROBOT,
+    programmer: str = option(
+        "The program that speaks to the bootloader.",
+        type=click.Choice(["built-in", "avrdude"]),
+        default="built-in",
+        show_default=True,
+    ),
+    backup: Path | None = option("First save the board's present program to FILE."),
+    image: Path | None = option(
+        "--hex", "Write this program instead of the firmware.", metavar="FILE"
+    ),
+    yes: bool = YES,
 ) -> None:
     """Write the firmware through the board's bootloader, verify it, and send the settings.
 
@@ -149,11 +140,12 @@ def _show_progress(events: Iterable[JobEvent]) -> None:
             bars.update(tasks[event.what], completed=event.done)
 
 
-@click.command()
-@port_option("auto", only_board=True)
-@robot_option
-@number_option("--times", 10, 1, 1000, "How often the light blinks.")
-def blink(port: str, robot: str | None, times: int) -> None:
+@command("Set up", 4, "; blink its light")
+def blink(
+    port: str = port_option("auto", only_board=True),
+    robot: str | None = ROBOT,
+    times: int = number_option(10, 1, 1000, "How often the light blinks."),
+) -> None:
     """Connect to the board and blink its light: board, cable and port work. No motor moves."""
     from diffbotctl.cli.choose_port import choose_port
     from diffbotctl.config.load import load_robot

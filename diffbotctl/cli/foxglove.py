@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl.cli.command import command, option
 from diffbotctl.cli.engine_client import host
-from diffbotctl.cli.options import engine_option
-from diffbotctl.cli.tcp_server import require_packages, tcp_port_option
+from diffbotctl.cli.options import ENGINE, tcp_port_option
+from diffbotctl.cli.packages import require_packages
 
 if TYPE_CHECKING:
     from diffbotctl.foxglove.commands import Command
@@ -19,23 +20,21 @@ if TYPE_CHECKING:
 TCP_PORT = 8765  # that viewers propose
 
 
-@click.command()
-@click.option(
-    "--allow",
-    metavar="LIST",
-    default="",
-    help="What viewers may publish: goal, velocity, or both with a comma between.",
-)
-@click.option(
-    "--origin",
-    "origins",
-    multiple=True,
-    metavar="URL",
-    help="Also accept a viewer that is a web page of this origin, such as http://localhost:8080.",
-)
-@tcp_port_option(TCP_PORT, "TCP port for viewers.")
-@engine_option
-def command(allow: str, origins: tuple[str, ...], tcp_port: int, engine: str | None) -> int:
+@command("Drive", 7, "; to Foxglove")
+def foxglove(
+    allow: str = option(
+        "What viewers may publish: goal, velocity, or both with a comma between.",
+        metavar="LIST",
+        default="",
+    ),
+    origins: tuple[str, ...] = option(
+        "--origin",
+        "Also accept a viewer that is a web page of this origin, such as http://localhost:8080.",
+        metavar="URL",
+    ),
+    tcp_port: int = tcp_port_option(TCP_PORT, "TCP port for viewers."),
+    engine: str | None = ENGINE,
+) -> int:
     """Serve a running engine to Foxglove and Lichtblick on this machine.
 
     Prints the address to open in the viewer; it carries a secret. Without --allow viewers watch,

@@ -9,15 +9,10 @@ from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl.cli.command import command, option
 from diffbotctl.cli.contradictions import exclusive, needs
 from diffbotctl.cli.engine_client import attached, host, rate_text
-from diffbotctl.cli.options import (
-    engine_option,
-    json_option,
-    output_option,
-    robot_option,
-    set_option,
-)
+from diffbotctl.cli.options import ENGINE, FORCE, JSON, ROBOT, SETS
 from diffbotctl.cli.output import print_json, write_output
 from diffbotctl.printable import keep_lines
 from diffbotctl.render.graph_layout import Wire, dot_lines, mermaid_lines
@@ -35,33 +30,23 @@ TREE_COLUMNS_MAX = 1000  # more than a pipeline has levels and names
 SILENCE_MESSAGES_MIN = 20  # after so many messages, a wire without a rate is marked as silent
 
 
-@click.command()
+@command("Look", 9, "; draw a pipeline")
 @exclusive("--running", OF_FILES, OF_AN_ENGINE)
 @exclusive("--engine", OF_FILES, OF_AN_ENGINE)
 @exclusive("--at", OF_FILES, OF_AN_ENGINE)
 @exclusive("--output", ("--json", "--mermaid"), "each is another form of the graph")
 @exclusive("--json", ("--mermaid",), "each is another form of the graph")
 @needs(("--force",), ("--output",), "it overwrites a file")
-@click.argument("pipeline", required=False)
-@click.option(
-    "--running", "--live", is_flag=True, help="The graph of a running engine, with rates."
-)
-@engine_option
-@robot_option
-@set_option
-@click.option("--mermaid", is_flag=True, help="Print a Mermaid diagram.")
-@output_option("Write a picture: FILE.svg, .dot (Graphviz) or .mmd (Mermaid).")
-@json_option
-def command(
+def graph(
     pipeline: str | None,
-    running: bool,
-    engine: str | None,
-    robot: str | None,
-    sets: tuple[str, ...],
-    mermaid: bool,
-    output: Path | None,
-    force: bool,
-    as_json: bool,
+    running: bool = option("--running", "--live", "The graph of a running engine, with rates."),
+    engine: str | None = ENGINE,
+    robot: str | None = ROBOT,
+    sets: tuple[str, ...] = SETS,
+    mermaid: bool = option("Print a Mermaid diagram."),
+    output: Path | None = option("Write a picture: FILE.svg, .dot (Graphviz) or .mmd (Mermaid)."),
+    force: bool = FORCE,
+    as_json: bool = JSON,
 ) -> int:
     """Draw the blocks and wires of PIPELINE, with the nodes that are added to it."""
     if running or engine is not None or host():

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl.cli.command import argument, group, option
 from diffbotctl.cli.contradictions import exclusive
-from diffbotctl.cli.options import CommandGroup, json_option
+from diffbotctl.cli.options import JSON
 from diffbotctl.cli.output import print_json
 
 if TYPE_CHECKING:
@@ -19,17 +20,17 @@ if TYPE_CHECKING:
     from diffbotctl.learn.lesson import Lesson
 
 LOOK_PERIOD_S = 0.3  # between two looks at the files, with --watch
-lesson_argument = click.argument("name", required=False, metavar="[LESSON]")
+LESSON = argument("[LESSON]")
 
 
-@click.group(cls=CommandGroup, invoke_without_command=True)
-@click.pass_context
-def command(context: click.Context) -> None:
+@group("Set up", 2, "; lessons that check themselves", invoke_without_command=True)
+def learn() -> None:
     """Learn diffbotctl along the book's chapters: lessons that check what you did.
 
     Each lesson is a folder below ./learn with files of yours. LESSON is its name or number;
     default: the first that has not passed yet.
     """
+    context = click.get_current_context()
     if context.invoked_subcommand is None:
         _show_list()
 
@@ -46,9 +47,8 @@ def _show_list() -> None:
     click.echo("\nGo on with: diffbotctl learn next")
 
 
-@command.command()
-@lesson_argument
-def next(name: str | None) -> None:
+@learn.command()
+def next(name: str | None = LESSON) -> None:
     """Show the next lesson; its files are written when they are not there yet."""
     lesson = _lesson(name)
     if name is None and _folder().progress(lesson).passed:
@@ -57,17 +57,18 @@ def next(name: str | None) -> None:
     _show(lesson, path)
 
 
-@command.command()
-@lesson_argument
+@learn.command()
 @exclusive("--watch", ("--json",), "it prints until Ctrl-C")
-@click.option(
-    "--repeat", "seed", type=click.IntRange(0), metavar="SEED", help="Begin with the run of SEED."
-)
-@click.option("--watch", is_flag=True, help="Check again each time a file is saved.")
 @exclusive("--solution", ("--watch",), "the solution does not change")
-@click.option("--solution", is_flag=True, help="Check the solution of the lesson, for its author.")
-@json_option
-def check(name: str | None, seed: int | None, watch: bool, solution: bool, as_json: bool) -> int:
+def check(
+    name: str | None = LESSON,
+    seed: int | None = option(
+        "--repeat", "Begin with the run of SEED.", type=click.IntRange(0), metavar="SEED"
+    ),
+    watch: bool = option("Check again each time a file is saved."),
+    solution: bool = option("Check the solution of the lesson, for its author."),
+    as_json: bool = JSON,
+) -> int:
     """Check what you did, by simulated runs with values that are drawn anew each time.
 
     Your code runs with limits of time and memory, and sees only the files of the lesson.
@@ -108,9 +109,8 @@ def _check_solution(lesson: Lesson, seed: int | None, as_json: bool) -> int:
     return 0 if solved.passed and not start.passed else 1
 
 
-@command.command()
-@lesson_argument
-def hint(name: str | None) -> None:
+@learn.command()
+def hint(name: str | None = LESSON) -> None:
     """Show a hint; each time one more."""
     lesson, folder = _lesson(name), _folder()
     hints, progress = lesson.section.hints, folder.progress(lesson)
@@ -124,9 +124,8 @@ def hint(name: str | None) -> None:
     folder.note(lesson, progress._replace(hints=shown))
 
 
-@command.command()
-@lesson_argument
-def reset(name: str | None) -> None:
+@learn.command()
+def reset(name: str | None = LESSON) -> None:
     """Begin a lesson again; your files are kept in ./learn/backups."""
     lesson, folder = _lesson(name), _folder()
     backup = folder.reset(lesson)
@@ -135,9 +134,8 @@ def reset(name: str | None) -> None:
     click.echo(f"Begun again: {folder.of(lesson)}")
 
 
-@command.command()
-@lesson_argument
-def solution(name: str | None) -> None:
+@learn.command()
+def solution(name: str | None = LESSON) -> None:
     """Show one solution of a lesson."""
     lesson = _lesson(name)
     files = [lesson.source("solution") / file for file in lesson.section.files]
@@ -148,9 +146,8 @@ def solution(name: str | None) -> None:
             click.echo(f"{path.name} comes from your own hands; `learn hint` helps.")
 
 
-@command.command("class")
-@click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path))
-def class_table(folders: tuple[Path, ...]) -> None:
+@learn.command("class")
+def class_table(folders: tuple[Path, ...] = argument(required=True)) -> None:
     """Show which lessons have passed in the FOLDERS of several learners."""
     from diffbotctl.learn.course import lessons
     from diffbotctl.learn.learner_folder import FOLDER, LearnerFolder

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from diffbotctl.cli.command import argument, group, option
 from diffbotctl.cli.contradictions import exclusive, refuse_before_subcommand
 from diffbotctl.cli.engine_client import WATCHER_NICENESS, attached
-from diffbotctl.cli.options import CommandGroup, engine_option, for_option, json_option
+from diffbotctl.cli.options import ENGINE, FOR, JSON
 from diffbotctl.cli.output import print_json
 from diffbotctl.messages import LOG_LEVELS, LogLine
 from diffbotctl.printable import printable, write_raw
@@ -23,43 +24,30 @@ if TYPE_CHECKING:
 COLOURS = {"debug": "bright_black", "warning": "yellow", "error": "red"}
 
 
-@click.group(cls=CommandGroup, invoke_without_command=True)
+@group("Look", 7, "; follow the log", invoke_without_command=True)
 @exclusive("--once", ("--for",), "the earlier lines need no time limit")
-@click.option(
-    "--level",
-    type=click.Choice(LOG_LEVELS),
-    default="debug",
-    show_default=True,
-    help="Lowest level shown.",
-)
-@click.option("--block", help="Only lines of this block; also robot, operator or engine.")
-@click.option(
-    "--last",
-    metavar="N",
-    type=click.IntRange(0, 500),
-    default=50,
-    show_default=True,
-    help="Number of earlier lines printed first.",
-)
-@click.option("--once", is_flag=True, help="Print the earlier lines and end.")
-@for_option
-@json_option
-@engine_option
-@click.pass_context
-def command(
-    ctx: click.Context,
-    level: str,
-    block: str | None,
-    last: int,
-    once: bool,
-    duration: float | None,
-    as_json: bool,
-    engine: str | None,
+def log(
+    level: str = option(
+        "Lowest level shown.", type=click.Choice(LOG_LEVELS), default="debug", show_default=True
+    ),
+    block: str | None = option("Only lines of this block; also robot, operator or engine."),
+    last: int = option(
+        "Number of earlier lines printed first.",
+        metavar="N",
+        type=click.IntRange(0, 500),
+        default=50,
+        show_default=True,
+    ),
+    once: bool = option("Print the earlier lines and end."),
+    duration: float | None = FOR,
+    as_json: bool = JSON,
+    engine: str | None = ENGINE,
 ) -> int:
     """Follow the log of a running engine.
 
     Blocks log from level info; `log level guard debug` lowers that of one block.
     """
+    ctx = click.get_current_context()
     if ctx.invoked_subcommand is not None:
         refuse_before_subcommand(ctx)
         return 0
@@ -108,11 +96,10 @@ def _print_line(line: dict[str, Any]) -> None:
     sys.stdout.flush()
 
 
-@command.command()
-@click.argument("block")
-@click.argument("level", type=click.Choice(LOG_LEVELS))
-@engine_option
-def level(block: str, level: str, engine: str | None) -> int:
+@log.command()
+def level(
+    block: str, level: str = argument(type=click.Choice(LOG_LEVELS)), engine: str | None = ENGINE
+) -> int:
     """Set a block's log level while it runs; '*' is every block.
 
     The change is recorded, so that a replay has the same log.

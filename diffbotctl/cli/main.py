@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import signal
 import sys
+from functools import cache
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
@@ -34,87 +37,52 @@ INTERRUPTED = 130  # exit code, as shells use it
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
-class HelpRow(NamedTuple):
-    """A row of --help: commands, what each does, and the modules that have them.
-
-    The help stands here so that --help need not import the commands. One module may have all of
-    the row, or the command the name of its module.
-    """
-
-    commands: str
-    help: str
-    modules: str = ""
-
-    def entries(self) -> list[tuple[str, str, str]]:
-        """Name, module and help of each command."""
-        names = self.commands.split(", ")
-        modules = self.modules.split(", ") if self.modules else names
-        modules = modules * len(names) if len(modules) == 1 else modules
-        texts = self.help.split("; ", len(names) - 1)
-        return list(zip(names, modules, texts, strict=True))
-
-
-GROUPS = {
-    "Set up": (
-        HelpRow("start, learn", "Guided setup; lessons that check themselves"),
-        HelpRow("flash, blink", "Write the firmware to the board; blink its light", "flash"),
-        HelpRow("ports, doctor", "List the serial ports; check this machine", "ports"),
-        HelpRow("bluetooth", "Find, pair and test a Bluetooth module"),
-        HelpRow("service", "Print a systemd unit that starts a run at boot"),
-        HelpRow("completion", "Print the completion script of a shell"),
-    ),
-    "Run": (
-        HelpRow("run, trials", "Run a pipeline, real or simulated; judge many runs"),
-        HelpRow("emulate", "Start a virtual board that runs the real firmware"),
-    ),
-    "Look": (
-        HelpRow("dash, web", "Show a running engine on one screen; on a page", "screens, web"),
-        HelpRow(
-            "engines, why", "List the running engines; explain why one stopped", "engines, stop"
-        ),
-        HelpRow(
-            "topic, types, log",
-            "Print messages; list message types; follow the log",
-            "topic, topic, log",
-        ),
-        HelpRow("blocks, graph", "List blocks; draw a pipeline"),
-        HelpRow("param, call", "Change parameters; call an action of a block", "param"),
-    ),
-    "Drive": (
-        HelpRow("stop, resume", "Stop the robot; allow it to move again", "stop"),
-        HelpRow("goto, drive", "Drive to a pose; drive for a time, distance or angle", "drive"),
-        HelpRow("teleop", "Drive with the keys", "screens"),
-        HelpRow("ros2, foxglove", "Connect a running engine to ROS 2; to Foxglove"),
-    ),
-    "Calibrate": (HelpRow("calibrate", "Measure wheels, track, motors and sensors"),),
-    "Record": (
-        HelpRow("replay", "Replay a recording, unchanged or changed"),
-        HelpRow("bag", "Recordings: record, save, info, plot, export, diff"),
-    ),
-    "Files": (
-        HelpRow("new", "Write a new robot, pipeline or block"),
-        HelpRow("check, explain", "Check files; explain an error code", "check"),
-        HelpRow(
-            "wiring, show", "Draw the wiring of a robot; draw the robot", "wiring, robot_model"
-        ),
-        HelpRow("frames, export", "Print coordinate frames; write URDF", "robot_model"),
-    ),
-}
+GROUPS = ("Set up", "Run", "Look", "Drive", "Calibrate", "Record", "Files")  # of commands
+DECLARED = re.compile(  # a command, as its module declares it by `cli.command`
+    r'^@(?:command|group)\(\s*"(.+?)",\s*(\d+),\s*"(.+?)"[^@]*?(?:^@[^@]*?)*?^def (\w+)\(', re.M
+)
 
 
 class CommandEntry(NamedTuple):
     """Where a command is, and its help."""
 
     module: str
+    group: str
+    place: int
     help: str
 
+    @property
+    def sentence(self) -> str:
+        """The help of this command alone."""
+        text = self.help.removeprefix("; ")
+        return f"{text[0].upper()}{text[1:]}."
 
-COMMANDS = {
-    name: CommandEntry(module, f"{text[0].upper()}{text[1:]}.")
-    for rows in GROUPS.values()
-    for row in rows
-    for name, module, text in row.entries()
-} | {"help": CommandEntry("main", "Show the help of a command.")}
+
+@cache
+def commands() -> dict[str, CommandEntry]:
+    """All commands, in the order of --help.
+
+    They are found in the text of the modules, so that --help need not import them.
+    """
+    found = {
+        match[4]: CommandEntry(path.stem, match[1], int(match[2]), match[3])
+        for path in Path(__file__).parent.glob("[a-z]*.py")
+        for match in DECLARED.finditer(path.read_text(encoding="utf-8"))
+    }
+    rows = sorted(found.items(), key=lambda row: (GROUPS.index(row[1].group), row[1].place))
+    return {**dict(rows), "help": CommandEntry("main", "", 0, "Show the help of a command")}
+
+
+def help_rows(group: str) -> list[tuple[str, str]]:
+    """The rows of a group: names, and what these commands do."""
+    rows: list[tuple[str, str]] = []
+    for name, entry in commands().items():
+        if entry.group == group and entry.help.startswith("; "):
+            names, text = rows[-1]
+            rows[-1] = f"{names}, {name}", f"{text}{entry.help}"
+        elif entry.group == group:
+            rows.append((name, entry.help))
+    return rows
 
 
 class LazyGroup(click.Group):
@@ -122,19 +90,19 @@ class LazyGroup(click.Group):
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """All commands, in the order of the table."""
-        return list(COMMANDS)
+        return list(commands())
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         """Import the module of the command."""
         if name == "help":
             return help_command
-        if name not in COMMANDS:
+        if name not in commands():
             return None
-        module = import_module(f"diffbotctl.cli.{COMMANDS[name].module}")
+        module = import_module(f"diffbotctl.cli.{commands()[name].module}")
         if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
             # From here on commands clean up on KeyboardInterrupt.
             signal.signal(signal.SIGINT, signal.default_int_handler)
-        command: click.Command = getattr(module, name, None) or module.command
+        command: click.Command = getattr(module, name)
         if COMPLETING in os.environ:
             from diffbotctl.cli.completion import teach
 
@@ -147,22 +115,22 @@ class LazyGroup(click.Group):
 
         options = click.Command.shell_complete(self, ctx, incomplete)
         return options + [
-            CompletionItem(name, help=entry.help)
-            for name, entry in COMMANDS.items()
+            CompletionItem(name, help=entry.sentence)
+            for name, entry in commands().items()
             if name.startswith(incomplete)
         ]
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """The rows of GROUPS; imports nothing."""
+        """The rows of all groups; imports nothing."""
         formatter.write_paragraph()
-        for group, rows in GROUPS.items():
-            for number, row in enumerate(rows):
+        for group in GROUPS:
+            for number, (names, text) in enumerate(help_rows(group)):
                 title = "" if number else group
-                formatter.write(f"{title:<9} {row.commands:<17} {row.help}\n")
+                formatter.write(f"{title:<9} {names:<17} {text}\n")
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         """As click does; names the closest command when there is none."""
-        if args and args[0] not in COMMANDS and not args[0].startswith("-"):
+        if args and args[0] not in commands() and not args[0].startswith("-"):
             raise _unknown_command(args)
         return super().resolve_command(ctx, args)
 
@@ -171,7 +139,7 @@ def _commands_in_groups(name: str) -> list[str]:
     """The commands called `name` of all groups, such as `topic echo`."""
     found = []
     context = click.Context(program)
-    for group_name in COMMANDS:
+    for group_name in commands():
         group = program.get_command(context, group_name)
         if isinstance(group, click.Group) and name in group.commands:
             found.append(f"{group_name} {name}")
@@ -187,7 +155,7 @@ def _unknown_command(words: list[str]) -> Exception:
     if error is not None:
         return error
     meant = OTHER_WORDS.get(words[0].lower())
-    near = [meant] if meant else get_close_matches(words[0], COMMANDS, n=1)
+    near = [meant] if meant else get_close_matches(words[0], commands(), n=1)
     inside = _commands_in_groups(words[0])
     hint = "See diffbotctl --help."
     if near or inside:
@@ -210,7 +178,7 @@ def program(debug: bool) -> None:
 @click.pass_context
 def help_command(ctx: click.Context, words: tuple[str, ...]) -> None:
     """Show the help of COMMAND, such as `help run` or `help topic echo`."""
-    from diffbotctl.cli.options import CommandGroup
+    from diffbotctl.cli.command import CommandGroup
 
     shown = ctx.find_root()
     command: click.Command = shown.command

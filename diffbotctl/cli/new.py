@@ -8,45 +8,32 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
+from diffbotctl.cli.command import group, option
 from diffbotctl.cli.contradictions import exclusive, needs
-from diffbotctl.cli.options import CommandGroup
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from typing import TextIO
 
-# Path below the new package -> its template. Fields in braces are filled in.
-BLOCK_FILES = {
-    "{package}/__init__.py": "block_init.py",
-    "{package}/{name}.py": "block.py",
-    "tests/test_{name}.py": "block_test.py",
-    "{name}.yaml": "block_pipeline.yaml",
-    "setup.cfg": "block_setup.cfg",
-    "pyproject.toml": "block_pyproject.toml",
-    "README.md": "block_readme.md",
-}
 
-MESSAGE_FILES = {
-    "{package}/__init__.py": "block_init.py",
+# Path below the new package -> its template. Fields in braces are filled in.
+def _package_files(kind: str) -> dict[str, str]:
+    return {
+        "{package}/__init__.py": "block_init.py",
+        "{package}/{name}.py": f"{kind}.py",
+        "tests/test_{name}.py": f"{kind}_test.py",
+        "{name}.yaml": f"{kind}_pipeline.yaml",
+        "setup.cfg": f"{kind}_setup.cfg",
+        "pyproject.toml": "block_pyproject.toml",
+        "README.md": f"{kind}_readme.md",
+    }
+
+
+BLOCK_FILES, DRIVER_FILES = _package_files("block"), _package_files("driver")
+MESSAGE_FILES = _package_files("message") | {
     "{package}/messages.py": "message.py",
     "{package}/{name}.py": "message_block.py",
-    "tests/test_{name}.py": "message_test.py",
-    "{name}.yaml": "message_pipeline.yaml",
-    "setup.cfg": "message_setup.cfg",
-    "pyproject.toml": "block_pyproject.toml",
-    "README.md": "message_readme.md",
 }
-
-DRIVER_FILES = {
-    "{package}/__init__.py": "block_init.py",
-    "{package}/{name}.py": "driver.py",
-    "tests/test_{name}.py": "driver_test.py",
-    "{name}.yaml": "driver_pipeline.yaml",
-    "setup.cfg": "driver_setup.cfg",
-    "pyproject.toml": "block_pyproject.toml",
-    "README.md": "driver_readme.md",
-}
-
 LESSON_FILES = {
     "lesson.md": "lesson.md",
     "check.yaml": "lesson_check.yaml",
@@ -71,52 +58,55 @@ PROGRAM_LINES = {  # language: how it runs, and what to do before
 }
 
 
-PART_HELP = {  # option of a part: its help; `PART_KINDS` has the names
-    "--board": "Board; the file is then composed of the parts.",
-    "--driver": "Motor driver.",
-    "--encoders": "none, one-channel (slotted discs; default) or two-channel.",
-    "--imu": "IMU; default: none.",
-    "--radio": "cable (default) or hc05.",
-}
+def _part(help: str) -> Any:
+    return option(help, metavar="PART")
 
 
-def part_options(command: Any) -> Any:
-    """The options that name parts; `composed_robot` checks the names."""
-    text = "Distance sensor in front. Repeatable: left, right, rear."
-    command = click.option("--sensor", "sensors", multiple=True, metavar="PART", help=text)(command)
-    text = "Slots, or pulses of channel A, per turn of the wheel."
-    command = click.option("--slots", type=click.IntRange(1), help=text)(command)
-    for option, text in reversed(PART_HELP.items()):
-        command = click.option(option, metavar="PART", help=text)(command)
-    return command
+class PartArguments(NamedTuple):
+    """The parts of a robot; `composed_robot` checks their names."""
+
+    board: str | None = _part("Board; the file is then composed of the parts.")
+    driver: str | None = _part("Motor driver.")
+    encoders: str | None = _part("none, one-channel (slotted discs; default) or two-channel.")
+    imu: str | None = _part("IMU; default: none.")
+    radio: str | None = _part("cable (default) or hc05.")
+    slots: int | None = option(
+        "Slots, or pulses of channel A, per turn of the wheel.", type=click.IntRange(1)
+    )
+    sensors: tuple[str, ...] = option(
+        "--sensor", "Distance sensor in front. Repeatable: left, right, rear.", metavar="PART"
+    )
 
 
-@click.group(cls=CommandGroup)
-def command() -> None:
+PART_OPTIONS = ("--board", "--driver", "--encoders", "--imu", "--radio")
+
+
+@group("Files", 1, "Write a new robot, pipeline or block")
+def new() -> None:
     """Write a new robot, pipeline, trials, lesson, block or other part to start from."""
 
 
-@command.command()
-@click.argument("name", required=False)
-@click.option(
-    "--kit",
-    is_flag=False,
-    flag_value="",
-    metavar="[KIT]",
-    help="Kit to start from; without KIT: list the kits.",
-)
-@part_options
-@exclusive("--kit", tuple(PART_HELP), "a kit has its parts")
-@needs(tuple(PART_HELP)[1:], ("--board",), "its pins depend on the board")
+@new.command()
+@exclusive("--kit", PART_OPTIONS, "a kit has its parts")
+@needs(PART_OPTIONS[1:], ("--board",), "its pins depend on the board")
 @needs(("--sensor", "--slots"), ("--board",), "the pins depend on the board")
-def robot(name: str | None, kit: str | None, board: str | None, **parts: Any) -> None:
+def robot(
+    name: str | None,
+    parts: PartArguments,
+    kit: str | None = option(
+        "Kit to start from; without KIT: list the kits.",
+        is_flag=False,
+        flag_value="",
+        metavar="[KIT]",
+    ),
+) -> None:
     """Write robots/NAME.yaml: all parts of a robot, with comments.
 
     NAME may be left out with --kit: it is then the kit's. With --board and --driver the file is
     composed of the parts, on pins that the board has for them.
     """
-    if name is not None and board is not None:
-        compose(name, {"board": board, **parts})
+    if name is not None and parts.board is not None:
+        compose(name, parts._asdict())
     elif kit is None and name is not None:
         write("robot", name)
     elif kit:
@@ -181,22 +171,19 @@ def _write_kit(name: str, robot_name: str | None) -> None:
         click.echo(f"note: {kit.unsupported}.")
 
 
-@command.command()
-@click.argument("name")
+@new.command()
 def pipeline(name: str) -> None:
     """Write pipelines/NAME.yaml: goals and the blocks that drive to them."""
     write("pipeline", name)
 
 
-@command.command()
-@click.argument("name")
+@new.command()
 def trials(name: str) -> None:
     """Write trials/NAME.yaml: simulated runs of a pipeline with faults, and what is expected."""
     write("trials", name)
 
 
-@command.command()
-@click.argument("name")
+@new.command()
 def lesson(name: str) -> None:
     """Write lessons/NAME: a lesson for `diffbotctl learn`, with its text, solution and judge."""
     from diffbotctl.learn.course import LESSONS, ORDER
@@ -212,37 +199,34 @@ def lesson(name: str) -> None:
     click.echo(f"Now: diffbotctl learn check {name} --solution\n     diffbotctl learn next {name}")
 
 
-@command.command()
-@click.argument("name")
+@new.command()
 def block(name: str) -> None:
     """Write the folder NAME: a block, its test, and a package that installs it."""
     _write_package(name, "block", BLOCK_FILES)
 
 
-@command.command()
-@click.argument("name")
+@new.command()
 def message(name: str) -> None:
     """Write the folder NAME: a message type, a block that publishes it, and their package."""
     _write_package(name, "message", MESSAGE_FILES)
 
 
-@command.command()
-@click.argument("name")
+@new.command()
 def driver(name: str) -> None:
     """Write the folder NAME: a driver that reads a device, its tests, and their package."""
     _write_package(name, "driver", DRIVER_FILES)
 
 
-@command.command()
-@click.argument("name")
-@click.option(
-    "--language",
-    type=click.Choice(list(PROGRAM_FILES)),
-    default="python",
-    show_default=True,
-    help="Language of the program.",
-)
-def program(name: str, language: str) -> None:
+@new.command()
+def program(
+    name: str,
+    language: str = option(
+        "Language of the program.",
+        type=click.Choice(list(PROGRAM_FILES)),
+        default="python",
+        show_default=True,
+    ),
+) -> None:
     """Write the folder NAME: a program in another process, and a pipeline that starts it."""
     _check_word(name, "program")
     run, build = (line.format(name=name) for line in PROGRAM_LINES[language])
@@ -258,7 +242,7 @@ def program(name: str, language: str) -> None:
     click.echo(f"{name}/ is a program; its README.md explains how to run it.")
 
 
-@command.command()
+@new.command()
 def schemas() -> None:
     """Write schemas/: with it editors check and complete robot, pipeline and view files.
 

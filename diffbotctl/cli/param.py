@@ -9,33 +9,33 @@ from typing import Any
 
 import click
 
+from diffbotctl.cli.command import (
+    NEGATIVE_NUMBERS,
+    NumbersCommand,
+    argument,
+    command,
+    group,
+    option,
+)
 from diffbotctl.cli.contradictions import needs
 from diffbotctl.cli.engine_client import attached
-from diffbotctl.cli.options import (
-    FILE,
-    NEGATIVE_NUMBERS,
-    CommandGroup,
-    NumbersCommand,
-    Quantity,
-    engine_option,
-    force_option,
-    json_option,
-)
+from diffbotctl.cli.options import ENGINE, FORCE, JSON, Quantity
 from diffbotctl.cli.output import check_overwrite, print_json
 
 NEW_PIPELINE = "format: 1\nkind: pipeline\ninclude: {}\nblocks: {{}}\n"
 
 
-@click.group(cls=CommandGroup)
+@group("Look", 10, "Change parameters")
 def param() -> None:
     """List, read, change and save the parameters of running blocks."""
 
 
 @param.command("list")
-@click.option("--live", is_flag=True, help="Only parameters that may change while running.")
-@json_option
-@engine_option
-def list_(live: bool, as_json: bool, engine: str | None) -> int:
+def list_(
+    live: bool = option("Only parameters that may change while running."),
+    as_json: bool = JSON,
+    engine: str | None = ENGINE,
+) -> int:
     """List every parameter with its value and unit; * marks those that may change while running."""
     for row in _parameters(engine):
         if row["live"] or not live:
@@ -46,10 +46,7 @@ def list_(live: bool, as_json: bool, engine: str | None) -> int:
 
 
 @param.command("get")
-@click.argument("parameter")
-@json_option
-@engine_option
-def get(parameter: str, as_json: bool, engine: str | None) -> int:
+def get(parameter: str, as_json: bool = JSON, engine: str | None = ENGINE) -> int:
     """Print the value of PARAMETER, such as guard.margin."""
     rows = {row["parameter"]: row for row in _parameters(engine)}
     if parameter not in rows:
@@ -65,10 +62,7 @@ def get(parameter: str, as_json: bool, engine: str | None) -> int:
 
 
 @param.command("set", cls=NumbersCommand, context_settings=NEGATIVE_NUMBERS)
-@click.argument("parameter")
-@click.argument("value")
-@engine_option
-def set_(parameter: str, value: str, engine: str | None) -> int:
+def set_(parameter: str, value: str, engine: str | None = ENGINE) -> int:
     """Change PARAMETER to VALUE, such as guard.margin 8cm, while the robot runs.
 
     Only parameters declared as live may change; none of them weakens the safety. The change is
@@ -106,17 +100,17 @@ def _value_text(row: dict[str, Any]) -> str:
 
 @param.command()
 @needs(("--force",), ("--output",), "it overwrites a file")
-@click.argument("parameters", nargs=-1)
-@click.option(
-    "--output",
-    "--to",
-    metavar="FILE",
-    type=FILE,
-    help="Write a new pipeline file that includes the present one.",
-)
-@force_option
-@engine_option
-def save(parameters: tuple[str, ...], output: Path | None, force: bool, engine: str | None) -> int:
+def save(
+    parameters: tuple[str, ...],
+    output: Path | None = option(
+        "--output",
+        "--to",
+        "Write a new pipeline file that includes the present one.",
+        metavar="FILE",
+    ),
+    force: bool = FORCE,
+    engine: str | None = ENGINE,
+) -> int:
     """Write the parameters changed in this run into the pipeline file; its comments are kept.
 
     Without PARAMETERS, all that were changed. Files that ship with diffbotctl are not written: use
@@ -188,12 +182,13 @@ def _yaml_value(row: dict[str, Any]) -> str:
     return repr(value) if row["unit"] in ("", "1") else f"{value!r} {row['unit']}"
 
 
-@click.command()
-@click.argument("action", required=False)
-@click.argument("arguments", nargs=-1, metavar="[NAME=VALUE]...")
-@json_option
-@engine_option
-def call(action: str | None, arguments: tuple[str, ...], as_json: bool, engine: str | None) -> int:
+@command("Look", 11, "; call an action of a block")
+def call(
+    action: str | None,
+    arguments: tuple[str, ...] = argument("[NAME=VALUE]..."),
+    as_json: bool = JSON,
+    engine: str | None = ENGINE,
+) -> int:
     """Call ACTION, such as odometry.set_pose x=0.5 heading=90deg; without ACTION, list all.
 
     What the action returns is printed. `call reset` puts everything back to the start: the

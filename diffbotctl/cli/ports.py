@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from diffbotctl.cli.command import command, option
 from diffbotctl.cli.contradictions import exclusive, needs
-from diffbotctl.cli.options import force_option, json_option, robot_option
+from diffbotctl.cli.options import FORCE, JSON, ROBOT
 from diffbotctl.cli.output import check_output, print_json, problem_record, write_output
 
 if TYPE_CHECKING:
@@ -30,24 +31,25 @@ NO_FLIGHT = (
 )
 NOTHING_TO_FIX = "# nothing to fix"  # a comment: the output may be given to a shell
 
-root_option = click.option(
-    "--root",
+ROOT = option(
+    "A folder to use instead of /, such as a copy of another machine's.",
     default="/",
+    metavar=None,
     type=click.Path(exists=True, file_okay=False, path_type=Path),
-    help="A folder to use instead of /, such as a copy of another machine's.",
 )
 
 
-@click.command()
+@command("Set up", 5, "List the serial ports")
 @exclusive("--ask", ("--json",), "what a board answers is printed as text")
 @exclusive("--ask", ("--root",), "the boards of a copied folder cannot be asked")
 @needs(("--robot",), ("--ask",), "it states how to ask the board")
-@click.argument("port", required=False)
-@click.option("--ask", is_flag=True, help="Ask the board on each port; resets boards on USB.")
-@robot_option
-@root_option
-@json_option
-def ports(port: str | None, ask: bool, robot: str | None, root: Path, as_json: bool) -> int:
+def ports(
+    port: str | None,
+    ask: bool = option("Ask the board on each port; resets boards on USB."),
+    robot: str | None = ROBOT,
+    root: Path = ROOT,
+    as_json: bool = JSON,
+) -> int:
     """List the serial ports, or one PORT: chip, board, stable name, access rights, users.
 
     Exit code: 0 when a port can be used (or PORT can), 1 when not.
@@ -146,35 +148,24 @@ def _ask_boards(devices: list[str], robot: str | None) -> bool:
     return has_answer
 
 
-@click.command()
+@command("Set up", 6, "; check this machine")
 @exclusive("--fix", ("--bundle", "--json"), "it prints commands only")
 @exclusive("--bundle", ("--json",), "it prints what is packed, as text")
 @needs(("--with", "--force"), ("--bundle",), "it is for the file that is packed")
-@click.option("--fix", is_flag=True, help="Print the commands that fix the problems; run none.")
-@click.option(
-    "--bundle",
-    metavar="FILE.zip",
-    type=click.Path(dir_okay=False, path_type=Path),
-    help="Pack what a person who helps needs, nothing private.",
-)
-@click.option(
-    "--with",
-    "added",
-    metavar="FILE",
-    multiple=True,
-    type=click.Path(path_type=Path),
-    help="With --bundle: pack this file too: a robot, a pipeline, a recording, a log. Repeatable.",
-)
-@force_option
-@root_option
-@json_option
 def doctor(
-    fix: bool,
-    bundle: Path | None,
-    added: tuple[Path, ...],
-    force: bool,
-    root: Path,
-    as_json: bool,
+    fix: bool = option("Print the commands that fix the problems; run none."),
+    bundle: Path | None = option(
+        "Pack what a person who helps needs, nothing private.", metavar="FILE.zip"
+    ),
+    added: tuple[Path, ...] = option(
+        "--with",
+        "With --bundle: pack this file too: a robot, a pipeline, a recording, a log. Repeatable.",
+        metavar="FILE",
+        type=click.Path(path_type=Path),
+    ),
+    force: bool = FORCE,
+    root: Path = ROOT,
+    as_json: bool = JSON,
 ) -> int:
     """Check this machine: versions, groups, ports, Bluetooth, optional packages, running IMUs.
 

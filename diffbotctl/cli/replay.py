@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import click
 
 from diffbotctl import __version__
+from diffbotctl.cli.command import command, option
 from diffbotctl.cli.contradictions import check_span, exclusive, needs
-from diffbotctl.cli.options import FILE, Quantity, force_option, json_option, set_option
+from diffbotctl.cli.options import FORCE, JSON, SETS, quantity_option
 from diffbotctl.cli.output import check_overwrite, print_json, problem_record
 from diffbotctl.time import NEVER, SECOND
 
@@ -18,41 +19,27 @@ if TYPE_CHECKING:
     from diffbotctl.replay.replay import ReplayOptions, ReplayResult, Show
 
 
-@click.command()
+@command("Record", 1, "Replay a recording, unchanged or changed")
 @exclusive("--check", ("--set", "--from", "--until"), "it compares the whole, unchanged recording")
 @exclusive("--json", ("--dash", "--rate"), "JSON is printed in place of a screen")
 @needs(("--same-motion",), ("--set",), "an unchanged replay always has the recorded motion")
 @needs(("--force",), ("--record",), "it overwrites a recording")
-@click.argument("file", type=click.Path(path_type=Path))
-@click.option("--check", is_flag=True, help="Compare every message with the recorded one.")
-@click.option(
-    "--rate",
-    type=click.FloatRange(0.01, 1000.0),
-    metavar="X",
-    help="X times real time, with a view; default: as fast as possible, without one.",
-)
-@click.option("--dash", is_flag=True, help="Show the dashboard, in real time or at --rate.")
-@click.option(
-    "--from", "begin", metavar="TIME", type=Quantity("s"), help="Show and measure from this time."
-)
-@click.option("--until", metavar="TIME", type=Quantity("s"), help="End at this time.")
-@set_option
-@click.option("--same-motion", is_flag=True, help="With --set: always use the recorded motion.")
-@click.option("--record", metavar="FILE", type=FILE, help="Record the replay: FILE.mcap.")
-@force_option
-@json_option
-def command(
+def replay(
     file: Path,
-    check: bool,
-    rate: float | None,
-    dash: bool,
-    begin: float | None,
-    until: float | None,
-    sets: tuple[str, ...],
-    same_motion: bool,
-    record: Path | None,
-    force: bool,
-    as_json: bool,
+    check: bool = option("Compare every message with the recorded one."),
+    rate: float | None = option(
+        "X times real time, with a view; default: as fast as possible, without one.",
+        type=click.FloatRange(0.01, 1000.0),
+        metavar="X",
+    ),
+    dash: bool = option("Show the dashboard, in real time or at --rate."),
+    begin: float | None = quantity_option("s", "--from", "Show and measure from this time."),
+    until: float | None = quantity_option("s", "End at this time."),
+    sets: tuple[str, ...] = SETS,
+    same_motion: bool = option("With --set: always use the recorded motion."),
+    record: Path | None = option("Record the replay: FILE.mcap."),
+    force: bool = FORCE,
+    as_json: bool = JSON,
 ) -> int:
     """Replay the recording FILE: drivers deliver the recorded messages, blocks react to them.
 

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl.cli.command import command, group, option
 from diffbotctl.cli.contradictions import needs
-from diffbotctl.cli.options import CommandGroup, json_option, output_option, robot_object
+from diffbotctl.cli.options import FORCE, JSON, ROBOT_OBJECT
 from diffbotctl.cli.output import load_robot_file, print_json, write_output
 from diffbotctl.printable import keep_lines
 
@@ -25,11 +26,13 @@ MOTION_TEXTS = {
 }
 
 
-@click.command()
+@command("Files", 5, "; draw the robot")
 @needs(("--force",), ("--output",), "it overwrites a file")
-@output_option("Write an SVG picture: FILE.svg.")
-@robot_object
-def show(robot: str | None, output: Path | None, force: bool) -> int:
+def show(
+    output: Path | None = option("Write an SVG picture: FILE.svg."),
+    force: bool = FORCE,
+    robot: str | None = ROBOT_OBJECT,
+) -> int:
     """Draw ROBOT from above and from its left side, to scale: in the terminal, or as a picture."""
     from diffbotctl.render.robot_drawing import side_view, top_view
 
@@ -50,10 +53,8 @@ def show(robot: str | None, output: Path | None, force: bool) -> int:
     return 0
 
 
-@click.command()
-@json_option
-@robot_object
-def frames(robot: str | None, as_json: bool) -> int:
+@command("Files", 6, "Print coordinate frames")
+def frames(as_json: bool = JSON, robot: str | None = ROBOT_OBJECT) -> int:
     """Print the coordinate frames of ROBOT as a tree, each with its pose in its parent frame.
 
     Frame names follow REP-105; x points forward, y left, z up; lengths in m, angles in deg.
@@ -103,17 +104,19 @@ def frame_text(frame: RobotFrame) -> str:
     return f"x {x:+.4f}  y {y:+.4f}  z {z:+.4f} m{heading}  {MOTION_TEXTS[frame.moves]}"
 
 
-@click.group(cls=CommandGroup)
+@group("Files", 7, "; write URDF")
 def export() -> None:
     """Write a robot as a file for other programs."""
 
 
 @export.command()
 @needs(("--force",), ("--output",), "it overwrites a file")
-@click.option("--name", help="Name of the robot in the model; default: the file's name.")
-@output_option("Write to FILE.urdf instead of standard output.")
-@robot_object
-def urdf(robot: str | None, name: str | None, output: Path | None, force: bool) -> int:
+def urdf(
+    name: str | None = option("Name of the robot in the model; default: the file's name."),
+    output: Path | None = option("Write to FILE.urdf instead of standard output."),
+    force: bool = FORCE,
+    robot: str | None = ROBOT_OBJECT,
+) -> int:
     """Write ROBOT as URDF: frames, shapes, masses and inertia, with its calibrated values."""
     from diffbotctl.model.urdf import urdf as urdf_text
 

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl.cli.command import argument, command, option
 from diffbotctl.cli.contradictions import exclusive
 from diffbotctl.cli.engine_client import host
-from diffbotctl.cli.options import FILE, engine_option, robot_option
+from diffbotctl.cli.options import ENGINE, ROBOT
 
 if TYPE_CHECKING:
     from diffbotctl.control_socket.address import EngineAddress
@@ -18,41 +19,33 @@ if TYPE_CHECKING:
 
 
 # After the first word of a command of ROS 2, such as `ros2 topic echo --once`, its options follow.
-@click.command(context_settings={"allow_interspersed_args": False})
+@command(
+    "Drive",
+    6,
+    "Connect a running engine to ROS 2",
+    context_settings={"allow_interspersed_args": False},
+)
 @exclusive("--socket", ("--engine",), "each names the engine")
 @exclusive(
     "--check",
     ("--drive", "--engine", "--namespace", "--frame-prefix", "--peer", "--robot", "--socket"),
     "it starts no node",
 )
-@engine_option
-@click.option(
-    "--socket",
-    type=FILE,
-    metavar="FILE",
-    help="Control socket of the engine, such as a forwarded one.",
-)
-@click.option("--drive", is_flag=True, help="Let ROS nodes move the robot and set parameters.")
-@click.option("--check", is_flag=True, help="Report what is missing, and end.")
-@click.option("--python", metavar="PATH", help="Python that has rclpy; default: python3.")
-@click.option("--namespace", default="", metavar="NAME", help="Namespace of topics and services.")
-@click.option("--frame-prefix", default="", metavar="TEXT", help="Prefix of all frames.")
-@click.option(
-    "--peer", "peers", multiple=True, metavar="HOST", help="Also find nodes of HOST. Repeatable."
-)
-@robot_option
-@click.argument("words", nargs=-1, metavar="")
-def command(
-    engine: str | None,
-    socket: Path | None,
-    drive: bool,
-    check: bool,
-    python: str | None,
-    namespace: str,
-    frame_prefix: str,
-    peers: tuple[str, ...],
-    robot: str | None,
-    words: tuple[str, ...],
+def ros2(
+    engine: str | None = ENGINE,
+    socket: Path | None = option(
+        "Control socket of the engine, such as a forwarded one.", metavar="FILE"
+    ),
+    drive: bool = option("Let ROS nodes move the robot and set parameters."),
+    check: bool = option("Report what is missing, and end."),
+    python: str | None = option("Python that has rclpy; default: python3.", metavar="PATH"),
+    namespace: str = option("Namespace of topics and services.", default="", metavar="NAME"),
+    frame_prefix: str = option("Prefix of all frames.", default="", metavar="TEXT"),
+    peers: tuple[str, ...] = option(
+        "--peer", "Also find nodes of HOST. Repeatable.", metavar="HOST"
+    ),
+    robot: str | None = ROBOT,
+    words: tuple[str, ...] = argument(""),
 ) -> int:
     """Connect a running engine to ROS 2: its messages, frames and services as a node.
 

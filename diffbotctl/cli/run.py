@@ -10,19 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from diffbotctl.cli.command import command
 from diffbotctl.cli.contradictions import exclusive, needs
 from diffbotctl.cli.nonblocking_stderr import NonBlockingStderr
-from diffbotctl.cli.options import (
-    FILE,
-    for_option,
-    force_option,
-    json_option,
-    port_option,
-    robot_option,
-    seed_option,
-    set_option,
-    view_option,
-)
 from diffbotctl.cli.output import print_json
 from diffbotctl.cli.program_consent import allowed_programs, with_code_consent
 from diffbotctl.cli.run_arguments import (
@@ -37,7 +27,7 @@ from diffbotctl.cli.run_arguments import (
     read_goal,
     read_log_level,
 )
-from diffbotctl.cli.web import CLOSED, check_options, lan_option, page_port_option, show_page
+from diffbotctl.cli.web import CLOSED, check_options, show_page
 
 if TYPE_CHECKING:
     from diffbotctl.config.configuration import Configuration
@@ -49,58 +39,14 @@ if TYPE_CHECKING:
     from diffbotctl.ui.saved_view import ViewSettings
 
 
-@click.command()
+@command("Run", 1, "Run a pipeline, real or simulated")
 @exclusive("--dash", ("--web",), "both are screens: give one, and attach the other")
 @exclusive("--json", SCREENS, "JSON is printed in place of a screen")
 @exclusive("--quiet", SCREENS, "only the summary is printed in place of a screen")
 @exclusive("--no-socket", SOCKET_OPTIONS, "without a control socket no client can connect")
 @needs(("--lan", "--tcp-port"), ("--web",), "it is for the page")
 @needs(("--force",), ("--record",), "it overwrites a recording")
-@click.argument("pipeline")
-@robot_option
-@port_option("sim")
-@click.option(
-    "--goal",
-    "goals",
-    multiple=True,
-    metavar="'X Y [HEADING]'",
-    help="A goal such as '1.0 0.5 90deg', instead of the file's goals. Repeatable.",
-)
-@set_option
-@seed_option
-@click.option("--fast", is_flag=True, help="Simulate as fast as possible.")
-@for_option
-@click.option("--record", metavar="FILE", type=FILE, help="Record the run: FILE.mcap.")
-@force_option
-@click.option("--log", metavar="FILE", type=FILE, help="Append every event to FILE as JSON lines.")
-@click.option(
-    "--log-level",
-    "levels",
-    multiple=True,
-    metavar="[BLOCK=]LEVEL",
-    help="Log level of a block, or of all: debug, info, warning or error. Repeatable.",
-)
-@click.option("--digest", is_flag=True, help="Print a hash over every message of the run.")
-@click.option("--stay", is_flag=True, help="Wait for more goals after the last one.")
-@click.option("--dash", is_flag=True, help="Show the dashboard; closing it ends the run.")
-@click.option("--web", is_flag=True, help="Serve the page of the run to browsers and phones.")
-@lan_option
-@page_port_option
-@view_option
-@click.option(
-    "--name",
-    help="Name of this engine for `--engine`; default: the pipeline's name. With --fast there is a "
-    "control socket only if it is given.",
-)
-@click.option("--group", help="Allow members of this group to command it, through /run.")
-@click.option("--no-socket", is_flag=True, help="No control socket: no client can connect.")
-@click.option(
-    "--allow-programs", is_flag=True, help="Run the pipeline's programs and files of code, unasked."
-)
-@click.option("--quiet", is_flag=True, help="Print the summary only.")
-@click.option("--verbose", is_flag=True, help="Print the errors as estimated in the summary too.")
-@json_option
-def command(**options: Any) -> int:
+def run(typed: RunArguments) -> int:
     """Run PIPELINE: a name (goal) or a file (./mine.yaml). Simulated unless --port names a board.
 
     Exit code: 0 all goals reached, 1 not all reached, the run failed, or its recording or log is
@@ -108,7 +54,7 @@ def command(**options: Any) -> int:
     """
     from diffbotctl.runs.signals import Signals, signals_as_interrupts
 
-    typed = _with_port(click.get_current_context(), RunArguments(**options))
+    typed = _with_port(click.get_current_context(), typed)
     view = None if typed.view_file is None else _read_view(typed.view_file)
     typed = typed._replace(dash=typed.dash or (view is not None and not typed.web))
     signals = Signals()  # from here on a signal is remembered, and ends the run when it has started

@@ -7,9 +7,21 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
+from diffbotctl.cli.command import option
 from diffbotctl.cli.contradictions import is_typed, refuse_pair
-from diffbotctl.cli.options import VIRTUAL_PORTS
+from diffbotctl.cli.options import (
+    FOR,
+    FORCE,
+    JSON,
+    ROBOT,
+    SEED,
+    SETS,
+    VIEW,
+    VIRTUAL_PORTS,
+    port_option,
+)
 from diffbotctl.cli.output import check_overwrite, refuse_special_file
+from diffbotctl.cli.web import LAN, PAGE_PORT
 
 if TYPE_CHECKING:
     from diffbotctl.config.configuration import Configuration
@@ -22,56 +34,67 @@ SOCKET_OPTIONS = (*SCREENS, "--name", "--group")  # they need a control socket
 
 
 class RunArguments(NamedTuple):
-    """What was typed, by the names of the options."""
+    """What was typed."""
 
     pipeline: str
-    robot: str | None
-    port: str
-    goals: tuple[str, ...]
-    sets: tuple[str, ...]
-    seed: int
-    fast: bool
-    duration: float | None
-    record: Path | None
-    force: bool
-    digest: bool
-    stay: bool
-    dash: bool
-    web: bool
-    lan: bool
-    tcp_port: int
-    view_file: Path | None
-    name: str | None
-    group: str | None
-    no_socket: bool
-    allow_programs: bool
-    quiet: bool
-    verbose: bool
-    log: Path | None
-    levels: tuple[str, ...]
-    as_json: bool
+    robot: str | None = ROBOT
+    port: str = port_option("sim")
+    goals: tuple[str, ...] = option(
+        "--goal",
+        "A goal such as '1.0 0.5 90deg', instead of the file's goals. Repeatable.",
+        metavar="'X Y [HEADING]'",
+    )
+    sets: tuple[str, ...] = SETS
+    seed: int = SEED
+    fast: bool = option("Simulate as fast as possible.")
+    duration: float | None = FOR
+    record: Path | None = option("Record the run: FILE.mcap.")
+    force: bool = FORCE
+    log: Path | None = option("Append every event to FILE as JSON lines.")
+    levels: tuple[str, ...] = option(
+        "--log-level",
+        "Log level of a block, or of all: debug, info, warning or error. Repeatable.",
+        metavar="[BLOCK=]LEVEL",
+    )
+    digest: bool = option("Print a hash over every message of the run.")
+    stay: bool = option("Wait for more goals after the last one.")
+    dash: bool = option("Show the dashboard; closing it ends the run.")
+    web: bool = option("Serve the page of the run to browsers and phones.")
+    lan: bool = LAN
+    tcp_port: int = PAGE_PORT
+    view_file: Path | None = VIEW
+    name: str | None = option(
+        "Name of this engine for `--engine`; default: the pipeline's name. With --fast there is a "
+        "control socket only if it is given."
+    )
+    group: str | None = option("Allow members of this group to command it, through /run.")
+    no_socket: bool = option("No control socket: no client can connect.")
+    allow_programs: bool = option("Run the pipeline's programs and files of code, unasked.")
+    quiet: bool = option("Print the summary only.")
+    verbose: bool = option("Print the errors as estimated in the summary too.")
+    as_json: bool = JSON
 
 
 def check_fast(context: click.Context) -> None:
     """Raises click.UsageError for a --fast run without a socket that an option needs."""
     if not is_typed(context, "--fast") or is_typed(context, "--name"):
         return
-    for option in SOCKET_OPTIONS:
-        if is_typed(context, option):
+    for typed in SOCKET_OPTIONS:
+        if is_typed(context, typed):
             reason = "a --fast run has no control socket unless --name is given"
-            refuse_pair(option, "--fast", reason)
+            refuse_pair(typed, "--fast", reason)
 
 
 def check_simulated(context: click.Context, port: str) -> None:
     """Raises click.UsageError for options of a simulated run where `port` is a real one."""
     if port in VIRTUAL_PORTS:
         return
-    for option, reason in (
+    for typed, reason in (
         ("--fast", "a real robot moves in real time"),
         ("--seed", "the random numbers are those of the simulated robot"),
     ):
-        if is_typed(context, option):
-            refuse_pair(option, f"--port {port}", reason)
+        if is_typed(context, typed):
+            refuse_pair(typed, f"--port {port}", reason)
 
 
 def check_used(context: click.Context, configuration: Configuration) -> None:
@@ -79,9 +102,9 @@ def check_used(context: click.Context, configuration: Configuration) -> None:
     if configuration.robots:
         return
     if configuration.robot is None:
-        for option in ("--robot", "--port", "--seed"):
-            if is_typed(context, option):
-                raise click.UsageError(f"{option} has no effect: this pipeline has no robot")
+        for typed in ("--robot", "--port", "--seed"):
+            if is_typed(context, typed):
+                raise click.UsageError(f"{typed} has no effect: this pipeline has no robot")
     wires = [use.wires for use in configuration.blocks]
     wires += [use.wires for use in configuration.programs]
     takes_goals = any(GOAL_WIRE in own.values() for own in wires)

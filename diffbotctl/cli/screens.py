@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
+from diffbotctl.cli.command import command, option
 from diffbotctl.cli.contradictions import exclusive
 from diffbotctl.cli.engine_client import host
 from diffbotctl.cli.options import (
-    Quantity,
+    ASCII,
+    ENGINE,
+    VIEW,
     choice_option,
-    engine_option,
     number_option,
-    view_option,
+    quantity_option,
 )
 from diffbotctl.cli.run_dash import check_can_draw
 
@@ -25,57 +26,33 @@ if TYPE_CHECKING:
     from diffbotctl.ui.engine_app import EngineApp, ScreenOptions
     from diffbotctl.ui.teleop.keyboard import DriveMode, KeySetName
 
-OPTIONS = (
-    choice_option(
-        "--keys", ("twist", "turtle"), "Key layout: u i o j k l m , . as in ROS, or w a s d x."
-    ),
-    choice_option(
-        "--mode", ("hold", "latched"), "Drive while a key is held, or until the next key."
-    ),
-    number_option("--hz", 10.0, 0.5, 30.0, "Screen updates per second."),
-    click.option(
-        "--speed",
-        metavar="SPEED",
-        type=Quantity("m/s"),
-        help="Initial speed of the keys; default: half the robot's limit.",
-    ),
-    click.option(
-        "--turn",
-        metavar="RATE",
-        type=Quantity("rad/s"),
-        help="Initial turning speed of the keys, such as 45deg/s.",
-    ),
-    click.option("--ascii", "ascii_only", is_flag=True, help="Draw with ASCII characters only."),
-)
 
-
-def screen_options(command: Callable[..., Any]) -> Callable[..., Any]:
+class ScreenArguments(NamedTuple):
     """Keys, mode, speeds, and how the screen is drawn."""
-    for option in reversed(OPTIONS):
-        command = option(command)
-    return command
 
-
-def screen_options_of(
-    keys: KeySetName,
-    mode: DriveMode,
-    hz: float,
-    speed: float | None,
-    turn: float | None,
-    ascii_only: bool,
-) -> ScreenOptions:
-    """The options of an EngineApp."""
-    from diffbotctl.ui.engine_app import ScreenOptions
-
-    is_utf8 = (sys.stdout.encoding or "ascii").lower().replace("-", "") == "utf8"
-    return ScreenOptions(
-        keys,
-        mode,
-        hz,
-        None if speed is None else abs(speed),
-        None if turn is None else abs(turn),
-        ascii_only or not is_utf8,
+    keys: KeySetName = choice_option(
+        ("twist", "turtle"), "Key layout: u i o j k l m , . as in ROS, or w a s d x."
     )
+    mode: DriveMode = choice_option(
+        ("hold", "latched"), "Drive while a key is held, or until the next key."
+    )
+    hz: float = number_option(10.0, 0.5, 30.0, "Screen updates per second.")
+    speed: float | None = quantity_option(
+        "m/s", "Initial speed of the keys; default: half the robot's limit."
+    )
+    turn: float | None = quantity_option(
+        "rad/s", "Initial turning speed of the keys, such as 45deg/s."
+    )
+    ascii_only: bool = ASCII
+
+    def options(self) -> ScreenOptions:
+        """The options of an EngineApp."""
+        from diffbotctl.ui.engine_app import ScreenOptions
+
+        is_utf8 = (sys.stdout.encoding or "ascii").lower().replace("-", "") == "utf8"
+        speed, turn = (None if rate is None else abs(rate) for rate in (self.speed, self.turn))
+        ascii_only = self.ascii_only or not is_utf8
+        return ScreenOptions(self.keys, self.mode, self.hz, speed, turn, ascii_only)
 
 
 def launch(app: EngineApp) -> int:
@@ -91,19 +68,18 @@ def launch(app: EngineApp) -> int:
     return code
 
 
-@click.command()
+@command("Look", 1, "Show a running engine on one screen")
 @exclusive(
     "--once",
     ("--keys", "--mode", "--hz", "--speed", "--turn"),
     "it prints the panels and takes no keys",
 )
-@click.option("--once", is_flag=True, help="Print the panels once and end, as in a pipe.")
-@click.option("--plot", "fields", multiple=True, metavar="FIELD", help="What to plot. Repeatable.")
-@view_option
-@screen_options
-@engine_option
 def dash(
-    once: bool, fields: tuple[str, ...], view_file: Path | None, engine: str | None, **screen: Any
+    screen: ScreenArguments,
+    once: bool = option("Print the panels once and end, as in a pipe."),
+    fields: tuple[str, ...] = option("--plot", "What to plot. Repeatable.", metavar="FIELD"),
+    view_file: Path | None = VIEW,
+    engine: str | None = ENGINE,
 ) -> int:
     """Show a running engine on one screen: map, wheels, range, link, plots, parameters, log.
 
@@ -112,7 +88,7 @@ def dash(
     """
     from diffbotctl.control_socket.client import choose_engine
 
-    options = screen_options_of(**screen)
+    options = screen.options()
     from diffbotctl.ui.saved_view import ViewSettings, read_view
 
     view = ViewSettings() if view_file is None else read_view(str(view_file))
@@ -130,10 +106,8 @@ def dash(
     return launch(Dashboard(choose_engine(engine, host()), "diffbotctl dash", options, view))
 
 
-@click.command()
-@screen_options
-@engine_option
-def teleop(engine: str | None, **screen: Any) -> int:
+@command("Drive", 5, "Drive with the keys")
+def teleop(screen: ScreenArguments, engine: str | None = ENGINE) -> int:
     """Drive by hand: arrows, or u i o j k l m , . as in ROS, or w a s d x (`--keys turtle`).
 
     A key drives while it is held, and for 0.4 s after. With `--mode latched` it drives until the
@@ -150,5 +124,5 @@ def teleop(engine: str | None, **screen: Any) -> int:
     check_can_draw("teleop")
     from diffbotctl.ui.teleop.app import Teleop
 
-    options = screen_options_of(**screen)
+    options = screen.options()
     return launch(Teleop(address, "diffbotctl teleop", options))

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from diffbotctl.cli.options import port_option, robot_option
+from diffbotctl.cli.command import argument, command, option
+from diffbotctl.cli.options import ROBOT, port_option
 from diffbotctl.printable import keep_lines
 
 if TYPE_CHECKING:
@@ -55,17 +56,14 @@ WantedBy=multi-user.target
 """
 
 
-@click.command()
-@click.argument("pipeline", default="standby")
-@robot_option
-@port_option("auto", only_board=True, is_checked=False)  # the service may start later
-@click.option("--user", help="User that runs the service; default: you.")
-@click.option(
-    "--group", default="dialout", show_default=True, help="Group that may command the robot."
-)
-@click.option("--name", default="robot", show_default=True, help="Name of the service.")
-def command(
-    pipeline: str, robot: str | None, port: str, user: str | None, group: str, name: str
+@command("Set up", 8, "Print a systemd unit that starts a run at boot")
+def service(
+    pipeline: str = argument(default="standby"),
+    robot: str | None = ROBOT,
+    port: str = port_option("auto", only_board=True, is_checked=False),
+    user: str | None = option("User that runs the service; default: you."),
+    group: str = option("Group that may command the robot.", default="dialout", show_default=True),
+    name: str = option("Name of the service.", default="robot", show_default=True),
 ) -> int:
     """Print a systemd unit that runs PIPELINE from this folder when the machine starts.
 

@@ -6,29 +6,22 @@ from pathlib import Path
 
 import click
 
+from diffbotctl.cli.command import command, option
 from diffbotctl.cli.contradictions import exclusive
-from diffbotctl.cli.options import answers_option, port_option
+from diffbotctl.cli.options import ANSWERS, port_option
 
 
-@click.command()
+@command("Set up", 1, "Guided setup")
 @exclusive("--status", ("--again", "--answers"), "it prints the state and changes nothing")
-@click.option(
-    "--robot",
-    metavar="ROBOT",
-    help="Your robot file; default: the only one in ./robots.",
-)
-@port_option("auto", only_board=True)
-@click.option("--radio", metavar="PORT", help="Port to drive over; default: the USB cable.")
-@answers_option
-@click.option("--status", is_flag=True, help="Print the state and the next step only.")
-@click.option("--again", is_flag=True, help="Start from the beginning.")
-def command(
-    robot: str | None,
-    port: str,
-    radio: str | None,
-    answers: Path | None,
-    status: bool,
-    again: bool,
+def start(
+    robot: str | None = option(
+        "Your robot file; default: the only one in ./robots.", metavar="ROBOT"
+    ),
+    port: str = port_option("auto", only_board=True),
+    radio: str | None = option("Port to drive over; default: the USB cable.", metavar="PORT"),
+    answers: Path | None = ANSWERS,
+    status: bool = option("Print the state and the next step only."),
+    again: bool = option("Start from the beginning."),
 ) -> int:
     """Guided setup: from nothing to a robot that drives to a goal, step by step.
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, assert_never
 
 import click
 
+from diffbotctl.cli.options import VIRTUAL_PORTS
 from diffbotctl.cli.start_steps import (
     ANSWER_CODE,
     CHAPTERS,
@@ -332,12 +333,13 @@ class SetupGuide:
 
         answers = self.prompter.answers
         path = None if answers is None else answers.path
-        options = CalibrateOptions(self.robot, self.port, 0, path, path is not None, False)
+        options = CalibrateOptions(
+            self.robot, self.port, 0, path, path is not None, dry_run=False, fast=False
+        )
         run([step], options, **settings)
 
     def _run_pipeline(self, pipeline: str, port: str) -> None:
         from diffbotctl.cli import run
-        from diffbotctl.cli.options import VIRTUAL_PORTS
         from diffbotctl.engine.loop import INTERRUPTED
         from diffbotctl.messages import REACHED_UNSURE
 
@@ -346,7 +348,7 @@ class SetupGuide:
         words += [] if self.robot is None else ["--robot", self.robot]
         words += [] if is_watched else ["--quiet"]
         words += ["--fast"] if port in VIRTUAL_PORTS and not is_watched else []
-        code = _run_command(run.command, *words)
+        code = _run_command(run.run, *words)
         if code == INTERRUPTED:
             raise click.Abort
         if code == REACHED_UNSURE:

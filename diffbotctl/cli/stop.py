@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from diffbotctl.cli.command import command, option
 from diffbotctl.cli.engine_client import attached, held_by, host, settled
-from diffbotctl.cli.options import engine_option, json_option
+from diffbotctl.cli.options import ENGINE, JSON
 from diffbotctl.cli.output import print_json
 
 if TYPE_CHECKING:
@@ -34,29 +35,20 @@ class UnconfirmedStopError(Exception):
     """The engine holds the robot, but its board does not answer."""
 
 
-@click.command()
-@click.option(
-    "--engine",
-    multiple=True,
-    metavar="NAME",
-    help="Name of the engine; all of them without it. Repeatable.",
-)
-@click.option(
-    "--at",
-    "hosts",
-    multiple=True,
-    metavar="USER@HOST",
-    help="The engines on this computer, reached through ssh. Repeatable: all at once.",
-)
-@click.option(
-    "--all",
-    "every_engine",
-    is_flag=True,
-    help="All engines, also with --engine; no error when none runs.",
-)
-@click.argument("reason", nargs=-1)
+@command("Drive", 1, "Stop the robot")
 def stop(
-    engine: tuple[str, ...], hosts: tuple[str, ...], every_engine: bool, reason: tuple[str, ...]
+    reason: tuple[str, ...],
+    engine: tuple[str, ...] = option(
+        "Name of the engine; all of them without it. Repeatable.", metavar="NAME"
+    ),
+    hosts: tuple[str, ...] = option(
+        "--at",
+        "The engines on this computer, reached through ssh. Repeatable: all at once.",
+        metavar="USER@HOST",
+    ),
+    every_engine: bool = option(
+        "--all", "All engines, also with --engine; no error when none runs."
+    ),
 ) -> int:
     """Stop the robot until `diffbotctl resume`; REASON is shown to other users.
 
@@ -234,9 +226,8 @@ def _has_ended(process: Process) -> bool:
     return True
 
 
-@click.command()
-@engine_option
-def resume(engine: str | None) -> int:
+@command("Drive", 2, "; allow it to move again")
+def resume(engine: str | None = ENGINE) -> int:
     """Allow the robot to move again after a stop that waits for a person. A waiting goal continues.
 
     Ends the stop in force now; later stops are not affected. When nothing is stopped and no goal
@@ -299,11 +290,12 @@ def _goal_text(status: dict[str, Any]) -> str:
     return f"goal {state.number}: {goal_state_text(state)}"
 
 
-@click.command()
-@engine_option
-@click.option("--all", "all_causes", is_flag=True, help="From the sensor to the motors.")
-@json_option
-def why(engine: str | None, all_causes: bool, as_json: bool) -> int:
+@command("Look", 4, "; explain why one stopped")
+def why(
+    engine: str | None = ENGINE,
+    all_causes: bool = option("--all", "From the sensor to the motors."),
+    as_json: bool = JSON,
+) -> int:
     """Explain why the robot last stopped, and what ends the stop.
 
     When no engine runs, explain the last run of which the black box has a file.

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from diffbotctl.cli.command import command, group, option
 from diffbotctl.cli.contradictions import exclusive
 from diffbotctl.cli.engine_client import WATCHER_NICENESS, attached, rate_text
-from diffbotctl.cli.options import CommandGroup, engine_option, for_option, json_option
+from diffbotctl.cli.options import ENGINE, FOR, JSON
 from diffbotctl.cli.output import print_json
 
 if TYPE_CHECKING:
@@ -24,15 +25,13 @@ EMPTY_TEXT = '""'
 SHOWN_UNITS = ("m", "rad", "m/s", "rad/s", "s", "V")  # of numbers; the others are counts and ratios
 
 
-@click.group(cls=CommandGroup)
-def command() -> None:
+@group("Look", 5, "Print messages")
+def topic() -> None:
     """List, print, measure and publish the messages of a running engine."""
 
 
-@command.command("list")
-@json_option
-@engine_option
-def list_(as_json: bool, engine: str | None) -> int:
+@topic.command("list")
+def list_(as_json: bool = JSON, engine: str | None = ENGINE) -> int:
     """List every topic with its type, rate and age."""
     with attached(engine, "topic list") as client:
         rows = client.request("list_topics")["topics"]
@@ -44,13 +43,14 @@ def list_(as_json: bool, engine: str | None) -> int:
     return 0
 
 
-@command.command()
-@click.argument("topic")
-@click.option("--once", is_flag=True, help="Print the newest message only.")
-@for_option
-@json_option
-@engine_option
-def echo(topic: str, once: bool, duration: float | None, as_json: bool, engine: str | None) -> int:
+@topic.command()
+def echo(
+    topic: str,
+    once: bool = option("Print the newest message only."),
+    duration: float | None = FOR,
+    as_json: bool = JSON,
+    engine: str | None = ENGINE,
+) -> int:
     """Print the messages of TOPIC as they arrive, or one field of it: odometry.odometry.x.
 
     One message on a line; `*` is every topic.
@@ -136,14 +136,15 @@ def _short_text(value: object) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value) or EMPTY_TEXT
 
 
-@command.command()
+@topic.command()
 @exclusive("--once", ("--for",), "one line needs no time limit")
-@click.argument("topic")
-@click.option("--once", is_flag=True, help="Print one line and end.")
-@for_option
-@json_option
-@engine_option
-def hz(topic: str, once: bool, duration: float | None, as_json: bool, engine: str | None) -> int:
+def hz(
+    topic: str,
+    once: bool = option("Print one line and end."),
+    duration: float | None = FOR,
+    as_json: bool = JSON,
+    engine: str | None = ENGINE,
+) -> int:
     """Measure how often TOPIC carries a message: rate over the last two seconds, each second."""
     until = None if duration is None else time.monotonic() + duration
     with attached(engine, "topic hz") as client:
@@ -165,11 +166,8 @@ def _rate_line(row: dict[str, Any]) -> str:
     return f"{row['topic']}  {rate_text(row).strip()}{gaps}  {row['messages']} messages"
 
 
-@command.command("type")
-@click.argument("topic")
-@json_option
-@engine_option
-def type_(topic: str, as_json: bool, engine: str | None) -> int:
+@topic.command("type")
+def type_(topic: str, as_json: bool = JSON, engine: str | None = ENGINE) -> int:
     """Show the fields of TOPIC with their units and meaning."""
     with attached(engine, "topic type") as client:
         reply = client.request("describe_topic", topic=topic)
@@ -180,10 +178,8 @@ def type_(topic: str, as_json: bool, engine: str | None) -> int:
     return 0
 
 
-@click.command()
-@click.argument("name", required=False)
-@json_option
-def types(name: str | None, as_json: bool) -> int:
+@command("Look", 6, "; list message types")
+def types(name: str | None, as_json: bool = JSON) -> int:
     """List the types of messages, or show the fields of NAME with their units and meaning.
 
     NAME is one such as Twist, Int32 or my_package/Face. No engine needs to run.
@@ -225,14 +221,15 @@ def _print_type(head: str, schema: dict[str, Any]) -> None:
         click.echo(fold_text(text.rstrip(), hang=width + 10))
 
 
-@command.command()
-@click.argument("topic")
-@click.argument("message")
-@click.option(
-    "--rate", metavar="HZ", type=click.FloatRange(0.1, 100.0), help="Repeat at this rate."
-)
-@engine_option
-def pub(topic: str, message: str, rate: float | None, engine: str | None) -> int:
+@topic.command()
+def pub(
+    topic: str,
+    message: str,
+    rate: float | None = option(
+        "Repeat at this rate.", metavar="HZ", type=click.FloatRange(0.1, 100.0)
+    ),
+    engine: str | None = ENGINE,
+) -> int:
     """Publish MESSAGE, a JSON object, on TOPIC: operator.twist, operator.goal, an input, ...
 
     Only the topics of the operator and the inputs of the pipeline can be published. A velocity

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from diffbotctl.cli.command import command, option
 from diffbotctl.cli.contradictions import exclusive
-from diffbotctl.cli.options import FILE, force_option, json_option, set_option, yes_option
+from diffbotctl.cli.options import FORCE, JSON, SETS, YES
 from diffbotctl.cli.output import open_output, print_json
 from diffbotctl.cli.program_consent import with_code_consent
 
@@ -30,50 +31,29 @@ OUTPUTS = ("--json", "--junit", "--report", "--against")
 BASELINE_ENDINGS = (".json", ".jsonl")
 
 
-@click.command()
+@command("Run", 2, "; judge many runs")
 @exclusive("--watch", OUTPUTS, "what is watched is not judged")
-@click.argument("file")
-@click.option(
-    "--only",
-    "patterns",
-    multiple=True,
-    metavar="RUN",
-    help="Only this run; a * stands for any text. Repeatable.",
-)
-@set_option
-@click.option(
-    "--workers",
-    type=click.IntRange(1, 256),
-    help="Runs at a time; default: one for each processor.",
-)
-@click.option("--junit", metavar="FILE", type=FILE, help="Write a JUnit file: FILE.xml.")
-@force_option
-@click.option(
-    "--report", metavar="FILE", type=FILE, help="Write a report with all paths: FILE.html."
-)
-@click.option(
-    "--against",
-    metavar="OTHER",
-    help="Compare with the same runs of another pipeline or robot, with BLOCK.PARAM=VALUE, or with "
-    "what --json once printed: FILE.json.",
-)
-@click.option("--watch", is_flag=True, help="Show one run after another on the dashboard.")
-@click.option("--allow-programs", is_flag=True, help="Run the pipeline's files of code, unasked.")
-@yes_option
-@json_option
-def command(
+def trials(
     file: str,
-    patterns: tuple[str, ...],
-    sets: tuple[str, ...],
-    workers: int | None,
-    junit: Path | None,
-    force: bool,
-    report: Path | None,
-    against: str | None,
-    watch: bool,
-    allow_programs: bool,
-    yes: bool,
-    as_json: bool,
+    patterns: tuple[str, ...] = option(
+        "--only", "Only this run; a * stands for any text. Repeatable.", metavar="RUN"
+    ),
+    sets: tuple[str, ...] = SETS,
+    workers: int | None = option(
+        "Runs at a time; default: one for each processor.", type=click.IntRange(1, 256)
+    ),
+    junit: Path | None = option("Write a JUnit file: FILE.xml."),
+    force: bool = FORCE,
+    report: Path | None = option("Write a report with all paths: FILE.html."),
+    against: str | None = option(
+        "Compare with the same runs of another pipeline or robot, with BLOCK.PARAM=VALUE, or with "
+        "what --json once printed: FILE.json.",
+        metavar="OTHER",
+    ),
+    watch: bool = option("Show one run after another on the dashboard."),
+    allow_programs: bool = option("Run the pipeline's files of code, unasked."),
+    yes: bool = YES,
+    as_json: bool = JSON,
 ) -> int:
     """Run the trials of FILE, and judge each run by what the file expects.
 

@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl.cli.command import command, option
 from diffbotctl.cli.engine_client import host
-from diffbotctl.cli.options import engine_option, view_option
-from diffbotctl.cli.tcp_server import require_packages, tcp_port_option
+from diffbotctl.cli.options import ENGINE, VIEW, tcp_port_option
+from diffbotctl.cli.packages import require_packages
 
 if TYPE_CHECKING:
     from diffbotctl.control_socket.address import EngineAddress
@@ -31,18 +32,17 @@ CLOSED = (
 )
 QR_COLOURS = ("\x1b[97;40m", "\x1b[0m")  # light on dark, also on a light terminal
 
-lan_option = click.option(
-    "--lan", is_flag=True, help="Serve the page in the local network too, with TLS."
-)
-page_port_option = tcp_port_option(TCP_PORT, "TCP port of the page.")
+LAN = option("Serve the page in the local network too, with TLS.")
+PAGE_PORT = tcp_port_option(TCP_PORT, "TCP port of the page.")
 
 
-@click.command()
-@lan_option
-@page_port_option
-@view_option
-@engine_option
-def web(lan: bool, tcp_port: int, view_file: Path | None, engine: str | None) -> int:
+@command("Look", 2, "; on a page")
+def web(
+    lan: bool = LAN,
+    tcp_port: int = PAGE_PORT,
+    view_file: Path | None = VIEW,
+    engine: str | None = ENGINE,
+) -> int:
     """Serve a page of a running engine: map, driving, goals, parameters, log.
 
     Prints a link, with --lan also as a QR code. It works once, for one device; the next one

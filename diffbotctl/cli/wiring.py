@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl.cli.command import command, option
 from diffbotctl.cli.contradictions import exclusive, needs
-from diffbotctl.cli.options import json_option, output_option, robot_object
+from diffbotctl.cli.options import FORCE, JSON, ROBOT_OBJECT
 from diffbotctl.cli.output import print_json, write_output
 from diffbotctl.printable import fold_words
 
@@ -21,16 +22,16 @@ WIDTH = 80  # columns of the narrowest terminal in common use
 NOTE_MIN = 20  # columns; a narrower terminal folds them once more
 
 
-@click.command()
+@command("Files", 4, "Draw the wiring of a robot")
 @exclusive("--output", ("--table", "--json"), "a picture has no table")
 @exclusive("--json", ("--table",), "each is another form of the same rows")
 @needs(("--force",), ("--output",), "it overwrites a file")
-@output_option("Write an SVG picture to print or for a browser: FILE.svg.")
-@click.option("--table", is_flag=True, help="Print the table only.")
-@json_option
-@robot_object
-def command(
-    robot: str | None, output: Path | None, force: bool, table: bool, as_json: bool
+def wiring(
+    output: Path | None = option("Write an SVG picture to print or for a browser: FILE.svg."),
+    force: bool = FORCE,
+    table: bool = option("Print the table only."),
+    as_json: bool = JSON,
+    robot: str | None = ROBOT_OBJECT,
 ) -> None:
     """Show every wire of ROBOT with the usual colours: a picture (from 80 columns) and a table.
 

@@ -9,7 +9,7 @@ from click.testing import CliRunner
 
 from diffbotctl.blocks.range_sensor import distance_at
 from diffbotctl.calibrate.steps.battery import CHEMISTRIES, cell_range, divider_finding
-from diffbotctl.cli.calibrate import command
+from diffbotctl.cli.calibrate import calibrate as command
 from diffbotctl.config.load import load, load_robot
 from diffbotctl.config.lookup import simulated_copy_of
 from diffbotctl.errors import RunError

@@ -18,7 +18,7 @@ from diffbotctl.calibrate.robot_file import (
     writable_copy,
     write_change,
 )
-from diffbotctl.cli.calibrate import command
+from diffbotctl.cli.calibrate import calibrate as command
 from diffbotctl.config.load import load_robot
 from diffbotctl.errors import ConfigurationError, RunError, UsageError
 

@@ -13,7 +13,7 @@ import pytest
 from click.testing import CliRunner
 
 from diffbotctl.calibrate.runner import STEPS
-from diffbotctl.cli.calibrate import command
+from diffbotctl.cli.calibrate import calibrate as command
 from diffbotctl.config.load import load_robot
 from diffbotctl.config.lookup import simulated_copy_of
 from diffbotctl.errors import RunError

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from diffbotctl.cli import COMPLETING, completion
-from diffbotctl.cli.main import COMMANDS
+from diffbotctl.cli.main import commands
 from tests.command_result import invoke
 from tests.support.running import PlainClient, running
 
@@ -137,7 +137,7 @@ def test_names_of_a_recording_and_of_a_pipeline_are_completed(place, monkeypatch
 @pytest.mark.parametrize("shell", ["zsh", "fish"])
 def test_the_other_shells_get_the_same_with_its_help(place, shell):
     output = asked(place, shell, "diffbotctl wir")
-    assert "wiring" in output and COMMANDS["wiring"].help in output
+    assert "wiring" in output and commands()["wiring"].sentence in output
 
 
 def test_a_path_is_left_to_the_shell(place):
@@ -169,7 +169,7 @@ def test_completing_a_command_imports_none(place):
 
 
 def script(shell):
-    return invoke(completion.command, shell)[1]
+    return invoke(completion.completion, shell)[1]
 
 
 def test_bash_itself_completes(place):

@@ -84,7 +84,7 @@ def test_an_unknown_code():
 
 
 def test_blocks_lists_every_block_with_its_sentence():
-    code, output = invoke(blocks.command)
+    code, output = invoke(blocks.blocks)
     assert code == 0
     lines = output.splitlines()
     names = [*registry.names(), *registry.driver_names()]
@@ -95,13 +95,13 @@ def test_blocks_lists_every_block_with_its_sentence():
 
 @pytest.mark.parametrize("name", registry.BLOCKS)
 def test_blocks_show(name):
-    _, output = invoke(blocks.command, "show", name)
+    _, output = invoke(blocks.blocks, "show", name)
     assert output.startswith(f"{name}\n")
     assert "outputs" in output
 
 
 def test_blocks_show_prints_all_that_is_declared():
-    _, output = invoke(blocks.command, "show", "obstacle_stop")
+    _, output = invoke(blocks.blocks, "show", "obstacle_stop")
     for words in (
         "range   Range (fresh for the parameter stale_after)",
         "twist  Twist  The safe velocity.",
@@ -115,12 +115,12 @@ def test_blocks_show_prints_all_that_is_declared():
 
 def test_blocks_show_of_an_unknown_block():
     with pytest.raises(UsageError) as caught:
-        invoke(blocks.command, "show", "odometri")
+        invoke(blocks.blocks, "show", "odometri")
     assert caught.value.problems[0].fix == "did you mean odometry?"
 
 
 def test_the_graph_of_the_smallest_pipeline():
-    _, output = invoke(graph.command, "hello")
+    _, output = invoke(graph.graph, "hello")
     assert output.splitlines() == [
         "pipelines/hello.yaml",
         "talker",
@@ -129,14 +129,14 @@ def test_the_graph_of_the_smallest_pipeline():
 
 
 def test_the_graph_shows_what_the_builder_adds():
-    _, output = invoke(graph.command, "goal", "--robot", "book_2wd_stock")
+    _, output = invoke(graph.graph, "goal", "--robot", "book_2wd_stock")
     assert "wheels Wheels -> gate.command" in output
     assert "wheels Wheels -> wheel_speed.wheels" in output
     assert "duty Duty -> robot.duty" in output
 
 
 def test_the_graph_as_mermaid():
-    _, output = invoke(graph.command, "hello", "--mermaid")
+    _, output = invoke(graph.graph, "hello", "--mermaid")
     assert output.splitlines() == [
         "flowchart LR",
         "    talker[talker]",
@@ -149,8 +149,8 @@ def test_every_wire_of_a_pipeline_is_drawn_once():
     from diffbotctl.config.load import load
     from diffbotctl.runs.build_graph import assemble
 
-    _, tree = invoke(graph.command, "goal")
-    _, mermaid = invoke(graph.command, "goal", "--mermaid")
+    _, tree = invoke(graph.graph, "goal")
+    _, mermaid = invoke(graph.graph, "goal", "--mermaid")
     nodes = assemble(load("goal"), False).graph.nodes
     wires = sum(len(node.wires) for node in nodes) + 1  # and the command that leaves
     assert tree.count(" -> ") == wires

@@ -37,7 +37,7 @@ pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 def new_robot(*words):
-    return invoke(new.command, "robot", *words)[1]
+    return invoke(new.new, "robot", *words)[1]
 
 
 def test_kit_without_a_name_lists_them():
@@ -195,7 +195,7 @@ def drawn(name, folder):
         new_robot("--kit", name)
         robot, path = name, folder / f"{name}.svg"
     words = [robot, "--output", str(path)]
-    assert CliRunner().invoke(wiring.command, words).exit_code == 0
+    assert CliRunner().invoke(wiring.wiring, words).exit_code == 0
     return path.read_text()
 
 

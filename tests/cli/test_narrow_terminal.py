@@ -127,8 +127,8 @@ GROUPS = ("bag", "bluetooth", "calibrate", "export", "log", "new", "param", "top
 
 @pytest.mark.parametrize("group", GROUPS)
 def test_the_help_of_a_group_has_whole_sentences(group):
-    program = import_module(f"diffbotctl.cli.{main.COMMANDS[group].module}")
-    command = getattr(program, group, None) or program.command
+    program = import_module(f"diffbotctl.cli.{main.commands()[group].module}")
+    command = getattr(program, group)
     text = CliRunner().invoke(command, ["--help"]).output
     _, _, listed = " ".join(text.split()).partition("Commands: ")
     for name in command.commands:

@@ -34,7 +34,7 @@ pytestmark = pytest.mark.usefixtures("empty_folder")
 
 @pytest.mark.parametrize("kind", ["robot", "pipeline"])
 def test_a_new_file_has_no_problem_and_asks_nothing(kind):
-    code, output = invoke(new.command, kind, "mine")
+    code, output = invoke(new.new, kind, "mine")
     path = f"{kind}s/mine.yaml"
     assert f"written: {path}" in output
     code, output = invoke(check.check, path)
@@ -46,27 +46,27 @@ def test_a_new_file_has_no_problem_and_asks_nothing(kind):
 def test_a_new_file_among_the_shipped_ones_is_refused(monkeypatch, kind):
     monkeypatch.chdir(ROOT)
     with pytest.raises(UserError, match="mkdir ~/robot; cd ~/robot"):
-        invoke(new.command, kind, "mine_among_shipped_ones")
+        invoke(new.new, kind, "mine_among_shipped_ones")
     assert not (ROOT / f"{kind}s" / "mine_among_shipped_ones.yaml").exists()
 
 
 def test_a_new_robot_is_the_kit_of_the_book():
-    invoke(new.command, "robot", "mine")
+    invoke(new.new, "robot", "mine")
     ours, book = load_robot("mine").robot, load_robot("book_2wd").robot
     for part in ("drive", "sensors", "limits", "simulation"):  # sections compare by their fields
         assert repr(getattr(ours, part)) == repr(getattr(book, part))
 
 
 def test_a_new_pipeline_drives_a_new_robot_to_its_goal():
-    invoke(new.command, "robot", "mine")
-    invoke(new.command, "pipeline", "mine")
+    invoke(new.new, "robot", "mine")
+    invoke(new.new, "pipeline", "mine")
     result = Run(load("mine"), RunOptions(fast=True)).go()
     assert (result.reached, result.goals) == (1, 1)
 
 
 @pytest.mark.parametrize("what", ["robot", "pipeline", "block", "driver", "message", "program"])
 def test_an_editor_finds_the_schema_of_a_new_file_and_no_mistake(what, tmp_path_factory):
-    invoke(new.command, what, "mine")
+    invoke(new.new, what, "mine")
     elsewhere = tmp_path_factory.mktemp("another") / "machine"
     shutil.copytree(".", elsewhere)
     (path,) = elsewhere.rglob("*.yaml")
@@ -79,7 +79,7 @@ def test_an_editor_finds_the_schema_of_a_new_file_and_no_mistake(what, tmp_path_
 
 @pytest.mark.parametrize("kit", new.kits())
 def test_an_editor_finds_no_mistake_in_a_kit(kit):
-    invoke(new.command, "robot", "--kit", kit)
+    invoke(new.new, "robot", "--kit", kit)
     schema = json.loads(Path("schemas/robot.schema.json").read_text())
     content = yaml.safe_load(Path(f"robots/{kit}.yaml").read_text())
     assert not list(Draft202012Validator(schema).iter_errors(content))
@@ -90,7 +90,7 @@ def test_schemas_of_another_version_are_replaced_and_files_of_others_kept():
     Path("schemas").mkdir()
     Path("schemas/robot.schema.json").write_text(json.dumps(others))
     Path("schemas/view.schema.json").write_text('{"title": "A saved view of diffbotctl"}')
-    _, output = invoke(new.command, "schemas")
+    _, output = invoke(new.new, "schemas")
     assert "schemas/ is up to date" in output
     assert json.loads(Path("schemas/robot.schema.json").read_text()) == others
     for name in ("view", "pipeline"):
@@ -117,17 +117,17 @@ def test_a_copied_robot_has_its_schema():
 )
 def test_names_that_cannot_be(words, code):
     with pytest.raises(UserError) as raised:
-        invoke(new.command, *words)
+        invoke(new.new, *words)
     assert raised.value.problems[0].code == code
     assert not [path for path in Path().rglob("*") if "cache" not in path.parts]
 
 
 @pytest.mark.parametrize("kind", ["robot", "pipeline", "block", "driver", "message", "program"])
 def test_nothing_is_written_over(kind):
-    invoke(new.command, kind, "mine")
+    invoke(new.new, kind, "mine")
     before = {path: path.read_text() for path in Path().rglob("*.*") if path.is_file()}
     with pytest.raises(UserError) as raised:
-        invoke(new.command, kind, "mine")
+        invoke(new.new, kind, "mine")
     assert raised.value.problems[0].code == "E-FILE-WRITE"
     assert {path: path.read_text() for path in before} == before
 
@@ -175,7 +175,7 @@ def pip_install(folder, target):
 
 
 def test_a_new_message_installs_runs_and_is_recorded(tmp_path):
-    invoke(new.command, "message", "gas")
+    invoke(new.new, "message", "gas")
     folder, target = tmp_path / "gas", tmp_path / "installed"
     pip_install(folder, target)
     line = ["run", folder / "gas.yaml", "--fast", "--quiet", "--record", "gas.mcap"]
@@ -189,14 +189,14 @@ def test_a_new_message_installs_runs_and_is_recorded(tmp_path):
 
 
 def test_a_new_message_s_own_test_passes(tmp_path):
-    invoke(new.command, "message", "gas")
+    invoke(new.new, "message", "gas")
     folder = tmp_path / "gas"
     code, printed = python("-m", "pytest", "-q", folder, path=[folder, ROOT])
     assert (code, "4 passed" in printed) == (0, True), printed
 
 
 def test_a_new_driver_reads_its_device_and_is_replayed_without_it(tmp_path):
-    invoke(new.command, "driver", "sonar")
+    invoke(new.new, "driver", "sonar")
     folder, target = tmp_path / "sonar", tmp_path / "installed"
     pip_install(folder, target)
     code, printed = python(*PROGRAM, "blocks", path=[target, ROOT])
@@ -223,7 +223,7 @@ def test_a_new_driver_reads_its_device_and_is_replayed_without_it(tmp_path):
 
 
 def test_a_new_driver_s_own_tests_pass(tmp_path):
-    invoke(new.command, "driver", "sonar")
+    invoke(new.new, "driver", "sonar")
     folder = tmp_path / "sonar"
     code, printed = python("-m", "pytest", "-q", folder, path=[folder, ROOT])
     assert (code, "6 passed" in printed) == (0, True), printed
@@ -233,7 +233,7 @@ def test_a_new_driver_s_own_tests_pass(tmp_path):
 def test_a_new_program_runs_as_it_stands(language, tmp_path):
     if language == "node" and shutil.which("node") is None:
         pytest.skip("no Node.js on this machine: `node` is not found")
-    invoke(new.command, "program", "nose", "--language", language)
+    invoke(new.new, "program", "nose", "--language", language)
     folder = tmp_path / "nose"
     build = re.search(r"^    (cc .*)$", (folder / "README.md").read_text(), re.M)
     if build:
@@ -255,7 +255,7 @@ def test_a_new_program_runs_as_it_stands(language, tmp_path):
 
 
 def test_a_new_block_installs_through_its_entry_point_and_drives(tmp_path):
-    invoke(new.command, "block", "half_speed")
+    invoke(new.new, "block", "half_speed")
     folder, target = tmp_path / "half_speed", tmp_path / "installed"
     pip_install(folder, target)
     code, printed = python(*PROGRAM, "blocks", path=[target, ROOT])
@@ -267,7 +267,7 @@ def test_a_new_block_installs_through_its_entry_point_and_drives(tmp_path):
 
 
 def test_a_new_block_s_own_test_passes(tmp_path):
-    invoke(new.command, "block", "half_speed")
+    invoke(new.new, "block", "half_speed")
     folder = tmp_path / "half_speed"
     code, printed = python("-m", "pytest", "-q", folder, path=[folder, ROOT])
     assert code == 0, printed

@@ -13,7 +13,7 @@ pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 def unit(*words):
-    return invoke(service.command, *words)[1]
+    return invoke(service.service, *words)[1]
 
 
 def verified(text, folder):
@@ -48,7 +48,7 @@ def test_systemd_finds_nothing_to_say(folder, tmp_path):
 def test_the_command_line_is_one_that_run_takes():
     line = next(line for line in unit().splitlines() if line.startswith("ExecStart="))
     words = line.split(" run ")[1].split()
-    with run.command.make_context("run", words) as context:
+    with run.run.make_context("run", words) as context:
         assert context.params["pipeline"] == "standby"
         assert context.params["stay"] is True
 

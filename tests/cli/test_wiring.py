@@ -256,7 +256,7 @@ def test_the_lines_in_the_terminal_lead_where_the_file_states(robot):
 @pytest.mark.parametrize("name", kits())
 @pytest.mark.usefixtures("empty_folder")
 def test_the_lines_in_the_terminal_lead_where_a_kit_s_harness_does(name):
-    invoke(new.command, "robot", "--kit", name)
+    invoke(new.new, "robot", "--kit", name)
     robot = load_robot(name).robot
     wires = harness(robot)
     target = set()
@@ -335,7 +335,7 @@ def test_the_divider_of_the_battery_is_drawn(tmp_path, battery, series):
 
 
 def run(*words):
-    return invoke(wiring.command, *words)[1]
+    return invoke(wiring.wiring, *words)[1]
 
 
 def test_the_command_fits_eighty_columns_and_names_every_wire():

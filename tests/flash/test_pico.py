@@ -6,7 +6,7 @@ import threading
 import pytest
 from click.testing import CliRunner
 
-from diffbotctl.cli.emulate import command as emulate_command
+from diffbotctl.cli.emulate import emulate as emulate_command
 from diffbotctl.cli.flash import flash as flash_command
 from diffbotctl.config.load import load_robot
 from diffbotctl.drivers import board_ports

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from diffbotctl.cli.learn import command
-from diffbotctl.cli.new import command as new
+from diffbotctl.cli.learn import learn as command
+from diffbotctl.cli.new import new
 from diffbotctl.errors import UsageError
 from diffbotctl.learn.course import find_lesson, lessons
 from tests.command_result import invoke

@@ -28,12 +28,12 @@ def run(command, *words):
 def writers(goal):
     """Each command that writes a file, with its suffix."""
     return {
-        ".csv": (bag.command, "export", goal),
-        ".svg": (bag.command, "plot", FIELD, goal),
-        ".png": (bag.command, "plot", FIELD, goal),
-        ".mcap": (bag.command, "recover", goal),
+        ".csv": (bag.bag, "export", goal),
+        ".svg": (bag.bag, "plot", FIELD, goal),
+        ".png": (bag.bag, "plot", FIELD, goal),
+        ".mcap": (bag.bag, "recover", goal),
         ".urdf": (robot_model.export, "urdf", "book_2wd"),
-        "-wires.svg": (wiring.command, "book_2wd"),
+        "-wires.svg": (wiring.wiring, "book_2wd"),
         "-robot.svg": (robot_model.show, "book_2wd"),
     }
 
@@ -57,7 +57,7 @@ def test_a_file_of_ours_is_overwritten_and_one_of_others_is_not(suffix, goal, tm
 
 
 def test_a_wide_table_is_recognised(goal, tmp_path):
-    run(bag.command, "export", goal, "--output", tmp_path / "all.csv")
+    run(bag.bag, "export", goal, "--output", tmp_path / "all.csv")
     header = (tmp_path / "all.csv").read_bytes().partition(b"\n")[0]
     assert len(header) > 1000
     check_overwrite(tmp_path / "all.csv", force=False)
@@ -89,7 +89,7 @@ def test_an_empty_file_may_be_overwritten(tmp_path):
 def test_a_goal_is_not_recovered_onto_itself(goal):
     before = goal.read_bytes()
     with pytest.raises(Exception, match="must not overwrite"):
-        run(bag.command, "recover", goal, "--output", goal, "--force")
+        run(bag.bag, "recover", goal, "--output", goal, "--force")
     assert goal.read_bytes() == before
 
 
@@ -97,9 +97,9 @@ def test_a_goal_is_not_recovered_onto_itself(goal):
 @pytest.mark.parametrize(
     ("command", "words", "option"),
     [
-        (run_command.command, ("goal", "--fast", "--quiet"), "--record"),
-        (replay.command, ("GOAL",), "--record"),
-        (bag.command, ("recover", "GOAL"), "--output"),
+        (run_command.run, ("goal", "--fast", "--quiet"), "--record"),
+        (replay.replay, ("GOAL",), "--record"),
+        (bag.bag, ("recover", "GOAL"), "--output"),
     ],
 )
 def test_a_recording_that_is_being_written_is_not_overwritten(

@@ -49,7 +49,7 @@ def first_stop(pipeline, robot, sets, port="sim"):
 
 
 def kit_stop(kit, pipeline, wiring, port="sim"):
-    invoke(new.command, "robot", "--kit", kit, "mine")
+    invoke(new.new, "robot", "--kit", kit, "mine")
     sets = [f"robot.simulation.wiring.{wiring}"]
     return first_stop(pipeline, "robots/mine.yaml", sets, port)
 

@@ -1,26 +1,6 @@
-"""What the commands that serve programs over TCP have in common."""
+"""Packages that only some commands need."""
 
 from __future__ import annotations
-
-from collections.abc import Callable
-
-import click
-
-from diffbotctl.cli.options import Command
-
-TCP_PORT_MAX = 65535
-
-
-def tcp_port_option(default: int, help: str) -> Callable[[Command], Command]:
-    """`--tcp-port NUMBER`."""
-    return click.option(
-        "--tcp-port",
-        metavar="NUMBER",
-        type=click.IntRange(1, TCP_PORT_MAX),
-        default=default,
-        show_default=True,
-        help=help,
-    )
 
 
 def require_packages(code: str, subject: str, extra: str, *packages: str) -> None:
