@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from diffbotctl.cli.command import command, option
+from diffbotctl.cli.command import command, option, require_packages
 from diffbotctl.cli.engine_client import host
 from diffbotctl.cli.options import ENGINE, VIEW, tcp_port_option
-from diffbotctl.cli.packages import require_packages
 
 if TYPE_CHECKING:
     from diffbotctl.control_socket.address import EngineAddress
