@@ -70,7 +70,7 @@ SOURCES = sorted((ROOT / "diffbotctl").rglob("*.py"))
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
 
 BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the folders
-    ".": 3_100,
+    ".": 3_150,
     "blocks": 2_870,
     "bluetooth": 800,
     "calibrate": 8_990,
