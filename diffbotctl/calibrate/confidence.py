@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diffbotctl.calibrate.dead_reckoning import Floats, Segment
-from diffbotctl.calibrate.end_noise import NoiseGrid, linearize
+from diffbotctl.calibrate.end_noise import linearize
 from diffbotctl.calibrate.geometry_posterior import Posterior
 
 # Student's t for 95 %, two-sided, by degrees of freedom; the limit for more.
@@ -119,7 +119,7 @@ def _drive_scatter(
     """(3, 3): covariance from the scatter of the gradients of whole drives, so that two of its
     standard deviations contain 95 % of Student's t with as many degrees of freedom as drives."""
     linear = linearize(segments, result.geometry)
-    precisions = np.linalg.inv(linear.covariances(NoiseGrid.single(result.noise))[0])
+    precisions = np.linalg.inv(linear.covariances(result.noise)[0])
     weighted = precisions * weights[:, None, None]
     jacobians, residuals = linear.jacobians, linear.residuals
     normal = np.einsum("nki,nkl,nlj->ij", jacobians, weighted, jacobians)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from diffbotctl.calibrate.dead_reckoning import Floats, Geometry, Segment, dead_reckon, wrap_angle
 
-UNKNOWN_VARIANCE = 1e6  # rad^2, of a heading that was not measured
+UNKNOWN_VARIANCE = 1e6  # m^2 or rad^2, of what was not measured
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,11 +74,11 @@ class NoiseGrid:
         log_prior = weights - np.logaddexp.reduce(weights)
         return cls(slip, position, heading, start, log_prior)
 
-    @classmethod
-    def single(cls, sds: tuple[float, float, float, float]) -> NoiseGrid:
-        """One combination: slip, position, heading and start."""
-        slip, position, heading, start = (np.array([sd]) for sd in sds)
-        return cls(slip, position, heading, start, np.zeros(1))
+    def expected(self, share: Floats) -> NoiseGrid:
+        """One combination, with the expected variances; `share` (combinations,) of probability."""
+        grid = (self.slip, self.position, self.heading, self.start)
+        slip, position, heading, start = (np.array([(share @ sds**2) ** 0.5]) for sds in grid)
+        return NoiseGrid(slip, position, heading, start, np.zeros(1))
 
 
 TAPE_NOISE = NoiseGrid.of(SLIP, POSITION, HEADING, START)
@@ -97,7 +97,7 @@ class Linearized:
     """End errors of all segments at one geometry, and their derivatives."""
 
     residuals: Floats
-    """(segments, 3): dead-reckoned minus measured end, m, m, rad; 0 for an unknown heading"""
+    """(segments, 3): dead-reckoned minus measured end, m, m, rad; 0 where it was not measured"""
     jacobians: Floats
     """(segments, 3, 3): by the logarithms of mean diameter, wheel ratio and track"""
     slip: Floats
@@ -106,15 +106,15 @@ class Linearized:
     """(segments, 3, 3)"""
     lever: Floats
     """(segments, 3): derivatives of the measured end by the heading of the start"""
-    has_heading: NDArray[np.bool_]
-    """(segments,)"""
+    known: NDArray[np.bool_]
+    """(segments, 3): whether it was measured"""
 
     def covariances(self, noise: NoiseGrid) -> Floats:
         """(combinations, segments, 3, 3)"""
         diagonal = np.zeros((len(noise.slip), len(self.residuals), 3))
         diagonal[:, :, :2] = noise.position[:, None, None] ** 2
         diagonal[:, :, 2] = noise.heading[:, None] ** 2
-        diagonal[:, ~self.has_heading, 2] = UNKNOWN_VARIANCE
+        diagonal[:, ~self.known] = UNKNOWN_VARIANCE
         lever = self.lever[:, :, None] * self.lever[:, None, :]
         return np.asarray(
             diagonal[..., None] * np.eye(3)
@@ -138,14 +138,14 @@ def linearize(segments: Sequence[Segment], geometry: Geometry) -> Linearized:
     for segment in segments:
         reckoned = dead_reckon(segment, geometry)
         residual = reckoned.end - segment.motion
-        residual[2] = wrap_angle(residual[2]) if np.isfinite(residual[2]) else 0.0
-        lever = np.array([-segment.motion[1], segment.motion[0], 1.0])
+        residual[2] = wrap_angle(residual[2])
+        lever = np.array([-reckoned.end[1], reckoned.end[0], 1.0])
         parts = (residual, reckoned.jacobian @ logs, reckoned.slip, reckoned.counts, lever)
         for column, part in zip(columns, parts, strict=True):
             column.append(part)
-    known = np.array([bool(np.isfinite(segment.motion[2])) for segment in segments])
     residuals, jacobians, slip, counts, levers = (np.array(column) for column in columns)
-    return Linearized(residuals, jacobians, slip, counts, levers, known)
+    known = np.isfinite(residuals)
+    return Linearized(np.nan_to_num(residuals), jacobians, slip, counts, levers, known)
 
 
 def log_jacobian(geometry: Geometry) -> Floats:

@@ -1,14 +1,17 @@
 """Wheel diameters and track from recorded drives.
 
-The fit first looks for mistakes in the files (end_mistakes.py). Then clocks are aligned, wrong
-drives are left out, and the posterior of the geometry is computed from the rest. A fit that proves
-nothing is refused.
+Clocks are aligned, wrong drives are left out, and the posterior of the geometry is computed from
+the rest. A fit that proves nothing is refused, and so are ends that another convention of their
+coordinates explains far better. Two mistakes cannot be distinguished from a correct file: counts of
+both wheels exchanged are the same as ends mirrored; and without headings, x and y exchanged in
+squares look like a wrong track taken for unequal wheels (UMBmark's two angles change places).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import exp, expm1, hypot, inf, log
+from dataclasses import replace
+from math import exp, expm1, hypot, inf, log, pi
 from typing import NamedTuple
 
 import numpy as np
@@ -25,8 +28,7 @@ from diffbotctl.calibrate.dead_reckoning import (
     cut_segments,
     end_error,
 )
-from diffbotctl.calibrate.end_mistakes import Explanation, explain_ends
-from diffbotctl.calibrate.end_noise import CAMERA_NOISE, TAPE_NOISE, NoiseGrid
+from diffbotctl.calibrate.end_noise import CAMERA_NOISE, SEARCH_NOISE, TAPE_NOISE, NoiseGrid
 from diffbotctl.calibrate.geometry_posterior import (
     DIAMETER_SD,
     RATIO_SD,
@@ -38,6 +40,7 @@ from diffbotctl.calibrate.geometry_posterior import (
     solve,
     squared_error,
 )
+from diffbotctl.calibrate.geometry_search import search
 from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, TRACK, Finding
 from diffbotctl.config.robot import Robot
 from diffbotctl.units import quantity
@@ -46,13 +49,19 @@ from diffbotctl.units import quantity
 # determine the mean diameter on small squares; found by cross-validation on a real session.
 SEGMENT_LENGTH_TRACKS = 20.0
 NAMES_SHOWN_MAX = 4
+MM = 1000.0
 SEARCH_SEGMENTS_MAX = 24  # of all drives, to find mistakes
 SEGMENTS_MAX = 600
 BAD_DRIVES_RATIO_MAX = 1 / 3
 DIAMETER_SD_MIN = 0.001  # relative: another floor, another load
+# Logarithm of the density ratio from which another convention of the ends is accepted: 1000 to 1.
+CONVENTION_LOG_RATIO_MIN = 7.0
+# Logarithm of the probability of another scale along an axis, to that of one scale for both.
+OTHER_SCALE_LOG_PRIOR = -5.0
+SCALES = (0.9, 0.94, 0.97, 1.03, 1.06, 1.1)  # of x over y
 # Relative standard deviation of all lengths that one tape measures: its class (0.05 %), and that it
 # hangs, or does not lie along the axis. No drive shows it.
-TAPE_SCALE_SD = 0.001
+TAPE_SCALE = np.array([0.001, 0.0, 0.001])  # of mean diameter, ratio and track
 HALF_WIDTH_MAX = 0.05  # relative, of the 95 % confidence interval of each value
 SEEN_SD_RATIO = 0.5  # of the prior's; above, the drives do not determine the mean diameter
 RIVAL_LOG_RATIO_MIN = 4.0  # 55 to 1
@@ -68,6 +77,46 @@ UNSEEN_TRACK_LOG_MAX = 0.032
 EXCLUDED_SDS = 2.5  # of the mean diameter from that which would explain the track
 
 USUAL_SDS = (0.02, 0.08)  # of ratio and track, as users state them: decides between hypotheses
+
+
+class Convention(NamedTuple):
+    """How ends may have been noted by mistake, and what undoes it."""
+
+    text: str
+    columns: tuple[int, int, int] = (0, 1, 2)
+    factors: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    """of x, y and heading, after the columns were put in order"""
+
+
+SWAPPED = (1, 0, 2)
+CONVENTIONS = (
+    Convention(
+        "the true poses are mirrored (y is positive to the left, headings counter-clockwise), or "
+        "the counts of the left and the right wheel are exchanged",
+        factors=(1, -1, -1),
+    ),
+    Convention("x and y of the true poses are exchanged: x is ahead, y to the left", SWAPPED),
+    Convention(
+        "y of the true poses has the wrong sign: it is positive to the left", factors=(1, -1, 1)
+    ),
+    Convention("x of the true poses has the wrong sign: it is positive ahead", factors=(-1, 1, 1)),
+    Convention(
+        "the headings of the true poses have the wrong sign: counter-clockwise is positive",
+        factors=(1, 1, -1),
+    ),
+    Convention(
+        "x and y of the true poses are in millimetres, but must be in metres",
+        factors=(0.001, 0.001, 1),
+    ),
+    Convention(
+        "x and y of the true poses are in centimetres, but must be in metres",
+        factors=(0.01, 0.01, 1),
+    ),
+    Convention(
+        "the headings of the true poses are in degrees, but must be in rad",
+        factors=(1, 1, pi / 180),
+    ),
+)
 
 
 class Outlier(NamedTuple):
@@ -107,29 +156,28 @@ def fit_geometry(
     sd = DIAMETER_SD if mean_sd is None else mean_sd
     prior = GeometryPrior(stated, (sd, RATIO_SD, TRACK_SD))
     usual_prior = GeometryPrior(stated, (sd, *USUAL_SDS))
-    explanation = _explain(drives, usual_prior)
-    rough = explanation.plain
-    offsets = [clock_offset(drive, rough.geometry) for drive in drives]
+    plain = _plausible(drives, usual_prior)
+    offsets = [clock_offset(drive, plain.geometry) for drive in drives]
     _refuse_other_clocks(drives, offsets)
     aligned = [
         delay_counts(drive, offset) if offset else drive
         for drive, offset in zip(drives, offsets, strict=True)
     ]
     noise = _noise(drives)
-    kept = _good_drives(aligned, rough, prior, noise)
+    kept = _good_drives(aligned, plain, prior, noise)
     used = [aligned[number] for number in kept]
 
     groups = _segments(used, stated, SEGMENTS_MAX, SEGMENT_OVERLAP)
     segments, weights = _flatten(groups)
-    solution = solve(segments, weights, rough.geometry, prior, noise)
+    solution = solve(segments, weights, plain.geometry, prior, noise)
     result = posterior(segments, weights, solution.geometry, prior, noise)
     sees_diameter = bool(result.covariance[0, 0] ** 0.5 < SEEN_SD_RATIO * sd)
     mean_log, mean_log_sd = _mean_by_drives(result, prior)
     if not sees_diameter:
         result = result.with_mean(stated.mean)
-    result = result.wider(explanation.scale_covariance(usual_prior))
     if noise is TAPE_NOISE:
-        result = result.with_scale_sd(TAPE_SCALE_SD)
+        scales = _scale_covariance(used, usual_prior, plain.geometry)
+        result = result.wider(scales).wider(np.outer(TAPE_SCALE, TAPE_SCALE))
     fit = GeometryFit(
         stated,
         result.geometry,
@@ -179,30 +227,75 @@ def geometry_findings(fit: GeometryFit) -> list[Finding]:
     ]
 
 
-def _explain(drives: Sequence[RecordedDrive], prior: GeometryPrior) -> Explanation:
-    """The most likely geometry. Raises ValueError if something else explains the ends better."""
+def _plausible(drives: Sequence[RecordedDrive], prior: GeometryPrior) -> Solution:
+    """The most likely geometry. Raises ValueError if another one, or the mirror image of the ends,
+    explains them as well."""
+    best, *others = _search(drives, prior)
+    _refuse_convention(drives, prior, best, CONVENTIONS[:1])
+    for rival in others:
+        is_as_good = _is_good(best) and best.score - rival.score < RIVAL_LOG_RATIO_MIN
+        if is_as_good and max(_log_change(best.geometry, rival.geometry)) > HALF_WIDTH_MAX:
+            raise ValueError(
+                "two geometries explain these ends equally well: a track of "
+                f"{best.geometry.track * MM:.1f} mm and one of {rival.geometry.track * MM:.1f} mm; "
+                "add shorter drives with fewer turns"
+            )
+    return best
 
-    def cut(drives: Sequence[RecordedDrive]) -> tuple[list[Segment], Floats]:
-        return _flatten(_segments(drives, prior.stated, SEARCH_SEGMENTS_MAX, 1))
 
-    found = explain_ends(drives, prior, cut)
-    if found.mistake is not None:
-        # A mistake that leaves many ends unexplained is only the least bad one that was tried.
-        if found.good_ratio < 1 - BAD_DRIVES_RATIO_MAX:
-            raise _unexplained(drives, drives)
-        raise ValueError(f"these drives agree with each other only if {found.mistake.text}")
-    best, rival = found.plain, found.rival
-    if (
-        rival is not None
-        and best.score - rival.score < RIVAL_LOG_RATIO_MIN
-        and max(_log_change(best.geometry, rival.geometry)) > HALF_WIDTH_MAX
-    ):
-        raise ValueError(
-            "two geometries explain these ends equally well: a track of "
-            f"{best.geometry.track * 1000:.1f} mm and one of {rival.geometry.track * 1000:.1f} mm; "
-            "add shorter drives with fewer turns"
-        )
-    return found
+def _search(drives: Sequence[RecordedDrive], prior: GeometryPrior) -> list[Solution]:
+    return search(*_flatten(_segments(drives, prior.stated, SEARCH_SEGMENTS_MAX, 1)), prior)
+
+
+def _is_good(solution: Solution) -> bool:
+    """Whether it explains most ends."""
+    return float(np.mean(solution.good < 0.5)) <= BAD_DRIVES_RATIO_MAX
+
+
+def _refuse_convention(
+    drives: Sequence[RecordedDrive],
+    prior: GeometryPrior,
+    plain: Solution,
+    conventions: Sequence[Convention],
+) -> None:
+    """Raises ValueError if one of `conventions` explains the ends much better than `plain`."""
+    for text, columns, factors in conventions:
+        poses = [drive.poses[:, columns] * factors for drive in drives]
+        read = [replace(drive, poses=each) for drive, each in zip(drives, poses, strict=True)]
+        found = _search(read, prior)[0]
+        # Other units change the density of the same ends by their Jacobian.
+        known = np.isfinite([drive.poses[-1] for drive in drives]).sum(axis=0)
+        score = found.score + float(known @ np.log(np.abs(factors)))
+        if _is_good(found) and score > plain.score + CONVENTION_LOG_RATIO_MIN:
+            raise ValueError(f"these drives agree with each other only if {text}")
+
+
+def _scale_covariance(
+    drives: Sequence[RecordedDrive], prior: GeometryPrior, geometry: Geometry
+) -> Floats:
+    """(3, 3): of the logarithms of mean diameter, ratio and track, since x of the ends may have
+    another scale than y. Raises ValueError if it must.
+
+    A factor of both x and y means wheels of another size.
+    """
+    segments, weights = _flatten(_segments(drives, prior.stated, SEARCH_SEGMENTS_MAX, 1))
+    plain = solve(segments, weights, geometry, prior, SEARCH_NOISE)
+    logs, changes = [0.0], [np.zeros(3)]
+    for factor in SCALES:
+        scaled = [replace(each, motion=each.motion * (factor, 1, 1)) for each in segments]
+        solution = solve(scaled, weights, geometry, prior, SEARCH_NOISE)
+        # Other units change the density of the same ends by their Jacobian.
+        gain = solution.score - plain.score + log(factor) * float(weights.sum())
+        if gain > CONVENTION_LOG_RATIO_MIN:
+            raise ValueError(
+                f"these drives agree with each other only if {'xy'[factor > 1]} of the true poses "
+                f"is about {100 * abs(log(factor)):.0f} % too long, or {'yx'[factor > 1]} too "
+                "short: measure both with the same tape"
+            )
+        logs.append(gain + OTHER_SCALE_LOG_PRIOR)
+        changes.append(prior.offset(solution.geometry) - prior.offset(plain.geometry))
+    shares, change = np.exp(np.array(logs) - np.logaddexp.reduce(logs)), np.array(changes)
+    return np.asarray((change.T * shares) @ change)
 
 
 def _unexplained(bad: Sequence[RecordedDrive], drives: Sequence[RecordedDrive]) -> ValueError:
@@ -211,8 +304,9 @@ def _unexplained(bad: Sequence[RecordedDrive], drives: Sequence[RecordedDrive]) 
     more = ", ..." if len(bad) > NAMES_SHOWN_MAX else ""
     return ValueError(
         f"no geometry near the stated one explains {len(bad)} of {len(drives)} drives "
-        f"({names}{more}): are their ends or poses of the same drives, measured from the start, "
-        "and did both encoders count all the time?"
+        f"({names}{more}): are their ends or poses of the same drives, measured from the start, x "
+        "ahead and y to the left in metres, and headings counter-clockwise in the unit of their "
+        "column, and did both encoders count all the time, forward positive, `slots` a turn?"
     )
 
 
@@ -253,6 +347,7 @@ def _good_drives(
     ]
     if len(drives) - len(kept) > BAD_DRIVES_RATIO_MAX * len(drives):
         bad = [drive for number, drive in enumerate(drives) if number not in kept]
+        _refuse_convention(drives, prior, rough, CONVENTIONS)
         raise _unexplained(bad, drives)
     return kept
 

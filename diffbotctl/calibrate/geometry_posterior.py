@@ -41,6 +41,11 @@ class GeometryPrior:
     stated: Geometry
     sds: tuple[float, float, float] = (DIAMETER_SD, RATIO_SD, TRACK_SD)
 
+    @property
+    def precision(self) -> Floats:
+        """(3, 3)"""
+        return np.diag(1 / np.square(self.sds))
+
     def offset(self, geometry: Geometry) -> Floats:
         """(3,): logarithms of `geometry` over the stated one."""
         stated = self.stated
@@ -70,8 +75,10 @@ class Posterior:
     geometry: Geometry
     covariance: Floats
     """(3, 3)"""
-    noise: tuple[float, float, float, float]
-    """expected slip (m per square root of m), position (m), heading and start heading (rad)"""
+    share: Floats
+    """(combinations,): probability of each combination of the noise"""
+    noise: NoiseGrid
+    """one combination, of the expected values"""
 
     def with_mean(self, mean: float) -> Posterior:
         """The posterior given this mean diameter (m); its covariance is kept."""
@@ -82,11 +89,6 @@ class Posterior:
     def wider(self, covariance: Floats) -> Posterior:
         """The posterior with a further error of this `covariance` (3, 3)."""
         return replace(self, covariance=self.covariance + covariance)
-
-    def with_scale_sd(self, sd: float) -> Posterior:
-        """The posterior if all lengths were measured with a common relative error of `sd`."""
-        scale = np.array([sd, 0.0, sd])
-        return self.wider(np.outer(scale, scale))
 
 
 def apply_log_step(geometry: Geometry, step: Floats) -> Geometry:
@@ -107,35 +109,29 @@ def solve(
 
     Expectation maximization over the noise and over wrong ends, with Gauss-Newton steps.
     """
-    geometry = start
-    precision = np.diag(1 / np.square(prior.sds))
+    geometry, step = start, np.full(3, np.inf)
     wrong = log_wrong_density(segments, start)
     for _ in range(ITERATIONS_MAX):
         linear = linearize(segments, geometry)
-        expectation = _expect(linear, weights, noise, wrong)
-        normal = precision + _normal(linear, expectation.precisions)
-        gradient = precision @ prior.offset(geometry) + _gradient(linear, expectation.precisions)
-        step = np.clip(-np.linalg.solve(normal, gradient), -LOG_STEP_MAX, LOG_STEP_MAX)
-        geometry = apply_log_step(geometry, step)
+        log_likelihood, good, precisions = _expect(linear, weights, noise, wrong)
+        jacobians, residuals = linear.jacobians, linear.residuals
+        normal = prior.precision + np.einsum("nki,nkl,nlj->ij", jacobians, precisions, jacobians)
         if np.abs(step).max() < STEP_TOLERANCE:
             break
-    linear = linearize(segments, geometry)
-    expectation = _expect(linear, weights, noise, wrong)
+        gradient = prior.precision @ prior.offset(geometry)
+        gradient += np.einsum("nki,nkl,nl->i", jacobians, precisions, residuals)
+        step = np.clip(-np.linalg.solve(normal, gradient), -LOG_STEP_MAX, LOG_STEP_MAX)
+        geometry = apply_log_step(geometry, step)
     # Laplace's approximation of the evidence: one good point among many bad ones proves little.
-    _, log_determinant = np.linalg.slogdet(precision + _normal(linear, expectation.precisions))
-    score = expectation.log_likelihood + prior.log_density(geometry) - 0.5 * log_determinant
-    return Solution(geometry, float(score), expectation.good)
+    score = log_likelihood + prior.log_density(geometry) - 0.5 * np.linalg.slogdet(normal)[1]
+    return Solution(geometry, float(score), good)
 
 
-@dataclass(frozen=True, slots=True)
-class _Expectation:
-    log_likelihood: float
-    good: Floats
-    precisions: Floats
-    """(segments, 3, 3): expected inverse covariances"""
-
-
-def _expect(linear: Linearized, weights: Floats, noise: NoiseGrid, wrong: Floats) -> _Expectation:
+def _expect(
+    linear: Linearized, weights: Floats, noise: NoiseGrid, wrong: Floats
+) -> tuple[float, Floats, Floats]:
+    """Logarithm of the likelihood, and for each segment the probability that its end is not wrong
+    and the expected inverse covariance (3, 3)."""
     covariances = linear.covariances(noise)
     right = log(1 - BAD_PROBABILITY) + linear.log_densities(covariances)
     mixture = np.logaddexp(right, log(BAD_PROBABILITY) + wrong)
@@ -143,7 +139,7 @@ def _expect(linear: Linearized, weights: Floats, noise: NoiseGrid, wrong: Floats
     total = float(np.logaddexp.reduce(logs))
     responsibility = np.exp(logs - total)[:, None] * np.exp(right - mixture)
     precisions = np.einsum("gn,gnij->nij", responsibility * weights, np.linalg.inv(covariances))
-    return _Expectation(total, responsibility.sum(axis=0), precisions)
+    return total, responsibility.sum(axis=0), precisions
 
 
 def log_wrong_density(segments: Sequence[Segment], geometry: Geometry) -> Floats:
@@ -152,21 +148,14 @@ def log_wrong_density(segments: Sequence[Segment], geometry: Geometry) -> Floats
     for segment in segments:
         rolled = float(np.abs(segment.rolled).sum(axis=0).max()) * geometry.mean
         radius = max(WRONG_END_RATIO * rolled, REACH_MIN_M)
-        known = bool(np.isfinite(segment.motion[2]))
-        heading = 1 / (2 * pi) if known else 1 / (2 * pi * UNKNOWN_VARIANCE) ** 0.5
+        has_place, _, has_heading = np.isfinite(segment.motion)
+        place = 1 / (pi * radius**2) if has_place else 1 / (2 * pi * UNKNOWN_VARIANCE)
+        heading = 1 / (2 * pi) if has_heading else 1 / (2 * pi * UNKNOWN_VARIANCE) ** 0.5
         # Beyond the reach the density falls with the cube of the distance: a unit may be wrong.
-        beyond = max(float(np.hypot(*segment.motion[:2])) / rolled if rolled else 1.0, 1.0)
-        logs.append(log(heading / (pi * radius**2)) - 3 * log(beyond))
+        distance = float(np.hypot(*segment.motion[:2])) if has_place else 0.0
+        beyond = max(distance / rolled if rolled else 1.0, 1.0)
+        logs.append(log(heading * place) - 3 * log(beyond))
     return np.array(logs)
-
-
-def _normal(linear: Linearized, precisions: Floats) -> Floats:
-    jacobians = linear.jacobians
-    return np.asarray(np.einsum("nki,nkl,nlj->ij", jacobians, precisions, jacobians))
-
-
-def _gradient(linear: Linearized, precisions: Floats) -> Floats:
-    return np.asarray(np.einsum("nki,nkl,nl->i", linear.jacobians, precisions, linear.residuals))
 
 
 def posterior(
@@ -182,35 +171,14 @@ def posterior(
     covariance.
     """
     linear = linearize(segments, geometry)
-    precision = np.diag(1 / np.square(prior.sds))
-    share, mean, covariance = average_over_noise(
-        linear, weights, noise, precision, prior.offset(geometry)
-    )
-    grid = (noise.slip, noise.position, noise.heading, noise.start)
-    expected = [float((share @ values**2) ** 0.5) for values in grid]
-    return Posterior(
-        apply_log_step(geometry, mean),
-        covariance,
-        (expected[0], expected[1], expected[2], expected[3]),
-    )
-
-
-def average_over_noise(
-    linear: Linearized, weights: Floats, noise: NoiseGrid, precision: Floats, offset: Floats
-) -> tuple[Floats, Floats, Floats]:
-    """The shares (combinations,) of the noise, and mean and covariance of the unknowns.
-
-    The unknowns are those of the Jacobians of `linear`. `precision` is the inverse covariance of
-    their prior, `offset` their distance from its mean.
-    """
     covariances = linear.covariances(noise)
     inverses = np.linalg.inv(covariances) * weights[None, :, None, None]
     jacobians, residuals = linear.jacobians, linear.residuals
-    normal = precision + np.einsum("nki,gnkl,nlj->gij", jacobians, inverses, jacobians)
-    gradient = precision @ offset
+    normal = prior.precision + np.einsum("nki,gnkl,nlj->gij", jacobians, inverses, jacobians)
+    gradient = prior.precision @ prior.offset(geometry)
     gradient = gradient + np.einsum("nki,gnkl,nl->gi", jacobians, inverses, residuals)
     steps = -np.linalg.solve(normal, gradient[..., None])[..., 0]
-    # Evidence of each combination, with the unknowns integrated out.
+    # Evidence of each combination, with the geometry integrated out.
     logs = noise.log_prior + linear.log_densities(covariances) @ weights
     logs = logs - 0.5 * (gradient * steps).sum(axis=1) - 0.5 * np.linalg.slogdet(normal)[1]
     share = np.exp(logs - np.logaddexp.reduce(logs))
@@ -218,17 +186,15 @@ def average_over_noise(
     deviations = steps - mean
     covariance = np.einsum("g,gij->ij", share, np.linalg.inv(normal))
     covariance += np.einsum("g,gi,gj->ij", share, deviations, deviations)
-    return share, mean, np.asarray(covariance)
+    return Posterior(
+        apply_log_step(geometry, mean), np.asarray(covariance), share, noise.expected(share)
+    )
 
 
 def squared_error(
-    segments: Sequence[Segment],
-    weights: Floats,
-    geometry: Geometry,
-    noise: tuple[float, float, float, float],
+    segments: Sequence[Segment], weights: Floats, geometry: Geometry, noise: NoiseGrid
 ) -> float:
-    """Sum of the squared end errors in their standard deviations with this noise."""
+    """Sum of the squared end errors in their standard deviations; `noise`: one combination."""
     linear = linearize(segments, geometry)
-    covariances = linear.covariances(NoiseGrid.single(noise))[0]
-    solved = np.linalg.solve(covariances, linear.residuals[..., None])[..., 0]
+    solved = np.linalg.solve(linear.covariances(noise)[0], linear.residuals[..., None])[..., 0]
     return float((linear.residuals * solved).sum(axis=1) @ weights)

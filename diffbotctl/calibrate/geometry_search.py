@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from math import ceil, log, pi
 
 import numpy as np
-from numpy.typing import NDArray
 
 from diffbotctl.calibrate.dead_reckoning import (
     Floats,
@@ -41,61 +40,35 @@ POSITION_SD_M = 0.02
 MAXIMA = 4  # of the grid, refined
 
 
-class EndGrid:
-    """Dead-reckoned ends of segments on a grid of tracks and wheel ratios."""
-
-    def __init__(self, segments: Sequence[Segment], prior: GeometryPrior) -> None:
-        stated = prior.stated
-        turned, arc = 1.0, 1.0
-        for segment in segments:
-            rolled = segment.rolled * (stated.right, stated.left)
-            headings = np.cumsum(rolled[:, 0] - rolled[:, 1]) / stated.track
-            turned = max(turned, float(np.abs(headings).max()))
-            arc = max(arc, float(np.abs(rolled).sum(axis=0).max()) / stated.track)
-        tracks = _nodes(TRACK_LOG_MAX, NODE_HEADING_RAD / turned, NODES_MAX[0])
-        ratios = _nodes(RATIO_LOG_MAX, NODE_HEADING_RAD / arc, NODES_MAX[1])
-        self.prior = prior
-        self.shape = len(tracks), len(ratios)
-        self.geometries = np.array(
-            [
-                stated.reshaped(stated.ratio * ratio, stated.track * track)
-                for track in tracks
-                for ratio in ratios
-            ]
-        )
-        self.ends = [
-            end_positions(merged_steps(segment.rolled, STEPS_MAX), self.geometries)
-            for segment in segments
-        ]
-        logs = np.log(
-            np.array([self.geometries[:, 0] / self.geometries[:, 1], self.geometries[:, 2]])
-        )
-        offsets = logs - np.log([[stated.ratio], [stated.track]])
-        self._prior_scores = -0.5 * (offsets**2 / np.square(prior.sds[1:])[:, None]).sum(axis=0)
-
-    def scores(self, segments: Sequence[Segment], weights: Floats) -> Floats:
-        """(tracks, ratios): logarithms of the densities of `segments`, which have the same counts
-        as those of the grid."""
-        scores = self._prior_scores.copy()
-        stated = self.prior.stated
-        wrong = log_wrong_density(segments, stated)
-        for segment, ends, weight, bad in zip(segments, self.ends, weights, wrong, strict=True):
-            good = _log_densities(ends, segment, stated)
-            mixture = np.logaddexp(log(1 - BAD_PROBABILITY) + good, log(BAD_PROBABILITY) + bad)
-            scores += weight * mixture
-        return np.asarray(scores.reshape(self.shape))
-
-    def solutions(
-        self, segments: Sequence[Segment], weights: Floats, maxima: int = MAXIMA
-    ) -> list[Solution]:
-        """The most likely geometries, best first; those that agree are returned once."""
-        solutions: list[Solution] = []
-        for row, column in _maxima(self.scores(segments, weights))[:maxima]:
-            start = Geometry(*self.geometries[row * self.shape[1] + column])
-            solution = solve(segments, weights, start, self.prior, SEARCH_NOISE)
-            if not any(_agree(solution, other) for other in solutions):
-                solutions.append(solution)
-        return sorted(solutions, key=lambda solution: -solution.score)
+def search(segments: Sequence[Segment], weights: Floats, prior: GeometryPrior) -> list[Solution]:
+    """The most likely geometries, best first; those that agree are returned once."""
+    stated = prior.stated
+    turned = max(
+        1.0,
+        *(
+            float(np.abs(np.cumsum(each[:, 0] - each[:, 1])).max()) * stated.mean / stated.track
+            for each in (segment.rolled for segment in segments)
+        ),
+    )
+    arc = max(1.0, *(_distance(segment, stated) / stated.track for segment in segments))
+    tracks = _nodes(TRACK_LOG_MAX, NODE_HEADING_RAD / turned, NODES_MAX[0])
+    ratios = _nodes(RATIO_LOG_MAX, NODE_HEADING_RAD / arc, NODES_MAX[1])
+    nodes = [
+        stated.reshaped(stated.ratio * ratio, stated.track * track)
+        for track in tracks
+        for ratio in ratios
+    ]
+    scores = np.array([prior.log_density(node) for node in nodes])
+    wrong = log_wrong_density(segments, stated)
+    for segment, weight, bad in zip(segments, weights, wrong, strict=True):
+        good = _log_densities(segment, np.array(nodes), stated)
+        scores += weight * np.logaddexp(log(1 - BAD_PROBABILITY) + good, log(BAD_PROBABILITY) + bad)
+    solutions: list[Solution] = []
+    for place in _maxima(scores.reshape(len(tracks), len(ratios)))[:MAXIMA]:
+        solution = solve(segments, weights, nodes[place], prior, SEARCH_NOISE)
+        if not any(_agree(solution, other) for other in solutions):
+            solutions.append(solution)
+    return sorted(solutions, key=lambda solution: -solution.score)
 
 
 def _agree(one: Solution, other: Solution) -> bool:
@@ -108,11 +81,15 @@ def _nodes(limit: float, step: float, count_max: int) -> Floats:
     return np.asarray(np.exp(np.linspace(-limit, limit, count)))
 
 
-def _log_densities(ends: Floats, segment: Segment, stated: Geometry) -> Floats:
-    """(geometries,): of the measured end of a segment, with the noise of the search."""
-    errors = ends - segment.motion
-    rolled = float(np.abs(segment.rolled).sum(axis=0).max()) * stated.mean
-    sd = POSITION_SD_M + POSITION_SD_RATIO * rolled
+def _distance(segment: Segment, geometry: Geometry) -> float:
+    """How far (m) the wheel that rolled further has rolled."""
+    return float(np.abs(segment.rolled).sum(axis=0).max()) * geometry.mean
+
+
+def _log_densities(segment: Segment, nodes: Floats, stated: Geometry) -> Floats:
+    """(nodes,): of the measured end of a segment, with the noise of the search."""
+    errors = end_positions(merged_steps(segment.rolled, STEPS_MAX), nodes) - segment.motion
+    sd = POSITION_SD_M + POSITION_SD_RATIO * _distance(segment, stated)
     density = -0.5 * (errors[:, :2] ** 2).sum(axis=1) / sd**2 - log(2 * pi * sd**2)
     if np.isfinite(segment.motion[2]):
         heading = (errors[:, 2] + pi) % (2 * pi) - pi
@@ -120,15 +97,9 @@ def _log_densities(ends: Floats, segment: Segment, stated: Geometry) -> Floats:
     return np.asarray(density)
 
 
-def _maxima(scores: Floats) -> list[tuple[int, int]]:
-    """The local maxima of a grid, highest first."""
+def _maxima(scores: Floats) -> list[int]:
+    """The local maxima of a grid, highest first, in the order of its nodes."""
     padded = np.pad(scores, 1, constant_values=-np.inf)
-    rows, columns = scores.shape
-    neighbours = [
-        padded[1 + down : 1 + down + rows, 1 + right : 1 + right + columns]
-        for down in (-1, 0, 1)
-        for right in (-1, 0, 1)
-    ]
-    places: NDArray[np.intp] = np.argwhere(scores >= np.max(neighbours, axis=0))
-    order = np.argsort([-scores[row, column] for row, column in places])
-    return [(int(row), int(column)) for row, column in places[order]]
+    windows = np.lib.stride_tricks.sliding_window_view(padded, (3, 3))
+    places = np.flatnonzero(scores >= windows.max(axis=(2, 3)))
+    return sorted(places.tolist(), key=lambda place: -scores.flat[place])

