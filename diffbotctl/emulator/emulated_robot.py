@@ -169,6 +169,7 @@ class EmulatedRobotDriver:
         self.robot = board.plant
         self.host = host
         self.radio = radio
+        self._sent_until = self._received_until = 0  # times of arrival of the last bytes
         self.uart = host.settings.uart
         self._operator = OperatorFaults(board.plant)
         self._resets = [
@@ -228,8 +229,11 @@ class EmulatedRobotDriver:
         if self.host.due() <= now:
             data = self.host.send(now)
             if data and not self.robot.faults.loses():
-                at = now + self.radio + self.robot.faults.delay()
-                self.board.send(at, self.uart, self._damaged(data))
+                # Bytes do not overtake each other when a delay ends.
+                self._sent_until = max(
+                    now + self.radio + self.robot.faults.delay(), self._sent_until
+                )
+                self.board.send(self._sent_until, self.uart, self._damaged(data))
 
     def _damaged(self, data: bytes) -> bytes:
         """`data` with the bytes that the link damages."""
@@ -249,7 +253,8 @@ class EmulatedRobotDriver:
         while waiting and waiting[0][0] + radio <= now:
             time, uart, data = waiting.popleft()
             if uart == self.uart and not faults.loses():
-                messages += self.host.receive(time + radio, self._damaged(data))
+                self._received_until = max(time + radio, self._received_until)
+                messages += self.host.receive(self._received_until, self._damaged(data))
         messages += self.host.on_time(now)
         return [Delivery(f"robot.{port}", message) for port, message in messages]
 

@@ -189,3 +189,47 @@ def test_the_file_that_new_writes_is_fine(tmp_path, monkeypatch):
     assert len(read_plan("first").trials) == 30
     assert program.main(["check"], standalone_mode=False) == 0
     assert Path("schemas/trials.schema.json").is_file()
+
+
+EMULATED = """
+format: 1
+kind: trials
+pipeline: goal
+port: emulated
+goals: [{x: 0.2 m}]
+seeds: 1
+cases:
+  healthy: {expect: {reach: 8 s, error: 30 mm}}
+  board_reset:
+    faults: [{fault: board_reset, at: 0.6 s}]
+    expect: {stop: {code: board_restart, within: 1 s}}
+  link_cut:
+    faults: [{fault: link_cut, at: 0.6 s}]
+    expect: {stop: {code: link_lost, within: 1 s}}
+  link_loss:
+    faults: [{fault: link_loss, at: 0.6 s, size: 0.9}]
+    expect: {stop: {code: link_lost, within: 3 s}}
+  link_delay:
+    faults: [{fault: link_delay, at: 0.3 s, for: 0.4 s, size: 0.1 s}]
+    expect: {reach: 8 s, error: 30 mm, unsure: allowed}
+"""
+
+
+def test_faults_of_the_board_and_its_link_act_on_the_emulated_board(tmp_path):
+    done = command(trials_file(tmp_path, EMULATED))
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "5 of 5 runs as expected" in done.stdout
+
+
+def test_a_change_that_makes_it_worse_fails_against_what_was_before(tmp_path):
+    file = trials_file(tmp_path, TWO_CASES.replace("seeds: 2", "seeds: 6"))
+    before = command(file, "--only", "healthy/*", "--json")
+    base = tmp_path / "base.json"
+    base.write_text(before.stdout)
+    done = command(file, "--only", "healthy/*", "--against", base)
+    assert done.returncode == 0 and "6 pairs with equal seeds" in done.stdout
+    slower = "robot.limits.speed=0.05 m/s"
+    worse = command(file, "--only", "healthy/*", "--set", slower, "--against", base)
+    assert worse.returncode == 1 and "REGRESSION" in worse.stdout
+    paired = command(file, "--only", "healthy/*", "--against", slower)
+    assert f"against {slower}, 6 pairs with equal seeds" in paired.stdout
