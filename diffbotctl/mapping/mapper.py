@@ -11,13 +11,14 @@ from typing import NamedTuple
 import numpy as np
 
 from diffbotctl.mapping.lidar_scan import MappedScan, SurfacePoints, surface_points
-from diffbotctl.mapping.match_field import MatchField, joined
+from diffbotctl.mapping.map_builder import MapBuilder
 from diffbotctl.mapping.occupancy_grid import GridBuilder, OccupancyGrid
-from diffbotctl.mapping.plane_pose import Array, between, compose, inverse, rotated_covariance
+from diffbotctl.mapping.plane_pose import Array, compose, inverse, rotated_covariance
 from diffbotctl.mapping.scan_map import Map
-from diffbotctl.mapping.scan_match import match
+from diffbotctl.mapping.scan_tracker import FLOOR, ScanTracker
 
-REFERENCE_SCANS = 40  # the last keyframes that a scan is matched against
+STEP_PERIOD = 0.05  # s, of the time from scan to scan, for one step of the waiting work
+STEPS_MAX = 60  # for one scan
 
 
 class MapperState(StrEnum):
@@ -79,14 +80,9 @@ class Mapper:
         self.parameters = parameters
         self._saved = saved
         self._state = MapperState.MAPPING if saved is None else MapperState.SEARCHING
-        self._scans: list[MappedScan] = []
-        self._surfaces: list[SurfacePoints] = []
-        self._poses: list[Array] = []
-        self._field: MatchField | None = None
+        self._tracker = ScanTracker(np.zeros(3), np.zeros((3, 3)))
+        self._builder: MapBuilder | None = None
         self._last: MappedScan | None = None
-        self._pose = np.zeros(3)
-        self._covariance = 1e-6 * np.eye(3)
-        self._builder = GridBuilder(parameters.resolution)
         self._grid: OccupancyGrid | None = None
         self._version = 0
         if saved is not None:
@@ -94,108 +90,96 @@ class Mapper:
 
     def add(self, scan: MappedScan) -> Correction:
         """The pose at `scan`, and the map with it. A scan that is not newer changes nothing."""
-        changed = False
-        fit = 0.0
+        last = self._last
+        if last is not None and scan.time <= last.time:
+            return self._correction(last, changed_map=False, fit=0.0)
         scan = self._in_range(scan)
-        if self._last is None:
-            self._pose = np.array(scan.odometry, float)
-        elif scan.time <= self._last.time:
-            return self._correction(self._last, changed_map=False, fit=0.0)
-        else:
-            fit = self._follow(scan, self._last)
+        surface = surface_points(scan.points, scan.origin)
         self._last = scan
-        if self._is_keyframe():
-            self._keep(scan)
-            changed = True
+        fit = 1.0
+        if self._builder is None:
+            self._tracker = ScanTracker(scan.odometry, np.zeros((3, 3)))
+            self._builder = MapBuilder(self.parameters.resolution, scan.odometry)
+            self._keep(scan, surface)
+        elif last is not None:
+            self._tracker.predict(last, scan)
+            if self._builder.field is not None:
+                fit = self._tracker.correct(self._builder.field, surface)
+            if self._is_keyframe():
+                self._keep(scan, surface)
+            self.work(round((scan.time - last.time) / STEP_PERIOD))
+        changed, self._builder.changed = self._builder.changed, False
+        if changed:
+            self._grid = None
         return self._correction(scan, changed, fit)
+
+    def work(self, steps: int) -> bool:
+        """Do waiting work in at most `steps` parts, of which each takes about 10 ms.
+
+        Returns whether there may be more. `add` does as many as the time from scan to scan allows.
+        """
+        steps = min(max(steps, 1), STEPS_MAX)
+        return self._builder is not None and all(self._builder.step() for _ in range(steps))
 
     def answer(self, pose: Array, covariance: Array) -> None:
         """The robot's pose in map at the last scan, as the user states it (3, and 3 x 3)."""
-        self._pose = np.array(pose, float)
-        self._covariance = np.array(covariance, float)
+        self._tracker = ScanTracker(pose, covariance)
         self._state = MapperState.LOCALISED
 
     def grid(self) -> OccupancyGrid:
         """The map up to the last scan that changed it."""
-        if self._grid is None:
-            self._grid = self._builder.grid(self._version)
-        return self._grid
+        if self._grid is None and self._builder is not None:
+            self._grid = self._builder.builder.grid(self._version)
+        return self._grid or GridBuilder(self.parameters.resolution).grid(0)
 
     def map(self) -> Map:
         """What there is to save."""
         if self._saved is not None:
             return self._saved
-        return Map(
-            self.parameters.resolution, tuple(self._scans), np.array(self._poses).reshape(-1, 3)
-        )
+        if self._builder is None:
+            return Map(self.parameters.resolution, (), np.zeros((0, 3)))
+        submaps = self._builder.submaps
+        scans = tuple(each.scan for each in submaps.keyframes)
+        return Map(self.parameters.resolution, scans, submaps.poses())
 
     def _in_range(self, scan: MappedScan) -> MappedScan:
         distance = np.hypot(*(scan.points - scan.origin).T)
         return scan._replace(points=scan.points[distance < self.parameters.range_max])
 
-    def _follow(self, scan: MappedScan, last: MappedScan) -> float:
-        motion = between(last.odometry, scan.odometry)
-        spread = motion_covariance(last, scan)
-        prior = compose(self._pose, motion)
-        if self._field is None:
-            self._pose = prior
-            return 0.0
-        covariance = rotated_covariance(spread, float(prior[2]))
-        fitted = match(self._field, surface_points(scan.points, scan.origin), prior, covariance)
-        self._pose = fitted.pose
-        self._covariance = np.linalg.inv(fitted.information + np.linalg.inv(covariance))
-        return fitted.overlap
-
     def _is_keyframe(self) -> bool:
-        if self._saved is not None:
+        if self._saved is not None or self._builder is None:
             return False
-        if not self._poses:
-            return True
-        motion = between(self._poses[-1], self._pose)
+        motion = self._builder.motion(self._tracker.pose)
         return bool(
             np.hypot(motion[0], motion[1]) > self.parameters.keyframe_distance
             or abs(motion[2]) > self.parameters.keyframe_turn
         )
 
-    def _keep(self, scan: MappedScan) -> None:
-        self._scans.append(scan)
-        self._surfaces.append(surface_points(scan.points, scan.origin))
-        self._poses.append(self._pose.copy())
-        recent = slice(-REFERENCE_SCANS, None)
-        self._field = MatchField(joined(self._surfaces[recent], np.array(self._poses[recent])))
-        self._builder.insert(scan, self._pose)
-        self._grid = None
+    def _keep(self, scan: MappedScan, surface: SurfacePoints) -> None:
+        assert self._builder is not None
+        self._builder.add(scan, surface, self._tracker.pose, self._tracker.covariance)
+        self._tracker.covariance = FLOOR.copy()
+
+    def _pose(self) -> tuple[Array, Array]:
+        """Of the robot in map, and its covariance along the axes of map."""
+        pose, covariance = self._tracker.pose, self._tracker.covariance
+        if self._saved is None and self._builder is not None:
+            covariance = self._builder.covariance(pose, covariance)
+            pose = self._builder.in_map(pose)
+        return pose, rotated_covariance(covariance, float(pose[2]))
 
     def _correction(self, scan: MappedScan, changed_map: bool, fit: float) -> Correction:
         self._version += 1
+        pose, covariance = self._pose()
         return Correction(
             version=self._version,
             number=scan.number,
             time=scan.time,
-            transform=compose(self._pose, inverse(scan.odometry)),
-            covariance=self._covariance,
+            transform=compose(pose, inverse(scan.odometry)),
+            covariance=covariance,
             state=self._state,
             changed_map=changed_map,
-            pose=self._pose.copy(),
+            pose=pose,
             places=np.zeros((0, 3)),
             fit=fit,
         )
-
-
-def motion_covariance(last: MappedScan, scan: MappedScan) -> Array:
-    """Covariance of the motion from `last` to `scan` in the frame at `scan`.
-
-    What the odometry's covariance grew by, and at least what slip of wheels on a floor adds.
-    """
-    dx, dy = scan.odometry[:2] - last.odometry[:2]
-    carried = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])
-    grown = scan.covariance - carried @ last.covariance @ carried.T
-    grown = rotated_covariance(0.5 * (grown + grown.T), -float(scan.odometry[2]))
-    values, vectors = np.linalg.eigh(grown)
-    grown = (vectors * np.maximum(values, 0.0)) @ vectors.T
-    motion = between(last.odometry, scan.odometry)
-    distance, turn = float(np.hypot(motion[0], motion[1])), abs(float(motion[2]))
-    along = 0.005 + 0.10 * distance + 0.02 * turn
-    heading = 0.005 + 0.10 * turn + 0.02 * distance
-    covariance: Array = grown + np.diag([along**2, along**2, heading**2])
-    return covariance

@@ -20,7 +20,9 @@ REACH = 0.30  # m; a point has no influence further away
 SIGMA = 0.08  # m, of the likelihood
 FULL = 200  # likelihood on a point
 MARGIN = 8  # empty cells around the points; cell 0 stands for everything outside
+FACINGS = 8  # directions of surfaces whose points in a cell are averaged
 LEVELS = 5  # coarser rasters of `pyramid`; a cell of the last one spans 2**LEVELS cells
+PAD = 2**LEVELS  # empty cells before the first row and column of `pyramid`
 
 
 @cache
@@ -84,7 +86,9 @@ class MatchField:
 
         Hess et al. 2016, "Real-time loop closure in 2D LIDAR SLAM", section V.
         """
-        levels = [self.likelihood.reshape(self.rows, self.columns)]
+        finest = np.zeros((self.rows + PAD, self.columns + PAD), np.uint8)
+        finest[PAD:, PAD:] = self.likelihood.reshape(self.rows, self.columns)
+        levels = [finest]
         for level in range(LEVELS):
             shift = 2**level
             wide = levels[-1].copy()
@@ -96,13 +100,32 @@ class MatchField:
 
 
 def joined(surfaces: Sequence[SurfacePoints], poses: Array) -> SurfacePoints:
-    """All points in the frame that `poses`, one for each of `surfaces`, are given in."""
-    return SurfacePoints(
-        np.vstack(
-            [transformed(each.points, pose) for each, pose in zip(surfaces, poses, strict=True)]
-        ),
-        np.vstack(
-            [rotated(each.normals, pose[2]) for each, pose in zip(surfaces, poses, strict=True)]
-        ),
-        np.concatenate([each.is_flat for each in surfaces]),
+    """The points of all, averaged, in the frame that `poses`, one for each, are given in."""
+    pairs = list(zip(surfaces, poses, strict=True))
+    return _averaged(
+        SurfacePoints(
+            np.vstack([transformed(each.points, pose) for each, pose in pairs]),
+            np.vstack([rotated(each.normals, pose[2]) for each, pose in pairs]),
+            np.concatenate([each.is_flat for each in surfaces]),
+        )
     )
+
+
+def _averaged(surface: SurfacePoints) -> SurfacePoints:
+    """One point for all in a cell whose surfaces face the same eighth of a turn.
+
+    Those of many points come last. Averages have less noise than single points.
+    """
+    cell = np.floor(surface.points / CELL).astype(np.int64)
+    facing = np.arctan2(surface.normals[:, 1], surface.normals[:, 0]) * (FACINGS / (2 * np.pi))
+    facing = np.where(surface.is_flat, np.floor(facing).astype(np.int64) % FACINGS, FACINGS)
+    key = (cell[:, 0] * 1_000_003 + cell[:, 1]) * (FACINGS + 1) + facing
+    _, first, group, count = np.unique(
+        key, return_index=True, return_inverse=True, return_counts=True
+    )
+    values = [*surface.points.T, *surface.normals.T]
+    sums: Array = np.column_stack([np.bincount(group, each, len(first)) for each in values])
+    points, normals = sums[:, :2] / count[:, None], sums[:, 2:]
+    normals = normals / np.maximum(np.hypot(*normals.T), 1e-9)[:, None]
+    order = np.argsort(count, kind="stable")
+    return SurfacePoints(points[order], normals[order], surface.is_flat[first][order])

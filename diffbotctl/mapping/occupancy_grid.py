@@ -18,7 +18,6 @@ from diffbotctl.mapping.plane_pose import Array, transformed
 LOG_ODDS = 0.75  # of one unit
 HIT, MISS = 3, -2
 HIGHEST, LOWEST = 6, -20  # five misses turn the most certain wall into free space
-STEP_RATIO = 0.7  # of a cell, along a ray
 GROWTH = 40  # cells, by which the grid grows beyond what it must hold
 CELLS_MAX = 16_000_000  # of one grid: 200 m x 200 m at 5 cm
 
@@ -84,29 +83,26 @@ class GridBuilder:
         high = np.floor(np.maximum(ends.max(0), source) / self.resolution).astype(np.int64)
         if not self._hold(low, high):
             return
-        hit = np.unique(self._cells(ends[: len(scan.points)]))
+        # All within the part of the grid around this scan, which costs less than the whole one.
+        corner = low - self.low
+        columns, rows = (high - low + 1).tolist()
+        part = (slice(corner[1], corner[1] + rows), slice(corner[0], corner[0] + columns))
+
+        def cells(points: Array) -> NDArray[np.int64]:
+            place = np.floor(points / self.resolution).astype(np.int64) - low
+            return np.asarray(place[..., 1] * columns + place[..., 0])
+
         ray = ends - source
         length = np.hypot(*ray.T)
-        along = (
-            STEP_RATIO
-            * self.resolution
-            * np.arange(int(length.max() / (STEP_RATIO * self.resolution)) + 1)
-        )
+        along = self.resolution * np.arange(int(length.max() / self.resolution) + 1)
         before = along[None, :] < (length - self.resolution)[:, None]
         share = along[None, :] / np.maximum(length, 1e-9)[:, None]
-        crossed = np.zeros(self.odds.size, np.bool_)
-        crossed[self._cells((source + ray[:, None, :] * share[..., None])[before])] = True
-        crossed[hit] = False
-        free = np.flatnonzero(crossed)
-        odds, seen = self.odds.reshape(-1), self.seen.reshape(-1)
-        odds[hit] = np.minimum(odds[hit] + HIT, HIGHEST)
-        odds[free] = np.maximum(odds[free] + MISS, LOWEST)
-        seen[hit] = True
-        seen[free] = True
-
-    def _cells(self, points: Array) -> NDArray[np.int64]:
-        place = np.floor(points / self.resolution).astype(np.int64) - self.low
-        return place[:, 1] * self.odds.shape[1] + place[:, 0]
+        change = np.zeros(rows * columns, np.int8)
+        change[cells((source + ray[:, None, :] * share[..., None])[before])] = MISS
+        change[cells(ends[: len(scan.points)])] = HIT
+        change = change.reshape(rows, columns)
+        self.odds[part] = np.clip(self.odds[part] + change, LOWEST, HIGHEST)
+        self.seen[part] |= change != 0
 
     def grid(self, version: int) -> OccupancyGrid:
         """The grid with a probability for each cell: 50 where free and occupied balance."""

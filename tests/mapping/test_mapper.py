@@ -36,9 +36,9 @@ def test_the_pose_is_that_of_the_robot(reach, seed):
     distance, turn, corrections = errors(Mapper(MapperParameters()), robot, way)
     odometry = between(between(way[0], way[-1]), robot.odometry)
     assert np.hypot(*odometry[:2]) > 0.1  # without scans
-    assert np.sqrt((distance**2).mean()) < 0.06
-    assert distance.max() < 0.15
-    assert np.degrees(turn.max()) < 3.0
+    assert np.sqrt((distance**2).mean()) < 0.015
+    assert distance.max() < 0.06
+    assert np.degrees(turn.max()) < 1.0
     assert {each.state for each in corrections} == {MapperState.MAPPING}
 
 
@@ -86,4 +86,4 @@ def test_the_grid_shows_the_walls():
     foot = start + np.clip(share, 0, 1)[..., None] * along
     beside = np.hypot(*(in_world[:, None] - foot).transpose(2, 0, 1)).min(1)
     assert len(beside) > 300
-    assert np.mean(beside < 0.05) > 0.95
+    assert np.mean(beside < 0.05) > 0.98
