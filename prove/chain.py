@@ -50,8 +50,10 @@ def umbmark_rows(seed: int, robots: int) -> Iterator[Row]:
             NOMINAL.left * (1 + rng.uniform(-0.005, 0.005)),
             NOMINAL.track * (1 + rng.uniform(-0.03, 0.03)),
         )
-        first = umbmark.fit_umbmark(_driven(NOMINAL, true, rng), NOMINAL)
-        second = umbmark.fit_umbmark(_driven(first.geometry, true, rng), first.geometry, weight=0.5)
+        rounds = [(NOMINAL, _driven(NOMINAL, true, rng))]
+        first = umbmark.fit_squares(rounds)
+        rounds.append((first.geometry, _driven(first.geometry, true, rng)))
+        second = umbmark.fit_squares(rounds)
         # All three are scored with the same random numbers.
         before, *after = (
             _systematic(_driven(geometry, true, Random(f"score {seed} {number}")))

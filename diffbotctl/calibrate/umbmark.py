@@ -1,38 +1,61 @@
-"""UMBmark: wheel ratio and track from squares driven both ways round.
+"""UMBmark: wheel ratio, track and slip from squares driven both ways round.
 
-Source: Borenstein & Feng, "Measurement and correction of systematic odometry errors in mobile
-robots", IEEE Trans. Robotics and Automation 12(6), 1996, 869-880; headings after Jung & Chung,
-Int. J. Advanced Robotic Systems 8(6), 2011. Frame: the start pose, first side along +x, x forward,
-y left, heading counter-clockwise. An error is the true value minus that of odometry.
+Source of the procedure: Borenstein & Feng, "Measurement and correction of systematic odometry
+errors in mobile robots", IEEE Trans. Robotics and Automation 12(6), 1996, 869-880. Frame: the start
+pose, first side along +x, x forward, y left, heading counter-clockwise. An error is the true value
+minus that of odometry.
 
 Two angles describe it: alpha is the missing part of a quarter turn (rad, positive if the true track
 is larger than the one in use), beta is the heading change along a side (rad, positive if the right
 wheel is larger than in use). To first order they move the end of a square with side L by
     clockwise          (-2 L alpha - 2 L beta, -2 L alpha - 2 L beta)
     counter-clockwise  (-2 L alpha + 2 L beta, +2 L alpha - 2 L beta)
-so only both directions together separate them. The position and the heading rule are combined with
-the inverse of their variances.
+so only both directions together separate them. Instead of these equations the posterior of the
+geometry is computed (geometry_posterior.py), for the wheels of a square that odometry closes.
+
+Squares of one direction differ by the slip of the wheels, whose covariance at the end is known but
+for one factor, and by how their ends are read, which is known roughly: slip of 0.5 mm after a metre
+already moves the end of a square of 1 m by twice as much.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from math import copysign, cos, hypot, isnan, nan, pi, sin, sqrt
+from collections.abc import Iterator, Sequence
+from math import asin, copysign, hypot, isnan, log, pi, sin, sqrt
 from statistics import stdev
 from typing import NamedTuple
 
-from diffbotctl.calibrate.confidence import STUDENT_T_95_LIMIT, student_t
-from diffbotctl.calibrate.dead_reckoning import EndError, Geometry
+import numpy as np
+
+from diffbotctl.calibrate.dead_reckoning import EndError, Geometry, Segment, dead_reckon
+from diffbotctl.calibrate.end_noise import HEADING, POSITION, START, NoiseGrid, NoisePrior
+from diffbotctl.calibrate.geometry_posterior import (
+    RATIO_SD,
+    TRACK_SD,
+    GeometryPrior,
+    posterior,
+    solve,
+)
 
 SQUARE_SIDES = 4
+SIDE_STEPS, TURN_STEPS = 20, 8  # into which a side and a turn are divided
 POSITION_SD_MIN_M = 0.001  # of a tape
-HEADING_SD_MIN_RAD = 0.005  # of a set square
-ITERATIONS = 6  # each reduces the error to a tenth or less
 CONTRADICTION_SDS_MIN = 5.0  # of the means, of their residuals
 CONTRADICTION_RATIO_MIN = 0.02  # of the side: residual means that no geometry explains
-SIDE_TRACK_RATIO_MAX = 8.0  # above, the errors are not small enough for the equations
+SIDE_TRACK_RATIO_MAX = 8.0  # of longer sides the track is known no better
 SIDE_MAX_M = 1.0
 QUARTER_TURN = pi / 2  # rad; one turn on the spot
+GOOD_RATIO_MIN = 0.6  # of the squares whose ends agree
+MM = 1000.0
+MEAN_SD = 1e-6  # relative: squares do not change the mean diameter
+# Before the squares: floors and tyres of small robots have 0.5 to 2 mm after a metre.
+SLIP = NoisePrior(0.001, 2.5, tuple(np.exp(np.linspace(log(0.0001), log(0.1), 110)).tolist()))
+NOISE = NoiseGrid.of(
+    SLIP, *(NoisePrior(each.typical, 2.0, (each.typical,)) for each in (POSITION, HEADING, START))
+)
+# Of 15 simulated robots with ten squares the logarithms of the slip had errors of 0.34, and the
+# scatter states 0.19: odometry does not end each square alike.
+SLIP_MODEL_SD_RATIO = 0.3
 
 
 class Angles(NamedTuple):
@@ -48,8 +71,7 @@ def mean_end(ends: Sequence[EndError]) -> EndError:
     """Centre of gravity of one direction's ends. Raises ValueError when there are none."""
     if not ends:
         raise ValueError("UMBmark needs at least one run in each direction")
-    count = len(ends)
-    return EndError(*(sum(column) / count for column in zip(*ends, strict=True)))
+    return EndError(*(sum(column) / len(ends) for column in zip(*ends, strict=True)))
 
 
 def systematic_error(clockwise: Sequence[EndError], counter: Sequence[EndError]) -> float:
@@ -57,32 +79,11 @@ def systematic_error(clockwise: Sequence[EndError], counter: Sequence[EndError])
     return max(hypot(end.x, end.y) for end in (mean_end(clockwise), mean_end(counter)))
 
 
-def angles_from_positions(side: float, clockwise: EndError, counter: EndError) -> Angles:
-    """Angles from where two mean ends lie; `side` in m.
-
-    The x and the y equations are averaged: their second-order errors have opposite signs.
-    """
-    along, across = (
-        _angles_from_x(side, clockwise, counter),
-        _angles_from_y(side, clockwise, counter),
-    )
-    return Angles((along.alpha + across.alpha) / 2, (along.beta + across.beta) / 2)
-
-
-def angles_from_headings(side: float, clockwise: EndError, counter: EndError) -> Angles:
-    """Angles from how two mean ends are turned; better than positions when sides are long."""
-    return Angles(
-        (clockwise.heading - counter.heading) / (2 * SQUARE_SIDES),
-        (clockwise.heading + counter.heading) / (2 * SQUARE_SIDES),
-    )
-
-
 def correct_geometry(geometry: Geometry, side: float, angles: Angles) -> Geometry:
     """The geometry with which the square would have closed; the mean diameter is kept.
 
-    `geometry` is what odometry used during the runs. The ratio found multiplies the one in use: a
-    second round that began again from equal wheels would undo the first. Raises ValueError when the
-    angles are beyond what a square can show.
+    `geometry` is what odometry used during the runs. Raises ValueError when the angles are beyond
+    what a square can show.
     """
     # The side is the chord of an arc with radius r: half of it is r sin(beta / 2). The wheels run
     # at r + b/2 and r - b/2; both are multiplied by sin(beta / 2) here, since r may be infinite.
@@ -94,44 +95,15 @@ def correct_geometry(geometry: Geometry, side: float, angles: Angles) -> Geometr
     return geometry.reshaped(geometry.ratio * wheel_ratio, geometry.track * track_ratio)
 
 
-def square_end(side: float, used: Geometry, true: Geometry, clockwise: bool) -> EndError:
-    """Exact end error of a square that odometry with `used` geometry thinks it drove perfectly.
-
-    Every side is a true arc, every turn a true turn about a point near the middle; `side` in m.
-    """
-    right, left = true.right / used.right, true.left / used.left
-    turn = copysign(QUARTER_TURN * used.track / 2, -1 if clockwise else 1)
-    x = y = heading = 0.0
-    for _ in range(SQUARE_SIDES):
-        for right_way, left_way in ((side * right, side * left), (turn * right, -turn * left)):
-            turned = (right_way - left_way) / true.track
-            chord = (right_way + left_way) / 2 * _chord_over_arc(turned)
-            x += chord * cos(heading + turned / 2)
-            y += chord * sin(heading + turned / 2)
-            heading += turned
-    return EndError(x, y, heading - copysign(2 * pi, turn))
-
-
-def _chord_over_arc(turned: float) -> float:
-    return sin(turned / 2) / (turned / 2) if turned else 1.0
-
-
-def _angles_from_x(side: float, clockwise: EndError, counter: EndError) -> Angles:
-    scale = -4 * side
-    return Angles((clockwise.x + counter.x) / scale, (clockwise.x - counter.x) / scale)
-
-
-def _angles_from_y(side: float, clockwise: EndError, counter: EndError) -> Angles:
-    scale = -4 * side
-    return Angles((clockwise.y - counter.y) / scale, (clockwise.y + counter.y) / scale)
-
-
-Rule = Callable[[float, EndError, EndError], Angles]
-"""From the side and the mean ends, clockwise and counter-clockwise, to the angles"""
+def angles_between(used: Geometry, true: Geometry, side: float) -> Angles:
+    """The angles of a robot with `true` geometry that drives with the `used` one."""
+    ratio = true.ratio / used.ratio
+    beta = 2 * asin(side / used.track * (ratio - 1) / (ratio + 1))
+    return Angles(QUARTER_TURN * (1 - used.track / true.track), beta)
 
 
 class SquareErrors(NamedTuple):
-    """End errors of both directions; headings are nan if not read."""
+    """End errors of both directions; headings or places are nan if not read."""
 
     side: float
     """m"""
@@ -139,135 +111,134 @@ class SquareErrors(NamedTuple):
     counter: Sequence[EndError]
 
     @property
-    def has_headings(self) -> bool:
-        """Whether every end was read with its heading."""
-        return not any(isnan(end.heading) for end in (*self.clockwise, *self.counter))
-
-    @property
     def has_positions(self) -> bool:
         """Whether every end was read with its place."""
         return not any(isnan(end.x) for end in (*self.clockwise, *self.counter))
 
 
-class UmbmarkResult(NamedTuple):
+class DrivenSquare(NamedTuple):
+    """A square with `side` (m) that odometry with the `used` geometry closes."""
+
+    name: str
+    side: float
+    used: Geometry
+    is_clockwise: bool
+    error: EndError
+
+    @property
+    def segment(self) -> Segment:
+        """The way of its wheels, and its measured end."""
+        turn = copysign(QUARTER_TURN * self.used.track / 2, -1 if self.is_clockwise else 1)
+        steps = [
+            *[(self.side / SIDE_STEPS, self.side / SIDE_STEPS)] * SIDE_STEPS,
+            *[(turn / TURN_STEPS, -turn / TURN_STEPS)] * TURN_STEPS,
+        ] * SQUARE_SIDES
+        rolled = np.array(steps) / (self.used.right, self.used.left)
+        closed = np.array([0.0, 0.0, copysign(2 * pi, turn)])
+        return Segment(rolled, closed + self.error, (0.0, 0.0))
+
+    def residual(self, geometry: Geometry) -> EndError:
+        """The part of its error that `geometry` does not explain."""
+        segment = self.segment
+        x, y, heading = map(float, segment.motion - dead_reckon(segment, geometry).end)
+        return EndError(x, y, heading)
+
+
+class SquaresFit(NamedTuple):
     """What the squares came to."""
 
     geometry: Geometry
-    angles: Angles
-    sd: Angles
-    """standard deviations of the angles, rad"""
+    ratio_sd: float
+    """relative standard deviation of the wheel ratio"""
+    track_sd: float
+    """likewise of the track, in multiples of the mean diameter"""
+    slip: float
+    """m; standard deviation of a wheel's slip after one metre"""
+    slip_sd: float | None
+    """None if one square in each direction, or headings alone, do not show the slip"""
+    left_out: Sequence[str]
+    """a line for each square whose end lies far from those of the others"""
     before: float
-    """E_max,syst, m; nan without places"""
+    """E_max,syst (m) of the last round; nan without places"""
     after: float
     """the same, as predicted with the new geometry"""
+    is_contradicting: bool
+    """whether no geometry explains the centres of both directions"""
 
 
 def advised_side(track: float) -> float:
-    """Side in m: the longer the more shows, but no longer than the equations hold."""
+    """Side in m: the longer the more shows, up to a limit."""
     return min(SIDE_MAX_M, SIDE_TRACK_RATIO_MAX * track)
 
 
-def fit_umbmark(squares: SquareErrors, used: Geometry, weight: float = 1.0) -> UmbmarkResult:
-    """The geometry with which these squares would have closed; odometry had `used`.
+def fit_squares(rounds: Sequence[tuple[Geometry, SquareErrors]]) -> SquaresFit:
+    """The geometry and the slip that explain the squares of all rounds, each with the geometry that
+    odometry used then.
 
-    `weight` scales the correction: 1 for a first round; 1/2 if `used` is the result of as many
-    squares, so that the outcome is the mean of both rounds. Raises ValueError if the ends are too
-    far off, or neither positions nor headings were measured.
+    Raises ValueError if the ends are too far off, or a direction has none.
     """
-    estimates = []
-    if squares.has_positions:
-        angles = _solve_angles(squares, used, angles_from_positions)
-        sd = max(_position_sd(squares), _misfit_sd(squares, used, angles))
-        estimates.append((angles, 1.0 / sd**2))
-    if squares.has_headings:
-        angles = _solve_angles(squares, used, angles_from_headings)
-        estimates.append((angles, 1.0 / _heading_sd(squares) ** 2))
-    if not estimates:
-        raise ValueError("neither places nor headings were read of every square")
-    total = sum(inverse_variance for _, inverse_variance in estimates)
-    alpha, beta = (
-        weight * (sum(inverse * angles[index] for angles, inverse in estimates) / total)
-        for index in (0, 1)
+    driven = [square for used, squares in rounds for square in _driven(used, squares)]
+    segments, weights = [square.segment for square in driven], np.ones(len(driven))
+    used, last = rounds[-1]
+    before = systematic_error(last.clockwise, last.counter)
+    prior = GeometryPrior(used, (MEAN_SD, RATIO_SD, TRACK_SD))
+    rough = solve(segments, weights, used, prior, NOISE)
+    is_good = rough.good >= 0.5
+    if is_good.mean() < GOOD_RATIO_MIN:
+        raise ValueError("no track and no wheels explain the ends of both directions")
+    kept = [segment for segment, good in zip(segments, is_good, strict=True) if good]
+    found = posterior(kept, weights[is_good], rough.geometry, prior, NOISE)
+    geometry = found.geometry
+    ways = [
+        [
+            square.residual(geometry)
+            for square, good in zip(driven, is_good, strict=True)
+            if good and square.is_clockwise == is_clockwise
+        ]
+        for is_clockwise in (True, False)
+    ]
+    # What no geometry explains is common to all squares: four coordinates, two angles.
+    centres = [mean_end(ends) for ends in ways]
+    misfit = sqrt(sum(end.x**2 + end.y**2 for end in centres) / 2) / (SQUARE_SIDES * last.side)
+    misfit = 0.0 if isnan(misfit) else misfit
+    _, ratio_sd, track_sd = map(float, np.sqrt(np.diag(found.covariance)))
+    slip = float(found.noise.slip[0])
+    variance = float(found.share @ (NOISE.slip - slip) ** 2)
+    has_scatter = last.has_positions and max(map(len, ways)) > 1
+    after = systematic_error(*ways)
+    return SquaresFit(
+        geometry,
+        max(ratio_sd, geometry.track / last.side * misfit),
+        max(track_sd, misfit / QUARTER_TURN),
+        slip,
+        sqrt(variance + (SLIP_MODEL_SD_RATIO * slip) ** 2) if has_scatter else None,
+        [
+            f"{square.name} left out: its end lies "
+            f"{hypot(*square.residual(geometry)[:2]) * MM:.0f} mm from those of the others"
+            for square, good in zip(driven, is_good, strict=True)
+            if not good
+        ],
+        before,
+        after,
+        last.has_positions and after > _unexplained_max(ways, last.side),
     )
-    # A spread from few squares is itself uncertain.
-    freedom = len(squares.clockwise) + len(squares.counter) - 2
-    sd = sqrt(weight / total) * student_t(freedom) / STUDENT_T_95_LIMIT
-    geometry = correct_geometry(used, squares.side, Angles(alpha, beta))
-    before = after = nan
-    if squares.has_positions:
-        before = systematic_error(squares.clockwise, squares.counter)
-        after = max(hypot(end.x, end.y) for end in _residual_ends(squares, used, geometry))
-    return UmbmarkResult(geometry, Angles(alpha, beta), Angles(sd, sd), before, after)
 
 
-def ends_contradict(squares: SquareErrors, result: UmbmarkResult) -> bool:
-    """Whether no geometry explains the centres of both directions."""
-    if not squares.has_positions:
-        return False
-    ways = (squares.clockwise, squares.counter)
-    noise = max(_position_spread(ends) / sqrt(len(ends)) for ends in ways)
-    return result.after > max(CONTRADICTION_SDS_MIN * noise, CONTRADICTION_RATIO_MIN * squares.side)
+def _driven(used: Geometry, squares: SquareErrors) -> Iterator[DrivenSquare]:
+    ways = (("clockwise", squares.clockwise), ("counter-clockwise", squares.counter))
+    for direction, ends in ways:
+        for number, end in enumerate(ends, 1):
+            name = f"square {number} {direction}"
+            yield DrivenSquare(name, squares.side, used, direction == "clockwise", end)
 
 
-def _solve_angles(squares: SquareErrors, used: Geometry, rule: Rule) -> Angles:
-    """The angles with which the squares would end exactly there.
-
-    A rule is of first order. Applied again to the residual ends of the present solution, it
-    converges to the exact solution, as further rounds on the floor would.
-    """
-    angles, geometry = Angles(0.0, 0.0), used
-    for _ in range(ITERATIONS):
-        step = rule(squares.side, *_residual_ends(squares, used, geometry))
-        angles = Angles(angles.alpha + step.alpha, angles.beta + step.beta)
-        geometry = correct_geometry(used, squares.side, angles)
-    return angles
+def _unexplained_max(ways: Sequence[Sequence[EndError]], side: float) -> float:
+    """The largest E_max,syst (m) that the scatter of the ends may leave."""
+    noise = max(_spread(ends) / sqrt(len(ends)) for ends in ways)
+    return max(CONTRADICTION_SDS_MIN * noise, CONTRADICTION_RATIO_MIN * side)
 
 
-def _residual_ends(
-    squares: SquareErrors, used: Geometry, true: Geometry
-) -> tuple[EndError, EndError]:
-    """Mean ends, clockwise and counter-clockwise, minus those that `true` geometry explains."""
-    residuals = []
-    for ends, clockwise in ((squares.clockwise, True), (squares.counter, False)):
-        predicted = square_end(squares.side, used, true, clockwise)
-        pairs = zip(mean_end(ends), predicted, strict=True)
-        residuals.append(EndError(*(measured - explained for measured, explained in pairs)))
-    return residuals[0], residuals[1]
-
-
-def _position_sd(squares: SquareErrors) -> float:
-    # Each angle is the mean of two rules, each the sum of two means over four sides: so it depends
-    # on x + y of clockwise ends and x - y of the others. Corners that turn too far move both
-    # coordinates, which makes the scatter along these diagonals larger than along the axes.
-    scatter = sum(
-        max(_position_spread(ends), _diagonal_spread(ends, sign)) ** 2 / len(ends)
-        for ends, sign in ((squares.clockwise, 1.0), (squares.counter, -1.0))
-    )
-    return sqrt(scatter) / (SQUARE_SIDES * squares.side * sqrt(2.0))
-
-
-def _misfit_sd(squares: SquareErrors, used: Geometry, angles: Angles) -> float:
-    """Standard deviation of the angles by the residual centres: four coordinates, two angles."""
-    geometry = correct_geometry(used, squares.side, angles)
-    residuals = _residual_ends(squares, used, geometry)
-    square_sum = sum(end.x**2 + end.y**2 for end in residuals)
-    return sqrt(square_sum / 2) / (SQUARE_SIDES * squares.side)
-
-
-def _heading_sd(squares: SquareErrors) -> float:
-    scatter = 0.0
-    for ends in (squares.clockwise, squares.counter):
-        spread = stdev(end.heading for end in ends) if len(ends) > 1 else HEADING_SD_MIN_RAD
-        scatter += max(spread, HEADING_SD_MIN_RAD) ** 2 / len(ends)
-    return sqrt(scatter) / (2 * SQUARE_SIDES)
-
-
-def _diagonal_spread(ends: Sequence[EndError], sign: float) -> float:
-    """Standard deviation of an end along (1, `sign`), m; 0 of fewer than two ends."""
-    return stdev(end.x + sign * end.y for end in ends) / sqrt(2.0) if len(ends) > 1 else 0.0
-
-
-def _position_spread(ends: Sequence[EndError]) -> float:
+def _spread(ends: Sequence[EndError]) -> float:
     """Standard deviation of an end along an axis, m."""
     if len(ends) < 2:
         return POSITION_SD_MIN_M

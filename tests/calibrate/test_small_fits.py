@@ -1,15 +1,12 @@
 """Slots from turns by hand, means of repeats, a motor's line and lag, squares: ends are known."""
 
-from math import exp, nan, pi
+from math import exp, pi
 from random import Random
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as some
 
-from diffbotctl.calibrate import encoder_fit, motor_fit, umbmark
+from diffbotctl.calibrate import encoder_fit, motor_fit
 from diffbotctl.calibrate.confidence import robust_mean
-from diffbotctl.calibrate.dead_reckoning import EndError, Geometry
 from diffbotctl.config.load import load_robot
 from diffbotctl.messages import Encoders
 from diffbotctl.time import SECOND
@@ -119,64 +116,3 @@ def test_steps_without_edges_are_refused():
     empty = [motor_fit.StepResponse([Encoders(0, 0, 0, None, None)], 0.0, True)] * 2
     with pytest.raises(ValueError, match="too few edges"):
         motor_fit.fit_lag(empty, True, 20)
-
-
-USED = Geometry(0.065, 0.065, 0.125)
-ERROR = some.floats(-1.0, 1.0)
-
-
-def ends_of(true, side=1.0):
-    """Exact ends of five squares each way, all alike."""
-    return umbmark.SquareErrors(
-        side, *([umbmark.square_end(side, USED, true, way)] * 5 for way in (True, False))
-    )
-
-
-@settings(max_examples=60, deadline=None)
-@given(ERROR, ERROR)
-def test_squares_without_noise_tell_track_and_ratio(track, ratio):
-    true = USED.reshaped(1 + 0.005 * ratio, USED.track * (1 + 0.02 * track))
-    fit = umbmark.fit_umbmark(ends_of(true), USED)
-    # The rules are averaged over x and y, which the model meets both; a ten thousandth is left.
-    assert fit.geometry.track == pytest.approx(true.track, rel=2e-5)
-    assert fit.geometry.ratio == pytest.approx(true.ratio, abs=1e-5)
-    assert fit.after <= 1e-3 * fit.before + 1e-9
-
-
-def test_a_second_round_goes_on_from_the_first():
-    true = USED.reshaped(1.005, USED.track * 1.02)
-    first = USED.reshaped(1.004, USED.track * 1.018)  # chance has left something
-    rest = umbmark.SquareErrors(
-        1.0, *([umbmark.square_end(1.0, first, true, way)] * 5 for way in (True, False))
-    )
-    second = umbmark.fit_umbmark(rest, first).geometry
-    assert second.track == pytest.approx(true.track, rel=1e-6)
-    assert second.ratio == pytest.approx(true.ratio, abs=1e-6)
-
-
-def test_headings_alone_serve():
-    true = USED.reshaped(1.002, USED.track * 1.01)
-    blind = umbmark.SquareErrors(
-        1.0, *([end._replace(x=nan, y=nan) for end in ends] for ends in ends_of(true)[1:])
-    )
-    assert umbmark.fit_umbmark(blind, USED).geometry.track == pytest.approx(true.track, rel=1e-3)
-
-
-def test_exchanged_directions_contradict_each_other():
-    true = USED.reshaped(1.004, USED.track * 1.02)
-    right = ends_of(true)
-    wrong = right._replace(clockwise=right.counter, counter=right.clockwise)
-    for squares, contradicts in ((right, False), (wrong, True)):
-        result = umbmark.fit_umbmark(squares, USED)
-        assert umbmark.ends_contradict(squares, result) == contradicts
-
-
-def test_squares_without_readings_are_refused():
-    nothing = [EndError(nan, nan, nan)]
-    with pytest.raises(ValueError, match="neither places nor headings"):
-        umbmark.fit_umbmark(umbmark.SquareErrors(1.0, nothing, nothing), USED)
-
-
-@pytest.mark.parametrize("track, side", [(0.125, 1.0), (0.1, 0.8), (0.5, 1.0)])
-def test_the_side_suits_the_track(track, side):
-    assert umbmark.advised_side(track) == pytest.approx(side)  # no more than eight tracks

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from diffbotctl.calibrate.dead_reckoning import EndError, Geometry
+from diffbotctl.calibrate.dead_reckoning import EndError, Geometry, dead_reckon
+from diffbotctl.calibrate.end_noise import POSITION
 from diffbotctl.calibrate.motor_curve import fit_curves
 from diffbotctl.calibrate.motor_experiments import (
     BREAKAWAY_RESOLUTION,
@@ -17,10 +18,15 @@ from diffbotctl.calibrate.motor_experiments import (
     DUTY_LEVELS,
 )
 from diffbotctl.calibrate.motor_fit import SPEED_POINTS_MIN, LagFit, fit_line
-from diffbotctl.calibrate.slip_fit import POSITION_SD, SlipFit, fit_slip, square_covariance
 from diffbotctl.calibrate.steps.motors import MotorFit, motor_findings
 from diffbotctl.calibrate.steps.squares import RUNS_PER_DIRECTION
-from diffbotctl.calibrate.umbmark import SquareErrors, advised_side
+from diffbotctl.calibrate.umbmark import (
+    DrivenSquare,
+    SquareErrors,
+    SquaresFit,
+    advised_side,
+    fit_squares,
+)
 from diffbotctl.config.robot import SIDES, Robot
 from diffbotctl.plant.battery import RecoveringBattery, SimulatedBattery
 from diffbotctl.plant.chassis import Chassis
@@ -55,7 +61,7 @@ def calibrate(plant: SimulatedRobot, nominal: Robot, rng: Random, discs: bool) -
         findings[finding.field] = _entry(value, finding.sd, "motors")
     _add_geometry(findings, plant.chassis, rng)
     slip = _slip(plant, rng)
-    findings["drive.slip"] = _entry(slip.value, slip.sd, "squares")
+    findings["drive.slip"] = _entry(slip.slip, slip.slip_sd, "squares")
     if discs and len(plant.discs[0].edges) <= 2 * DISCS_SLOTS_MAX:
         for side, disc in zip(SIDES, plant.discs, strict=True):
             for name, first in (("slot_errors", 0), ("back_errors", 1)):
@@ -82,7 +88,7 @@ def _add_geometry(findings: Findings, chassis: Chassis, rng: Random) -> None:
         _add(findings, f"drive.{side}.wheel.diameter", diameter, DIAMETER_ERROR, "straight")
 
 
-def _slip(plant: SimulatedRobot, rng: Random) -> SlipFit:
+def _slip(plant: SimulatedRobot, rng: Random) -> SquaresFit:
     """What `calibrate geometry` would find from the ends of its squares."""
     chassis = plant.chassis
     geometry = Geometry(2.0 * chassis.right_radius, 2.0 * chassis.left_radius, chassis.track)
@@ -90,13 +96,12 @@ def _slip(plant: SimulatedRobot, rng: Random) -> SlipFit:
     noise = np.random.default_rng(rng.getrandbits(32))
     ends = []
     for clockwise in (True, False):
-        slipped = plant.simulation.slip**2 * square_covariance(side, geometry, clockwise)
-        covariance = slipped[:2, :2] + POSITION_SD**2 * np.eye(2)
+        square = DrivenSquare("", side, geometry, clockwise, EndError(0.0, 0.0))
+        slipped = plant.simulation.slip**2 * dead_reckon(square.segment, geometry).slip
+        covariance = slipped[:2, :2] + POSITION.typical**2 * np.eye(2)
         drawn = noise.multivariate_normal(np.zeros(2), covariance, RUNS_PER_DIRECTION)
         ends.append([EndError(x, y, nan) for x, y in drawn])
-    fit = fit_slip(SquareErrors(side, *ends), geometry)
-    assert fit is not None
-    return fit
+    return fit_squares([(geometry, SquareErrors(side, *ends))])
 
 
 def _motors(plant: SimulatedRobot, rng: Random) -> dict[str, MotorFit]:

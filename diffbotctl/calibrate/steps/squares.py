@@ -27,14 +27,12 @@ from diffbotctl.calibrate.end_answers import (
 from diffbotctl.calibrate.known_lengths import is_scale_measured, known_scale_sd, with_scale
 from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, SLIP, TRACK, Finding
 from diffbotctl.calibrate.session import RobotSession
-from diffbotctl.calibrate.slip_fit import SLIP_USABLE, SlipFit, fit_slip
 from diffbotctl.calibrate.square_ends import (
     END_PLACES,
     SquareEnd,
     end_place,
     square_errors,
 )
-from diffbotctl.calibrate.square_outliers import without_outliers
 from diffbotctl.calibrate.step import (
     Event,
     Message,
@@ -44,7 +42,7 @@ from diffbotctl.calibrate.step import (
     StepRun,
     marked_motion,
 )
-from diffbotctl.calibrate.umbmark import SquareErrors, UmbmarkResult
+from diffbotctl.calibrate.umbmark import SquareErrors, SquaresFit
 from diffbotctl.config.robot import Robot
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.messages import Odometry
@@ -52,6 +50,7 @@ from diffbotctl.prompts.question import ExpectedQuestion, MarkFloor, MotionNotic
 from diffbotctl.render.svg import end_error_svg
 
 RUNS_PER_DIRECTION = 5
+SLIP_USABLE = 0.05  # m; `drive.slip` is less
 REACH_RATIO = sqrt(2.0) + 0.25  # of the side: the diagonal, and a margin for a wrong geometry
 MM = 1000.0
 CLOCKWISE, COUNTER = "clockwise", "counter-clockwise"
@@ -94,21 +93,14 @@ class SquaresStep:
         findings: list[Finding] = []
         pictures = {}
         before = session.file.robot
+        rounds: list[tuple[Geometry, SquareErrors]] = []
         for number in range(1, self.rounds + 1):
             driven = yield from self._drive_squares(session, side)
-            squares, left_out = without_outliers(driven)
             used = stated_geometry(session.file.robot)
-            try:
-                result = umbmark.fit_umbmark(squares, used, weight=1 / number)
-            except ValueError as error:
-                fix = "was every end measured from the start mark, with its sign, in millimetres?"
-                problem = Problem("E-CALIBRATE-ROBOT", "geometry", str(error), fix)
-                raise RunError(problem) from error
-            if umbmark.ends_contradict(squares, result):
-                raise _contradicting_ends(result.after)
-            slip = _usable_slip(squares, result.geometry)
-            findings = [*_findings(before, result, side), *_slip_findings(slip)]
-            report += [*left_out, *_report(side, used, result), *_slip_report(slip)]
+            rounds.append((used, driven))
+            result = _fit(rounds)
+            findings = _findings(before, result)
+            report += [*result.left_out, *_report(side, used, result)]
             plot = _end_plot(driven)
             pictures[f"ends-{number}.svg"] = end_error_svg(plot.title, plot.points)
             yield plot
@@ -191,33 +183,32 @@ class SquaresStep:
         return SquareEnd(EndError(x, y, heading), here)
 
 
-def _contradicting_ends(rest: float) -> RunError:
-    """The error for ends of which the best geometry leaves `rest` (m)."""
-    cause = (
-        "no track and no wheels explain the ends of both directions: the best ones leave an error "
-        f"of {rest * MM:.0f} mm"
-    )
-    fix = (
-        "was each end measured from its own start mark, in front and to the left with its sign? "
-        "Then run this step again"
-    )
-    return RunError(Problem("E-CALIBRATE-ROBOT", "geometry", cause, fix))
-
-
-def _usable_slip(squares: SquareErrors, geometry: Geometry) -> SlipFit | None:
-    """The slip that `squares` show. Raises RunError if no robot could drive with it."""
-    slip = fit_slip(squares, geometry)
-    if slip is not None and slip.value >= SLIP_USABLE:
+def _fit(rounds: Sequence[tuple[Geometry, SquareErrors]]) -> SquaresFit:
+    """The geometry and slip of the squares. Raises RunError if there is none."""
+    measured = "was each end measured from its own start mark, ahead and to the left with its sign"
+    try:
+        result = umbmark.fit_squares(rounds)
+    except ValueError as error:
+        fix = f"{measured}, in millimetres?"
+        raise RunError(Problem("E-CALIBRATE-ROBOT", "geometry", str(error), fix)) from error
+    if result.is_contradicting:
+        cause = (
+            "no track and no wheels explain the ends of both directions: the best ones leave an "
+            f"error of {result.after * MM:.0f} mm"
+        )
+        fix = f"{measured}? Then run this step again"
+        raise RunError(Problem("E-CALIBRATE-ROBOT", "geometry", cause, fix))
+    if result.slip_sd is not None and result.slip >= SLIP_USABLE:
         cause = (
             "the ends of equal squares lie so far apart as if each wheel slipped by "
-            f"{slip.value * MM:.0f} mm after 1 m"
+            f"{result.slip * MM:.0f} mm after 1 m"
         )
         fix = (
             "does a wheel turn on its shaft, and did every square start at the same marks? Then "
             "repeat it on the floor on which the robot will drive"
         )
         raise RunError(Problem("E-CALIBRATE-ROBOT", "geometry", cause, fix))
-    return slip
+    return result
 
 
 def corners(side: float, clockwise: bool, end: tuple[float, float] = (0.0, 0.0)) -> list[Waypoint]:
@@ -237,25 +228,24 @@ def stated_geometry(robot: Robot) -> Geometry:
     return Geometry(drive.right.wheel.diameter, drive.left.wheel.diameter, drive.track)
 
 
-def _findings(robot: Robot, result: UmbmarkResult, side: float) -> list[Finding]:
-    """Both diameters and the track, with their standard deviations.
+def _findings(robot: Robot, result: SquaresFit) -> list[Finding]:
+    """Both diameters, the track and the slip, with their standard deviations.
 
     Squares do not change the mean diameter, and determine the track in multiples of it.
     """
-    geometry = result.geometry
-    # A quarter turn misses alpha of pi/2; along a side, beta changes the heading by b/L of the
-    # ratio.
-    ratio_sd = geometry.track / side * result.sd.beta
-    scale_sd = known_scale_sd(robot)
+    geometry, scale_sd = result.geometry, known_scale_sd(robot)
     own_sds = {
-        RIGHT_DIAMETER: (geometry.right, ratio_sd / 2),
-        LEFT_DIAMETER: (geometry.left, ratio_sd / 2),
-        TRACK: (geometry.track, result.sd.alpha / (pi / 2)),
+        RIGHT_DIAMETER: (geometry.right, result.ratio_sd / 2),
+        LEFT_DIAMETER: (geometry.left, result.ratio_sd / 2),
+        TRACK: (geometry.track, result.track_sd),
     }
-    return [
-        Finding(field, length, *with_scale(length, own, scale_sd))
+    findings = [
+        Finding(field, float(length), *with_scale(length, own, scale_sd))
         for field, (length, own) in own_sds.items()
     ]
+    if result.slip_sd is not None:
+        findings.append(Finding(SLIP, result.slip, result.slip_sd))
+    return findings
 
 
 def scale_report(robot: Robot) -> list[str]:
@@ -267,19 +257,6 @@ def scale_report(robot: Robot) -> list[str]:
         "The mean wheel diameter is unchanged and was not measured, so all lengths have a "
         f"common standard deviation of {percent:.0f} %. `diffbotctl calibrate distance` measures "
         "it with a tape."
-    ]
-
-
-def _slip_findings(slip: SlipFit | None) -> list[Finding]:
-    return [] if slip is None else [Finding(SLIP, slip.value, slip.sd)]
-
-
-def _slip_report(slip: SlipFit | None) -> list[str]:
-    if slip is None:
-        return []
-    return [
-        f"slip of a wheel: {slip.value * MM:.2f} mm after 1 m, +- {2 * slip.sd * MM:.2f} mm, from "
-        "the scatter of equal squares"
     ]
 
 
@@ -295,22 +272,27 @@ def _end_plot(squares: SquareErrors) -> ScatterPlot:
     )
 
 
-def _report(side: float, used: Geometry, result: UmbmarkResult) -> list[str]:
-    new, sd = result.geometry, result.sd
+def _report(side: float, used: Geometry, result: SquaresFit) -> list[str]:
+    new, angles = result.geometry, umbmark.angles_between(used, result.geometry, side)
     lines = [
         f"{'':<22} {'before':>12} {'now':>12} {'+- (95 %)':>11}",
         f"{'right wheel diameter':<22} {used.right * MM:>9.3f} mm {new.right * MM:>9.3f} mm",
         f"{'left wheel diameter':<22} {used.left * MM:>9.3f} mm {new.left * MM:>9.3f} mm",
         f"{'track':<22} {used.track * MM:>9.3f} mm {new.track * MM:>9.3f} mm "
-        f"{2 * new.track * sd.alpha / (pi / 2) * MM:>8.3f} mm",
+        f"{2 * new.track * result.track_sd * MM:>8.3f} mm",
         f"{'E_d, right over left':<22} {used.ratio:>12.5f} {new.ratio:>12.5f} "
-        f"{2 * new.track / side * sd.beta:>11.5f}",
+        f"{2 * result.ratio_sd:>11.5f}",
         f"E_b, track now over before: {new.track / used.track:.5f}",
-        f"heading error: {degrees(result.angles.alpha):+.2f} deg per quarter turn, "
-        f"{degrees(result.angles.beta):+.2f} deg per side of {side:g} m",
+        f"heading error: {degrees(angles.alpha):+.2f} deg per quarter turn, "
+        f"{degrees(angles.beta):+.2f} deg per side of {side:g} m",
     ]
     if not isnan(result.before):
         lines.append(
             f"E_max,syst: {result.before * MM:.1f} mm before, {result.after * MM:.1f} mm predicted"
+        )
+    if result.slip_sd is not None:
+        lines.append(
+            f"slip of a wheel: {result.slip * MM:.2f} mm after 1 m, "
+            f"+- {2 * result.slip_sd * MM:.2f} mm, from the scatter of equal squares"
         )
     return lines

@@ -54,9 +54,12 @@ def by_umbmark(session: OptiodomSession) -> Geometry:
     """One round of UMBmark on a session of squares: first half clockwise, second counter."""
     if session.side is None:
         raise ValueError("UMBmark needs squares")
-    clockwise, counter = _ends(session, session.nominal)
-    angles = umbmark.angles_from_positions(
-        session.side, umbmark.mean_end(clockwise), umbmark.mean_end(counter)
+    # To first order an end lies at (-2 L (alpha + beta), -2 L (alpha + beta)) clockwise and at
+    # (-2 L (alpha - beta), 2 L (alpha - beta)) counter-clockwise.
+    clockwise, counter = map(umbmark.mean_end, _ends(session, session.nominal))
+    both, other = clockwise.x + clockwise.y, counter.x - counter.y
+    angles = umbmark.Angles(
+        -(both + other) / (8 * session.side), -(both - other) / (8 * session.side)
     )
     return umbmark.correct_geometry(session.nominal, session.side, angles)
 
