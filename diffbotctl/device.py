@@ -54,6 +54,9 @@ class DeviceDriver:
     `start_timeout`: seconds from `open` to the first message; without one by then, the device is
     closed and opened again. `is_on_demand`: silence is no fault, because the device sends only what
     changes. `log` is set by the engine.
+    `virtual_delay`: of a driver that only computes, in a process of its own: in a simulation each
+    message that it takes is answered after so much of the simulation's time (ns), for which the
+    engine waits, so that the run is the same each time.
     `open_kinds`: for a driver whose outputs and inputs are those that the pipeline declares, `out`
     and `in`: the message classes that they may have. `outputs` and `inputs`: the message class of
     each port of this source, set by the engine.
@@ -63,6 +66,7 @@ class DeviceDriver:
     start_timeout = 5.0
     is_on_demand = False
     open_kinds: tuple[type, ...] = ()
+    virtual_delay: int | None = None
     log: Log = QUIET
     outputs: Mapping[str, type]
     inputs: Mapping[str, type]
@@ -106,6 +110,10 @@ class DeviceDriver:
         command moves anything after a reconnect. Raises OSError or DeviceError when the device is
         gone.
         """
+        raise NotImplementedError
+
+    def answer(self) -> Any:
+        """Wait for the answer to the oldest message that has none. For `virtual_delay` only."""
         raise NotImplementedError
 
     def close(self) -> None:

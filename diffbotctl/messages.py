@@ -49,6 +49,8 @@ GOAL_EXIT_CODES: dict[GoalPhase | GoalEnd, int] = {
     "cancelled": 1,
 }
 """Exit code of a run that ends with its goal; a run that is interrupted exits with 130."""
+MapPhase = Literal["starting", "mapping", "localised", "searching", "ambiguous", "lost", "odometry"]
+MapTask = Literal["save", "load", "clear", "place"]
 LinkState = Literal["opening", "negotiating", "up", "stale", "lost"]
 LogLevel = Literal["debug", "info", "warning", "error"]
 LOG_LEVELS: tuple[LogLevel, ...] = get_args(LogLevel)  # in order of severity
@@ -497,6 +499,97 @@ class Empty(NamedTuple):
     time: Time
 
 
+class ScanPoints(NamedTuple):
+    """A scan as points of the robot, corrected for its motion during the turn of the lidar."""
+
+    time: Time
+    x: Annotated[float, Field("m", "Position of base_link in odom at `time`.")]
+    y: Annotated[float, Field("m", "The same.")]
+    heading: Annotated[float, Field("rad", "Its heading in odom.")]
+    covariance: Annotated[
+        tuple[float, float, float, float, float, float],
+        Field("m, rad", "Of that pose, as in Odometry."),
+    ]
+    origin: Annotated[tuple[float, float], Field("m", "The lidar in base_link.")]
+    points: Annotated[
+        tuple[float, ...],
+        Field("m", "x, y in base_link at `time` of what each ray met, concatenated."),
+    ]
+    clear: Annotated[
+        tuple[float, ...], Field("m", "The same of how far the rays went that met nothing.")
+    ] = ()
+
+
+class MapRequest(NamedTuple):
+    """What the map is asked to do. `number` identifies the request."""
+
+    time: Time
+    number: Annotated[int, Field("", "Increases with every request.")]
+    task: Annotated[MapTask, Field("", "`save`, `load`, `clear` or `place`.")]
+    name: Annotated[str, Field("", "Name of the map to save or load.")] = ""
+    x: Annotated[float, Field("m", "Where the robot is in the map, for `place`.")] = 0.0
+    y: Annotated[float, Field("m", "The same.")] = 0.0
+    heading: Annotated[float, Field("rad", "The same.")] = 0.0
+
+
+class MapUpdate(NamedTuple):
+    """The pose of odom in the map, and what has changed in the map.
+
+    The map consists of tiles of 64 x 64 cells. A tile is a text of runs, such as `60u3.1#`, row
+    after row from the lowest y on: u unknown, . free, # occupied.
+    """
+
+    time: Annotated[int, Field("ns", "Of the scan from which the pose is.")]
+    state: Annotated[
+        MapPhase,
+        Field(
+            "",
+            "`mapping`: the map grows; `localised`: the place in a loaded map is known; "
+            "`searching`: it is not yet; `ambiguous`: several places fit, see `candidates`; "
+            "`lost`: what the lidar measures does not fit the map; `starting`: no scan yet.",
+        ),
+    ]
+    x: Annotated[float, Field("m", "Origin of odom in the map.")] = 0.0
+    y: Annotated[float, Field("m", "The same.")] = 0.0
+    heading: Annotated[float, Field("rad", "Direction of odom in the map.")] = 0.0
+    covariance: Annotated[
+        tuple[float, float, float, float, float, float],
+        Field("m, rad", "Of the robot's pose in the map at `time`, as in Odometry."),
+    ] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    candidates: Annotated[
+        tuple[float, ...], Field("m, rad", "x, y and heading of each possible pose, concatenated.")
+    ] = ()
+    map: Annotated[int, Field("", "Changes when all tiles are sent anew, for another map.")] = 0
+    version: Annotated[int, Field("", "Increases with each change of the map.")] = 0
+    sha256: Annotated[str, Field("", "Of all tiles; empty while some are still to come.")] = ""
+    resolution: Annotated[float, Field("m", "Side of a cell.")] = 0.05
+    places: Annotated[
+        tuple[int, ...],
+        Field("", "Column and row of each tile, concatenated; cell 0, 0 begins at the origin."),
+    ] = ()
+    tiles: Annotated[tuple[str, ...], Field("", "The tiles that have changed.")] = ()
+    request: Annotated[int, Field("", "Number of the request that was carried out; 0: none.")] = 0
+    cause: Annotated[str, Field("", "Why it is in this state, or why the request failed.")] = ""
+
+
+class MapPose(NamedTuple):
+    """The robot in the map: the pose of odom in the map, and with the odometry since then."""
+
+    time: Time
+    x: Annotated[float, Field("m", "Position of base_link in the map.")]
+    y: Annotated[float, Field("m", "The same.")]
+    heading: Annotated[float, Field("rad", "Its heading in the map.")]
+    covariance: Annotated[
+        tuple[float, float, float, float, float, float],
+        Field("m, rad", "Upper triangle of the covariance of (x, y, heading), as in Odometry."),
+    ]
+    state: Annotated[MapPhase, Field("", "As in MapUpdate; `odometry`: no new answers come.")]
+    odom: Annotated[
+        tuple[float, float, float], Field("m, rad", "x, y and heading of odom in the map.")
+    ] = (0.0, 0.0, 0.0)
+    cause: Annotated[str, Field("", "Why it is in this state.")] = ""
+
+
 class LogLine(NamedTuple):
     """One event in the log."""
 
@@ -568,6 +661,10 @@ Message = (
     | TurtlePlacement
     | TurtleGoal
     | TurtlePose
+    | ScanPoints
+    | MapRequest
+    | MapUpdate
+    | MapPose
     | LogLine
     | Resume
     | Setting
@@ -586,6 +683,8 @@ FINITE = (
     TurtlePlacement,
     TurtleGoal,
     TurtlePose,
+    ScanPoints,
+    MapPose,
 )
 BUILT_IN: dict[str, type] = {kind.__name__: kind for kind in get_args(Message)}
 STD_MSGS: dict[str, type] = {  # of ROS, with one value or none

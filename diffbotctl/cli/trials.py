@@ -279,6 +279,7 @@ def _watch(plan: TrialsPlan) -> int:
             trial.goals,
             trial.seed,
             socket=SocketOptions("trials"),
+            rehearses=True,
             stay=True,
             dash=True,
         )

@@ -31,6 +31,7 @@ BLOCKS = {
 DRIVERS = {
     "joystick": "diffbotctl.drivers.joystick:Joystick",
     "lidar": "diffbotctl.drivers.lidar:Lidar",
+    "map_builder": "diffbotctl.drivers.map_builder:MapSource",
     "rosserial": "diffbotctl.drivers.rosserial:Rosserial",
 }
 

@@ -138,6 +138,7 @@ def _loaded(pipeline: str, sets: tuple[str, ...]) -> Configuration:
 def _run(entry: RunEntry, sets: tuple[str, ...], seed: int) -> LessonFinding:
     configuration = _loaded(entry.pipeline, sets)
     options = RunOptions(
+        rehearses=True,
         seed=seed,
         fast=not entry.programs,
         duration=entry.time,

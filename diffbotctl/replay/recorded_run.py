@@ -17,7 +17,7 @@ from diffbotctl.config.load import load
 from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS
 from diffbotctl.engine.driver import Delivery
 from diffbotctl.errors import Problem, RunError
-from diffbotctl.messages import Goal, Message
+from diffbotctl.messages import Goal, MapUpdate, Message
 from diffbotctl.messages import Path as Waypoints
 from diffbotctl.recording.reader import RecordedMessage, RecordingReader
 from diffbotctl.recording.run_metadata import LIVE, check_replayable
@@ -105,7 +105,7 @@ def read_run(path: Path) -> RecordedRun:
         node = item.wire.rpartition(".")[0].rpartition(".")[2]  # without the name of a robot
         if node == "operator":
             operator_messages.append((item.wire, item.message))
-        elif item.from_driver and node != "robot":
+        elif item.from_driver and node != "robot" and not isinstance(item.message, MapUpdate):
             has_published_messages = True
     if LIVE in reader.about:
         cause = "`bag record` made it of a running engine: it does not hold how the run began"

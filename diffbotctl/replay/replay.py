@@ -8,13 +8,16 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from diffbotctl import __version__
-from diffbotctl.config.configuration import Configuration
+from diffbotctl.config.configuration import Configuration, SourceUse
+from diffbotctl.drivers.virtual_sources import VirtualSources, open_virtual_sources
 from diffbotctl.engine.clock import Clock, ScaledClock, VirtualClock
+from diffbotctl.engine.driver import Driver
 from diffbotctl.engine.live_changes import live_sinks
 from diffbotctl.engine.loop import Engine, RunOutcome
 from diffbotctl.errors import Problem, RunError, UserError
 from diffbotctl.graph import Graph, Sink
 from diffbotctl.message_types import type_name
+from diffbotctl.messages import LogLevel
 from diffbotctl.params import declared
 from diffbotctl.printable import shortened
 from diffbotctl.processes import screen
@@ -139,9 +142,14 @@ class _ReplayRun:
                 is_replay=True,
                 is_paced=False,
             )
+        self.computed = self._start_computed(configuration)
+        self.recomputed = {
+            wire for use in self._computed_uses(configuration) for wire in use.outputs
+        }
+        drivers: list[Driver] = [ReplayDriver(self._inputs())]
         self.engine = Engine(
             graph,
-            [ReplayDriver(self._inputs())],
+            drivers if self.computed is None else [*drivers, self.computed],
             self._clock(),
             sinks=self._sinks(),
             record=self._record,
@@ -209,6 +217,17 @@ class _ReplayRun:
         self.children.append(pid)
         return recorder
 
+    def _computed_uses(self, configuration: Configuration) -> list[SourceUse]:
+        """The sources that compute again: those that only compute, where something was changed."""
+        sources = configuration.sources if self.options.sets else ()
+        return [use for use in sources if use.cls.virtual_delay is not None]
+
+    def _start_computed(self, configuration: Configuration) -> VirtualSources | None:
+        def fail(now: int, level: LogLevel, source: str, text: str) -> None:
+            raise RunError(Problem("E-DEVICE", source, text, "replay it without --set"))
+
+        return open_virtual_sources(self._computed_uses(configuration), fail, True)
+
     def _inputs(self) -> Iterator[RecordedMessage]:
         """The recorded messages after the state in which the replay begins."""
         first = -1 if self.run.state is None else self.start
@@ -217,7 +236,7 @@ class _ReplayRun:
                 names = (item.wire, type_name(type(item.message)))
                 cause = f"its pipeline has no input {' for '.join(map(shortened, names))}"
                 raise RunError(Problem("E-RECORDING", str(self.run.path), cause))
-            if item.time > first:
+            if item.time > first and item.wire not in self.recomputed:
                 yield item
 
     def _clock(self) -> Clock:
@@ -227,6 +246,8 @@ class _ReplayRun:
 
     def _sinks(self) -> dict[str, list[Sink]]:
         sinks = {wire: [sink] for wire, sink in live_sinks(self.graph).items()}
+        for wire, sink in () if self.computed is None else self.computed.sinks():
+            sinks.setdefault(wire, []).append(sink)
         if self.screen is not None:
             for wire in self.graph.wires:
                 sinks.setdefault(wire, []).append(self.screen.sink(wire))
@@ -265,6 +286,8 @@ class _ReplayRun:
             end.update({"code": str(outcome.code), "digest": self.digest.text()})
             self.recorder.close(end)
         self.engine.clock.close()
+        if self.computed is not None:
+            self.computed.close()
         if self.control_socket is not None:
             self.control_socket.channel.close()
             self.control_socket.end()

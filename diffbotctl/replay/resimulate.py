@@ -48,6 +48,7 @@ def resimulate(run: RecordedRun, options: ReplayOptions) -> ReplayResult:
                 digest=True,
                 socket=SocketOptions() if options.dash else None,
                 dash=options.dash,
+                rehearses=True,
             )
             result = Run(configuration, run_options, options.show).go()
         if result.recording is not None:

@@ -41,6 +41,7 @@ class RunOptions(NamedTuple):
     log: Path | None = None
     levels: tuple[tuple[str, str], ...] = ()  # (source, level) of the log
     flights: Path | None = None  # folder for the last minutes before a stop; None: not kept
+    rehearses: bool = False  # leave the user's files, such as the saved map, as they are
     # The driver of the pipeline's programs, if they may run; without it the run is refused.
     programs: "type[ProgramsDriver] | None" = None
 

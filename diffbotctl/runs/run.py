@@ -10,10 +10,11 @@ from contextlib import nullcontext
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
-from diffbotctl.config.configuration import Configuration
+from diffbotctl.config.configuration import Configuration, SourceUse
 from diffbotctl.drivers.device_sources import open_sources
 from diffbotctl.drivers.named_robots import RobotGroup
 from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS
+from diffbotctl.drivers.virtual_sources import open_virtual_sources
 from diffbotctl.engine.clock import Clock, PacedClock, VirtualClock
 from diffbotctl.engine.driver import Driver, RobotDriver
 from diffbotctl.engine.instant_monitor import InstantLimits, instant_limits
@@ -63,8 +64,9 @@ def _check_programs(configuration: Configuration, options: RunOptions) -> None:
 
 def _check_sources(configuration: Configuration, options: RunOptions) -> None:
     """Raise RunError for devices in a run that follows no clock."""
-    if configuration.sources and options.fast:
-        names = join_words([use.name for use in configuration.sources], "and")
+    devices = [use.name for use in configuration.sources if use.cls.virtual_delay is None]
+    if devices and options.fast:
+        names = join_words(devices, "and")
         cause = f"the devices of {names} work in real time; this run is faster"
         raise RunError(Problem("E-SOURCE", "sources", cause, "run it without --fast"))
 
@@ -118,9 +120,10 @@ class Run:
         self.outputs = self._start_outputs(show, screen_closed)
         self.inputs = self.robots[0].inputs  # several robots have no programs and devices
         self.programs = self._start_programs()
-        self.devices = open_sources(
-            configuration.sources, self.inputs, self.operator, self.assembly.graph.kinds
-        )
+        computed = [use for use in configuration.sources if self._is_computed(use)]
+        devices = [use for use in configuration.sources if use not in computed]
+        self.devices = open_sources(devices, self.inputs, self.operator, self.assembly.graph.kinds)
+        self.computed = open_virtual_sources(computed, self.operator.log, options.rehearses)
         if self.assembly.parts:
             self._open_robots()
         else:
@@ -131,6 +134,10 @@ class Run:
         for robot in self.robots:
             if robot.client is not None:
                 robot.client.can_measure(self.engine, robot.part.prefix)
+
+    def _is_computed(self, use: SourceUse) -> bool:
+        """Whether the engine waits for the answers of a source: the run follows no real time."""
+        return not self.is_real and use.cls.virtual_delay is not None
 
     def _start_outputs(
         self, show: Show | None, screen_closed: Callable[[], None] | None
@@ -151,7 +158,7 @@ class Run:
 
     def _build_engine(self, signals: SignalSource | None) -> Engine:
         inputs = self.inputs if self.configuration.inputs else None
-        others: list[Driver | None] = [self.programs, self.devices, inputs]
+        others: list[Driver | None] = [self.programs, self.devices, self.computed, inputs]
         drivers = [driver for robot in self.robots for driver in robot.drivers()]
         return Engine(
             self.assembly.graph,
@@ -292,6 +299,8 @@ class Run:
         for wire, sink in ({} if self.programs is None else self.programs.sinks()).items():
             sinks[wire].append(sink)
         for wire, sink in () if self.devices is None else self.devices.sinks():
+            sinks[wire].append(sink)
+        for wire, sink in () if self.computed is None else self.computed.sinks():
             sinks[wire].append(sink)
         for wire, sink in self.outputs.sinks():
             sinks[wire].append(sink)

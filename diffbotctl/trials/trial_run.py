@@ -96,6 +96,7 @@ class TrialRun(Run):
         self._goal: Goal | None = None
         self._goal_distance = 0.0
         options = RunOptions(
+            rehearses=True,
             port=trial.port,
             goals=trial.goals,
             seed=trial.seed,

@@ -1,0 +1,164 @@
+"""Runs with a map: the process beside the engine, its answers, replays, and its death."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from itertools import pairwise
+
+import pytest
+
+from diffbotctl.config.load import load
+from diffbotctl.drivers.map_store import stored_maps
+from diffbotctl.geometry.map_tiles import MapTiles
+from diffbotctl.messages import MapPose, MapUpdate
+from diffbotctl.recording.reader import RecordingReader
+from diffbotctl.replay.recorded_run import read_run
+from diffbotctl.replay.replay import ReplayOptions, replay_run
+from diffbotctl.replay.resimulate import resimulate, why_not_resimulable
+from diffbotctl.runs.options import RunOptions
+from diffbotctl.runs.run import Run
+
+PIPELINE = """
+format: 1
+kind: pipeline
+include: map
+blocks:
+  wander: {block: wander, in: {scan: robot.scan, odometry: odometry.odometry}}
+  mux: {in: {autonomous: wander.twist}}
+"""
+
+
+@pytest.fixture(autouse=True)
+def own_folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+
+
+@pytest.fixture
+def pipeline(tmp_path):
+    path = tmp_path / "roam.yaml"
+    path.write_text(PIPELINE)
+    return str(path)
+
+
+def recorded(pipeline, path, seconds=8.0, sets=(), seed=4):
+    options = RunOptions(fast=True, duration=seconds, seed=seed, record=path, digest=True)
+    return Run(load(pipeline, None, sets), options).go()
+
+
+def messages(path, kind):
+    return [item.message for item in RecordingReader(path).messages() if type(item.message) is kind]
+
+
+@pytest.fixture
+def drive(pipeline, tmp_path):
+    path = tmp_path / "drive.mcap"
+    result = recorded(pipeline, path)
+    assert result.failure is None
+    return path, result
+
+
+def test_a_simulated_run_is_the_same_each_time_and_its_map_is_whole(drive, pipeline, tmp_path):
+    path, first = drive
+    again = recorded(pipeline, tmp_path / "again.mcap")
+    assert again.digest == first.digest
+    tiles = MapTiles()
+    updates = messages(path, MapUpdate)
+    for update in updates:
+        tiles.take(update)
+    assert tiles.is_whole
+    rows = tiles.rows()
+    assert sum(row.count("#") for row in rows.rows) > 300  # cells of walls; 5 cm each
+    lost = MapTiles()
+    for update in updates[:3] + updates[-1:]:
+        lost.take(update)
+    assert not lost.is_whole
+
+
+def test_a_recording_is_replayed_without_the_process(drive, monkeypatch):
+    path, result = drive
+    monkeypatch.setattr(sys, "executable", "/bin/false")  # the process could not be started
+    replayed = replay_run(read_run(path), ReplayOptions(check=True))
+    assert replayed.difference is None
+    assert replayed.digest == result.digest
+
+
+def test_a_replay_with_changed_parameters_computes_the_map_again(drive, tmp_path):
+    path, _ = drive
+    coarse = tmp_path / "coarse.mcap"
+    run = read_run(path)
+    options = ReplayOptions(sets=("map.resolution=10 cm",), record=coarse)
+    replay_run(run, options)
+    assert {update.resolution for update in messages(coarse, MapUpdate)} == {0.1}
+    assert why_not_resimulable(run) is None
+    assert {update.resolution for update in messages(path, MapUpdate)} == {0.05}
+    resimulate(run, options._replace(record=tmp_path / "again.mcap", until=3_000_000_000))
+    assert messages(tmp_path / "again.mcap", MapUpdate)[-1].resolution == 0.1
+    assert [stored.name for stored in stored_maps()] == ["autosave"]  # of the run itself
+
+
+def test_a_process_that_dies_is_started_again_and_stops_nothing(pipeline, tmp_path):
+    path = tmp_path / "killed.mcap"
+    options = RunOptions(fast=True, duration=8.0, seed=4, record=path)
+    run = Run(load(pipeline), options)
+    source = run.computed.sources[0]
+    record, killed = run.engine.record, []
+
+    def kill(now, message):
+        if now > 4e9 and not killed:
+            killed.append(source.driver.process.pid)
+            os.kill(killed[0], signal.SIGKILL)
+
+    run.engine.sinks["slam.pose"] = kill
+    run.engine.compiled = run.engine.graph.compile(run.engine.sinks, record)
+    result = run.go()
+    assert killed
+    assert result.ending.code == 0 and not result.stops
+    updates = messages(path, MapUpdate)
+    assert len({update.map for update in updates}) == 2
+    assert max(update.time for update in updates) > 7.5e9
+    poses = messages(path, MapPose)
+    jump = max(
+        abs(after.x - before.x) + abs(after.y - before.y) for before, after in pairwise(poses)
+    )
+    assert jump < 0.1, "the map goes on from where the robot was"
+
+
+@pytest.mark.parametrize("has_scans", [True, False], ids=["late process", "dead lidar"])
+def test_without_answers_the_covariance_grows(pipeline, tmp_path, has_scans):
+    path = tmp_path / "late.mcap"
+    run = Run(load(pipeline), RunOptions(fast=True, duration=9.0, seed=4, record=path))
+    if has_scans:
+        run.computed.sources[0].delay = 60_000_000_000
+    else:
+        blocked = run.plant._sensors.scanners[0][1]
+        run.engine.sinks["robot.scan"] = lambda now, scan: setattr(blocked, "is_blocked", now > 3e9)
+        run.engine.compiled = run.engine.graph.compile(run.engine.sinks, run.engine.record)
+    result = run.go()
+    codes = {stop.code for stop in result.stops if stop.latched}
+    assert codes <= {"command_stale"}  # of wander, which needs scans
+    poses = messages(path, MapPose)
+    growth = [(pose.covariance[0] + pose.covariance[3]) ** 0.5 for pose in poses]
+    if has_scans:
+        assert poses[-1].state == "starting"
+        assert "has not answered for 9 s" in poses[-1].cause
+        assert growth[-1] > 2 * growth[len(growth) // 4]
+    else:
+        assert poses[-1].state == "odometry"
+        assert poses[-1].cause == "no scan comes from the lidar"
+
+
+def test_the_engine_imports_no_numpy(pipeline):
+    program = f"""
+import sys, json
+from diffbotctl.config.load import load
+from diffbotctl.runs.options import RunOptions
+from diffbotctl.runs.run import Run
+result = Run(load({pipeline!r}), RunOptions(fast=True, duration=1.0)).go()
+print(json.dumps(["numpy" in sys.modules, result.ending.code]))
+"""
+    printed = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    ).stdout
+    assert json.loads(printed.splitlines()[-1]) == [False, 0]
