@@ -38,6 +38,10 @@ PREPARED = {
         "cp monday.mcap drive.mcap",
     ),
 }
+# After a command: fewer runs than the file has that it wrote. The number of runs is no command.
+AFTERWARDS = {
+    "diffbotctl new trials first": "sed -i 's/^seeds: 10 /seeds: 1 /' trials/first.yaml",
+}
 # These say by their exit code what they found: no board on this machine, two files that differ.
 FINDS = {"ports", "doctor", "bag diff", "learn check", "trials"}
 ON_AN_ENGINE = {"why", "stop", "resume", "goto", "drive", "topic", "param", "call"}
@@ -46,6 +50,11 @@ ON_AN_ENGINE = {"why", "stop", "resume", "goto", "drive", "topic", "param", "cal
 def lines(page):
     """The commands that a page shows on lines of their own."""
     return SHOWN.findall(page.read_text())
+
+
+def bare(line):
+    """The command without its comment."""
+    return line.partition(" #")[0].rstrip()
 
 
 def words_of(line):
@@ -160,6 +169,8 @@ def test_commands_that_need_nothing(page, reader):
         code, output = reader.types(line)
         finds = any(line.startswith(f"diffbotctl {words}") for words in FINDS)
         assert code == 0 or (code == 1 and finds), f"{page.name} shows: {line}\n{output}"
+        if bare(line) in AFTERWARDS:
+            assert reader.types(AFTERWARDS[bare(line)])[0] == 0
 
 
 @pages_that_show(on_an_engine)
@@ -193,7 +204,7 @@ def test_commands_on_a_terminal(page, reader):
 @pages_that_show(asks)
 def test_commands_that_ask(page, reader):
     for line in filter(asks, lines(page)):
-        line = line.partition(" #")[0]
+        line = bare(line)
         line += " --port sim" * ("--port" not in line)
         with Terminal(
             ["bash", "-c", f"cd {reader.work}; exec {line}"], reader.environment
@@ -211,17 +222,20 @@ def on_the_emulated_board(line):
     return is_on_it and not on_the_air(line) and not asks(line)
 
 
-@pages_that_show(on_the_emulated_board)
-def test_commands_for_a_board(page, reader):
+def test_commands_for_a_board(reader):
+    shown = dict.fromkeys(
+        bare(line) for page in PAGES for line in lines(page) if on_the_emulated_board(line)
+    )
+    assert shown
     with board() as virtual:
-        for line in filter(on_the_emulated_board, lines(page)):
-            line = line.partition(" #")[0].replace("/dev/rfcomm0", str(virtual.radio))
+        for line in shown:
+            line = line.replace("/dev/rfcomm0", str(virtual.radio))
             line = re.sub(r"--port (auto|/dev/tty\w+)", f"--port {virtual.usb}", line)
             line += " --yes" * (" flash " in line) + " --quiet" * (" run " in line)
             code, output = reader.types(line)
             # A robot that was stopped under way, and resumed, may know its position less well.
             is_done = code == 0 or (code == 3 and "host_frozen" in output)
-            assert is_done, f"{page.name} shows: {line}\n{output}"
+            assert is_done, f"a page shows: {line}\n{output}"
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

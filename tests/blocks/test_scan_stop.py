@@ -4,8 +4,6 @@ from math import cos, hypot, inf, nan, pi, sin
 from random import Random
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from diffbotctl.blocks.scan_stop import BLIND, OBSTACLE, STALE, ScanStop, points_around
 from diffbotctl.config.load import load_robot
@@ -15,6 +13,7 @@ from diffbotctl.plant.chassis import Pose
 from diffbotctl.plant.collision import BodyOutline, clearance
 from diffbotctl.plant.world import Pillar, Wall, World
 from diffbotctl.time import MILLISECOND as MS
+from tests.sampling import by_day
 
 ROBOT = load_robot("turtlebot3_burger").robot
 # It reaches 38 mm ahead of its axle, 102 mm back and 89 mm to the sides; its scanner sits 32 mm
@@ -266,8 +265,7 @@ def test_a_return_in_each_second_is_enough():
         assert robot.drive_at(0.6, CLEAR) == (0.2, "")
 
 
-@settings(max_examples=25, deadline=None)
-@given(st.integers(0, 1 << 30))
+@pytest.mark.parametrize("seed", by_day(6, range(25)))
 def test_random_commands_never_cause_a_contact(seed):
     """A robot that obeys after one frame and ramps as its limits say, driven by rng."""
     rng = Random(seed)
