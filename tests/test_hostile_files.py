@@ -49,7 +49,7 @@ def test_includes_within_the_limits_are_read(commands, tmp_path):
     assert checked(commands.run("check", path)).code == 0
 
 
-@pytest.mark.parametrize("seed", by_day(2, range(4)))
+@pytest.mark.parametrize("seed", by_day(1, range(4)))
 def test_changed_files_are_accepted_or_refused_and_run(seed, commands, tmp_path):
     rng = Random(seed)
     path = tmp_path / "changed.yaml"
@@ -74,7 +74,7 @@ def test_a_recording_that_unpacks_to_gigabytes_is_refused_with_its_place(command
         assert checked(commands.run("bag", "recover", path, "--output", repaired)).code == 0, name
 
 
-@pytest.mark.parametrize("name", ["edges.mcap", "ease.mcap"])
+@pytest.mark.parametrize("name", by_day(1, ["edges.mcap", "ease.mcap"]))
 def test_damaged_recordings_are_read_or_refused(name, commands, tmp_path):
     rng = Random(name)
     path = tmp_path / "damaged.mcap"
@@ -99,7 +99,7 @@ def test_a_recording_must_be_a_file(name, commands, tmp_path):
     assert outcome.code == 1 and "E-RECORDING" in outcome.output
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", by_day(1, range(2)))
 def test_tables_of_drives_are_read_or_refused(seed, commands, tmp_path):
     path = tmp_path / "drive.csv"
     for content in hostile_tables.hostile_tables(Random(seed), 8):
