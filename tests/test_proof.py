@@ -121,6 +121,6 @@ def test_every_section_has_a_name_of_one_word_and_both_sizes(module):
 
 
 def test_a_section_that_does_not_exist_is_refused():
-    words = [sys.executable, "-m", "prove", "--section", "nonsense"]
+    words = [sys.executable, "-m", "prove.bench", "--section", "nonsense"]
     done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 2 and "nonsense" in done.stderr

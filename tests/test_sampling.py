@@ -6,7 +6,14 @@ from pathlib import Path
 
 from tests.sampling import by_day, each_once
 
-TESTS = Path(__file__).parent
+ROOT = Path(__file__).parents[1]
+SAMPLE = """
+import pytest
+from tests.sampling import by_day
+@pytest.mark.parametrize("number", by_day(1, [1, 2, 3]))
+def test_it(number):
+    assert number
+"""
 
 
 def is_nightly(parameter):
@@ -26,12 +33,21 @@ def test_the_first_values_are_by_day_and_a_tuple_is_several_parameters():
     assert first.values == ("uno", 5) and not is_nightly(first) and is_nightly(second)
 
 
-def test_nightly_tests_are_listed_and_left_out():
-    def collected(*words):
-        command = [sys.executable, "-m", "pytest", "--collect-only", "-q", *words]
-        done = subprocess.run(
-            [*command, TESTS / "runs" / "test_boards.py"], capture_output=True, text=True
-        )
-        return int(done.stdout.split(": ")[1].split()[0])
+def test_nightly_tests_are_listed_and_left_out(tmp_path):
+    (tmp_path / "test_it.py").write_text(SAMPLE)
 
-    assert collected() + collected("-m", "nightly") == collected("-m", "nightly or not nightly")
+    def run(*words):
+        command = [
+            sys.executable,
+            "-m",
+            "pytest",
+            "-c",
+            ROOT / "setup.cfg",
+            "-p",
+            "no:cacheprovider",
+        ]
+        options = {"cwd": ROOT, "capture_output": True, "text": True}
+        return subprocess.run([*command, *words, tmp_path], **options).stdout
+
+    assert "1 passed, 2 deselected" in run()
+    assert "2/3 tests collected" in run("-m", "nightly", "--collect-only")

@@ -85,7 +85,7 @@ def ends(kind: str, robots: int, coasting: str):
 def test_heading_and_variance_are_accurate_far_below_a_slot(limit, coasting):
     kind, most, normalised_most = limit
     """One slot of one wheel is 4.7 degrees. Both kinds of friction, detected by edges alone."""
-    headings, normalised = ends(kind, 24, coasting)
+    headings, normalised = ends(kind, 12, coasting)
     assert mean(e * e for e in headings) ** 0.5 < most
     assert 0.3 < mean(normalised) < normalised_most, (
         "the filter's doubt must be neither boast nor alarm"

@@ -52,6 +52,6 @@ def test_the_shipped_image_is_the_build_of_the_source(rebuilt, name):
     )
 
 
-def test_it_fits():
-    for row in board.image():
+def test_it_fits(rebuilt):
+    for row in board.image(rebuilt):
         assert row.met, row

@@ -67,14 +67,16 @@ def imported(*places):
     }
 
 
+@cache
 def package_imports():
-    """Those of the package without its test support."""
-    folders = sorted(
-        path.relative_to(ROOT)
-        for path in (ROOT / "diffbotctl").iterdir()
-        if path.name not in ("testing", "__pycache__")
-    )
-    return imported(*(str(path) for path in folders if path.is_dir() or path.suffix == ".py"))
+    """Those of the package."""
+    return imported("diffbotctl")
+
+
+@cache
+def tool_imports():
+    """Those of tests and tools."""
+    return imported(*FOR_TESTS)
 
 
 def test_what_the_package_imports_is_declared():
@@ -85,13 +87,13 @@ def test_what_the_package_imports_is_declared():
 
 def test_what_tests_and_tools_import_is_declared():
     names = {name for lines in declared().values() for name in lines}
-    for module, file in imported(*FOR_TESTS).items():
+    for module, file in tool_imports().items():
         assert distributions().get(module, {module}) & names, f"{file} imports {module}"
 
 
 def test_what_is_declared_is_imported():
     """A package that nothing imports any more is installed for nothing."""
-    modules = package_imports() | imported(*FOR_TESTS)
+    modules = package_imports() | tool_imports()
     names = {name for module in modules for name in distributions().get(module, {module})}
     for extra, lines in declared().items():
         unused = {each for each in lines.keys() - names if not each.startswith("types-")}

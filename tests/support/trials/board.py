@@ -39,11 +39,10 @@ SPARE_STACK = {
 STATIC_RAM_MAX = {"mega2560": 1400, "atmega328p": 1100}
 
 
-def image() -> Iterator[Row]:
-    """Size of each image, as the build prints it."""
-    done = subprocess.run(
-        ["make", "-C", str(FIRMWARE), "size"], capture_output=True, text=True, check=True
-    )
+def image(folder: Path = FIRMWARE) -> Iterator[Row]:
+    """Size of each image, as the build in the source's `folder` prints it."""
+    command = ["make", "-C", str(folder), f"ROOT={FIRMWARE.parent}", "size"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
     sizes = re.findall(r"(\w+): flash (\d+) bytes .* static RAM (\d+) bytes", done.stdout)
     assert {name for name, *_ in sizes} == set(STATIC_RAM_MAX), done.stdout
     for name, flash, ram in sizes:
