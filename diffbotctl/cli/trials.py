@@ -14,11 +14,12 @@ from diffbotctl.cli.command import command, option
 from diffbotctl.cli.contradictions import exclusive
 from diffbotctl.cli.options import FORCE, JSON, SETS, YES
 from diffbotctl.cli.output import open_output, print_json
-from diffbotctl.cli.program_consent import with_code_consent
+from diffbotctl.cli.program_consent import allowed_programs, with_code_consent
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from diffbotctl.programs.driver import ProgramsDriver
     from diffbotctl.trials.plan import Trial, TrialsPlan
     from diffbotctl.trials.verdict import JudgedRun
     from diffbotctl.trials.workers import TrialOutcome
@@ -51,7 +52,7 @@ def trials(
         metavar="OTHER",
     ),
     watch: bool = option("Show one run after another on the dashboard."),
-    allow_programs: bool = option("Run the pipeline's files of code, unasked."),
+    allow_programs: bool = option("Run the pipeline's programs and files of code, unasked."),
     yes: bool = YES,
     as_json: bool = JSON,
 ) -> int:
@@ -68,11 +69,12 @@ def trials(
     plan = with_code_consent(lambda: read_plan(file, sets), allow_programs)
     for warning in plan.warnings:
         click.echo(warning.render(), err=True)
+    programs = _allowed_programs(plan, allow_programs)
     places = list(range(len(plan.trials)))
     if patterns:
         plan, places = plan.only(patterns)
     if watch:
-        return _watch(plan)
+        return _watch(plan, programs)
     count = workers or len(os.sched_getaffinity(0))
     other = None
     if against is not None and not against.endswith(BASELINE_ENDINGS):
@@ -80,6 +82,7 @@ def trials(
 
         found = against
         other = with_code_consent(lambda: other_plan(file, found, sets), allow_programs)
+        _allowed_programs(other, allow_programs)
     verdicts, seconds = _run_and_judge(plan, count, yes)
     if as_json:
         _print_records(verdicts)
@@ -91,6 +94,16 @@ def trials(
         before = None if other is None else _run_and_judge(other.at(places), count, yes)[0]
         is_worse = _compare(against, before, verdicts, as_json)
     return 0 if all(verdict.passed for verdict in verdicts) and not is_worse else 1
+
+
+def _allowed_programs(plan: TrialsPlan, is_given: bool) -> type[ProgramsDriver] | None:
+    """As `allowed_programs`; raises UsageError without consent, since nothing has run yet."""
+    from diffbotctl.errors import RunError, UsageError
+
+    try:
+        return allowed_programs(plan.trials[0].configuration, is_given)
+    except RunError as error:
+        raise UsageError(error.problems) from None
 
 
 def _check_outputs(junit: Path | None, report: Path | None, force: bool) -> None:
@@ -265,7 +278,7 @@ def _print_times(outcomes: Sequence[TrialOutcome], seconds: float, workers: int)
     )
 
 
-def _watch(plan: TrialsPlan) -> int:
+def _watch(plan: TrialsPlan, programs: type[ProgramsDriver] | None) -> int:
     """Show the runs one after another on the dashboard, in real time; closing it ends a run."""
     from diffbotctl.cli.run import run_with_dashboard
     from diffbotctl.runs.options import RunOptions, SocketOptions
@@ -282,6 +295,7 @@ def _watch(plan: TrialsPlan) -> int:
             rehearses=True,
             stay=True,
             dash=True,
+            programs=programs,
         )
         run_with_dashboard(trial.configuration, options, Signals(), None)
         if number < total and not click.confirm("Show the next one?", default=True):

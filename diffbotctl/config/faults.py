@@ -145,6 +145,9 @@ FAULTS: dict[str, FaultKind] = {
         "A round obstacle of 0.2 m stands ahead of the robot.",
         _size("m", 0.4, "Distance from the front of the robot to it.", maximum=5.0),
     ),
+    "program_crash": FaultKind("A program of the pipeline is killed."),
+    "program_hang": FaultKind("A program of the pipeline is suspended."),
+    "program_flood": FaultKind("What a program sends comes 2,000 times.", lasts=1.0),
     "operator_stop": FaultKind("The operator stops the robot, and resumes at the end."),
 }
 
@@ -177,6 +180,12 @@ class FaultEntry(Section):
         none=True,
         default=None,
         help="Name of the distance sensor of a fault range_...; none: all of the robot.",
+    )
+    program: str | None = Param(
+        str,
+        none=True,
+        default=None,
+        help="Name of the program of a fault program_...; none: all of the pipeline.",
     )
     size: Any = Param(
         object,

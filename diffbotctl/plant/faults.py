@@ -24,7 +24,7 @@ class Fault(NamedTuple):
     end: int
     sides: tuple[bool, bool]
     size: float
-    sensor: str | None = None
+    part: str | None = None  # the sensor or program, None: all
 
 
 def draw_fault(entry: FaultEntry, rng: Random) -> Fault:
@@ -40,7 +40,7 @@ def draw_fault(entry: FaultEntry, rng: Random) -> Fault:
     size: Spread | None = entry.size or (None if declared is None else declared.default)
     drawn = 0.0 if size is None else rng.uniform(*size)
     sides = SIDES.get(side or "both", (True, True))
-    return Fault(entry.fault, start, end, sides, drawn, entry.sensor)
+    return Fault(entry.fault, start, end, sides, drawn, entry.sensor or entry.program)
 
 
 class ActiveFaults:
@@ -63,7 +63,7 @@ class ActiveFaults:
 
     def of(self, kind: str, sensor: str) -> bool:
         """Whether one of this kind acts on a sensor."""
-        return any(fault.kind == kind and fault.sensor in (None, sensor) for fault in self._faults)
+        return any(fault.kind == kind and fault.part in (None, sensor) for fault in self._faults)
 
     def largest(self, kind: str, usual: float = 0.0, side: int | None = None) -> float:
         """The largest size of this kind, at least `usual`."""

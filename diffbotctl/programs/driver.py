@@ -10,130 +10,31 @@ from __future__ import annotations
 import json
 import os
 import pickle
-import socket
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from diffbotctl.config.configuration import ProgramUse
-from diffbotctl.control_socket.protocol import LineBuffer, RefusalError, parse_line
+from diffbotctl.control_socket.protocol import RefusalError
 from diffbotctl.drivers.goal_queue import Operator
 from diffbotctl.drivers.input_leases import InputLeases
 from diffbotctl.engine.driver import Delivery
 from diffbotctl.graph import Sink
-from diffbotctl.message_parser import MessageError, message_parser
 from diffbotctl.message_types import type_name
 from diffbotctl.messages import LogLevel
+from diffbotctl.programs.faults import ProgramFaults
+from diffbotctl.programs.link import ProgramLink
 from diffbotctl.programs.supervisor import Order, end_of, read_events, start_supervisor
 from diffbotctl.recording.json_codec import message_encoder
-from diffbotctl.time import MILLISECOND, NEVER, SECOND
+from diffbotctl.time import MILLISECOND, NEVER
+
+if TYPE_CHECKING:
+    from diffbotctl.plant.faults import Fault
 
 PROTOCOL = 1
-# What is read at once, of one program. One buffer for all: making one for each read takes longer
-# than reading a line.
-READ_BUFFER = memoryview(bytearray(1 << 16))
-LINES_PER_SECOND_MAX = 1000
-BYTES_PER_SECOND_MAX = 1 << 20
-FIRST_LINE_TIMEOUT = 30 * SECOND  # a program may load a large model
-SILENCE_MAX = 2 * SECOND  # or four times its timeout, if that is longer
 EXIT_REPORT_TIMEOUT = 100 * MILLISECOND  # how it ended is known a little after its socket closes
 EVENTS_PERIOD = 20 * MILLISECOND  # between two looks at the supervisor's channel, at least
-SEND_QUEUE_MAX_BYTES = 1 << 16  # that wait for a program which reads slowly
-
-
-class ProgramLink:
-    """One program as the engine sees it. Times are in ns."""
-
-    def __init__(self, use: ProgramUse) -> None:
-        self.use = use
-        self.outputs = {  # by port: the wire, and what reads its messages
-            wire.rpartition(".")[2]: (wire, message_parser(kind))
-            for wire, kind in use.outputs.items()
-        }
-        # A program that publishes rarely sends empty objects meanwhile.
-        self.silence_max = max(SILENCE_MAX, round(4 * use.timeout * SECOND))
-        self.socket: socket.socket | None = None
-        self.pid = 0
-        self.who = use.name  # the program as the cause of a stop names it
-        self.lines = LineBuffer()
-        self.queue = bytearray()  # that waits to be sent
-        self.dropped = 0
-        self.window = self.window_lines = self.window_bytes = 0
-        self.silent_at = NEVER  # when it counts as hanging
-        self.lost_at = NEVER  # when its outputs expire, whatever is known of its end
-        self.end_text = ""  # how it ended; what it sent before is still read
-
-    def open(self, now: int, pid: int, file: int) -> None:
-        """A new process has been started; `file` is this end of its socket."""
-        self.close()
-        self.socket, self.pid = socket.socket(fileno=file), pid
-        self.who = f"program {self.use.name} (process {pid})"
-        self.socket.setblocking(False)
-        self.lines, self.queue, self.dropped = LineBuffer(), bytearray(), 0
-        self.silent_at = now + FIRST_LINE_TIMEOUT if self.outputs else NEVER
-        self.lost_at, self.end_text = NEVER, ""
-
-    def close(self) -> None:
-        """Close this end of the socket: the program reads the end of its input."""
-        if self.socket is not None:
-            self.socket.close()
-        self.socket, self.silent_at, self.end_text = None, NEVER, ""
-
-    def read(self, now: int) -> bytes | None:
-        """What has come; None when the program has closed its end. Raises RefusalError: a flood."""
-        assert self.socket is not None
-        try:
-            data = READ_BUFFER[: self.socket.recv_into(READ_BUFFER)].tobytes()
-        except BlockingIOError:
-            return b""
-        except OSError:
-            return None
-        if now - self.window > SECOND:
-            self.window, self.window_lines, self.window_bytes = now, 0, 0
-        self.window_lines += data.count(b"\n")
-        self.window_bytes += len(data)
-        if self.window_lines > LINES_PER_SECOND_MAX or self.window_bytes > BYTES_PER_SECOND_MAX:
-            cause = (
-                f"it sent more than {LINES_PER_SECOND_MAX} lines or {BYTES_PER_SECOND_MAX} bytes "
-                "in a second"
-            )
-            raise RefusalError("E-PROGRAM", cause)
-        return data or None
-
-    def messages(self, now: int, line: bytes) -> list[Delivery]:
-        """The messages in one line, stamped. Raises RefusalError for a line that is invalid."""
-        deliveries = []
-        for port, values in parse_line(line).items():
-            if port not in self.outputs:
-                known = ", ".join(self.outputs)
-                raise RefusalError("E-PROGRAM", f"there is no output '{port[:40]}'; it has {known}")
-            wire, parse = self.outputs[port]
-            if not isinstance(values, dict):
-                raise RefusalError("E-PROGRAM", f"{port} is not an object")
-            if "time" in values:
-                cause = f"{port} has a `time` of its own: leave it out, the engine stamps messages"
-                raise RefusalError("E-PROGRAM", cause)
-            try:
-                deliveries.append(Delivery(wire, parse(values, now)))
-            except MessageError as error:
-                raise RefusalError("E-PROGRAM", f"{port}: {error}") from None
-        return deliveries
-
-    def send(self, data: bytes) -> None:
-        """Send a line; one that does not fit is dropped and counted."""
-        if self.socket is None:
-            return
-        if len(self.queue) + len(data) > SEND_QUEUE_MAX_BYTES:
-            self.dropped += 1
-            return
-        unsent = self.queue + data if self.queue else data
-        try:
-            sent = self.socket.send(unsent, socket.MSG_NOSIGNAL)
-        except OSError:  # what does not fit waits; that it has ended is read
-            sent = 0
-        if self.queue or sent < len(data):
-            self.queue = bytearray(unsent[sent:])
 
 
 class ProgramsDriver:
@@ -161,6 +62,7 @@ class ProgramsDriver:
         self.has_started = False
         self.has_data = False  # whether a program had sent something when it was last looked at
         self.events_due = 0
+        self.faults = ProgramFaults()
         self.pending: list[tuple[str, Any]] = []
         self.readers: dict[str, list[tuple[ProgramLink, str]]] = {}
         for link in self.links.values():
@@ -169,6 +71,10 @@ class ProgramsDriver:
         self.encoders: dict[str, Callable[[Any], bytes]] = {
             wire: message_encoder(kinds[wire]) for wire in self.readers
         }
+
+    def set_faults(self, faults: Iterable[Fault]) -> None:
+        """Let those of `faults`, of a simulated robot, act that are of programs."""
+        self.faults = ProgramFaults(faults)
 
     def sinks(self) -> dict[str, Sink]:
         """What takes the messages that programs read; they are sent in the loop's idle time."""
@@ -184,7 +90,8 @@ class ProgramsDriver:
         """When a program counts as hanging, or its outputs expire."""
         if not self.has_started:
             return 0
-        return min(min(link.silent_at, link.lost_at) for link in self.links.values())
+        losses = (min(link.silent_at, link.lost_at) for link in self.links.values())
+        return min(self.faults.due(), *losses)
 
     def files(self) -> list[int]:
         """The sockets of all programs, and the supervisor's channel."""
@@ -204,6 +111,8 @@ class ProgramsDriver:
             self.events_due = now + EVENTS_PERIOD
             self._read_events(now)
         self.has_data = False
+        if now >= self.faults.due():
+            self.faults.act(now, self.links.values())
         deliveries: list[Delivery] = []
         for link in self.links.values():
             if link.socket is not None:

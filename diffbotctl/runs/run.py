@@ -129,6 +129,8 @@ class Run:
         else:
             self.robots[0].open(self._open_robot())
         self.robot, self.plant = self.robots[0].robot, self.robots[0].plant
+        if self.programs is not None and self.plant is not None:
+            self.programs.set_faults(self.plant.faults.faults)
         self._connect_clients()
         self.engine = self._build_engine(signals)
         for robot in self.robots:

@@ -217,10 +217,7 @@ class _PlanReader:
     def _refuse_unsimulated(self, configuration: Configuration, place: Place) -> None:
         """Refuse a pipeline that needs anything but a simulated robot."""
         problem = ""
-        if configuration.programs:
-            names = join_words([use.name for use in configuration.programs], "and")
-            problem = f"it starts the programs {names}, which run in real time"
-        elif configuration.sources:
+        if configuration.sources:
             names = join_words([use.name for use in configuration.sources], "and")
             problem = f"it reads the devices {names} at real ports"
         elif configuration.robots or configuration.robot is None:
@@ -234,10 +231,11 @@ class _PlanReader:
         """Refuse faults that this robot cannot have, and goals where it cannot stand."""
         robot = configuration.robot
         assert robot is not None
+        programs = [use.name for use in configuration.programs]
         for name, case in section.cases.items():
             value = self.tree.at("cases", name, "faults")
             if value is not None:
-                self.problems += fault_problems(robot, case.faults, value.items)
+                self.problems += fault_problems(robot, programs, case.faults, value.items)
                 if section.port == "sim":
                     self.problems += emulated_problems(case.faults, value.items)
         goals = self.tree.at("goals")

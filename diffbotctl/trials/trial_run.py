@@ -1,7 +1,8 @@
-"""One run of trials: simulated as fast as possible, watched by what is really true of the robot."""
+"""One run of trials, simulated, and watched by what is really true of the robot."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import hypot
 from typing import Literal, NamedTuple
 
@@ -10,6 +11,7 @@ from diffbotctl.control.pose_sd import PoseSd
 from diffbotctl.graph import Sink
 from diffbotctl.messages import GOAL_EXIT_CODES, Goal, GoalState
 from diffbotctl.plant.collision import BodyOutline, clearance
+from diffbotctl.programs.driver import ProgramsDriver
 from diffbotctl.runs.build_graph import wires_of
 from diffbotctl.runs.options import RunOptions, RunResult
 from diffbotctl.runs.run import Run
@@ -84,9 +86,12 @@ class TrialResult(NamedTuple):
 
 
 class TrialRun(Run):
-    """The run of a trial: it notes how the goals end, and watches the true robot."""
+    """The run of a trial: it notes how the goals end, and watches the true robot.
 
-    def __init__(self, trial: Trial, fast: bool = True) -> None:
+    It is as fast as possible, but in real time with programs, which must have been allowed.
+    """
+
+    def __init__(self, trial: Trial) -> None:
         self.trial = trial
         self.state: GoalState | None = None
         self.latched_at: int | None = None
@@ -100,7 +105,8 @@ class TrialRun(Run):
             port=trial.port,
             goals=trial.goals,
             seed=trial.seed,
-            fast=fast,
+            fast=not trial.configuration.programs,
+            programs=ProgramsDriver,
             duration=trial.time_limit,
         )
         super().__init__(trial.configuration, options, tell=lambda text: None)
@@ -108,7 +114,16 @@ class TrialRun(Run):
         assert robot is not None
         body = robot.body
         self._outline = BodyOutline(body.front, body.back, body.width / 2)
-        self.engine.idle = self._look
+
+    def _idle(self) -> Callable[[], None]:
+        rest = super()._idle()  # of programs
+
+        def idle() -> None:
+            if rest is not None:
+                rest()
+            self._look()
+
+        return idle
 
     def _sinks(self) -> dict[str, list[Sink]]:
         sinks = super()._sinks()

@@ -40,7 +40,8 @@ def run_trials(
     `processor_limit`: time of a processor (s) after which a trial is ended. `notify` is called with
     the number of each trial that has ended, in no order. KeyboardInterrupt ends all children.
     """
-    wall = max(WALL_TIME_RATIO * processor_limit, WALL_TIME_MIN_S)
+    simulated = max((trial.time_limit for trial in trials), default=0.0)  # with programs: real time
+    wall = max(WALL_TIME_RATIO * processor_limit, WALL_TIME_MIN_S + simulated)
     limits = ChildLimits(processor_limit, wall, MEMORY_MAX_BYTES)
     found: dict[int, TrialOutcome] = {}
     active: dict[LimitedChild[TrialResult], int] = {}

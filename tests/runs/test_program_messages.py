@@ -8,7 +8,7 @@ import pytest
 from diffbotctl.config.configuration import ProgramUse
 from diffbotctl.control_socket.protocol import RefusalError
 from diffbotctl.messages import Text
-from diffbotctl.programs.driver import ProgramLink
+from diffbotctl.programs.link import ProgramLink
 
 
 @pytest.fixture

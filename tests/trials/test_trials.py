@@ -233,3 +233,63 @@ def test_a_change_that_makes_it_worse_fails_against_what_was_before(tmp_path):
     assert worse.returncode == 1 and "REGRESSION" in worse.stdout
     paired = command(file, "--only", "healthy/*", "--against", slower)
     assert f"against {slower}, 6 pairs with equal seeds" in paired.stdout
+
+
+LEAD = """
+import json, sys
+for line in sys.stdin:
+    print(json.dumps({"lead": {"linear": 0.1, "angular": 0.0}}), flush=True)
+"""
+LED = f"""
+format: 1
+kind: pipeline
+include: goal
+goals: []
+programs:
+  nose: {{run: {sys.executable} lead.py, in: {{range: range.range}}, out: {{lead: Twist}}}}
+blocks: {{mux: {{in: {{autonomous: nose.lead}}}}}}
+"""
+OF_PROGRAMS = """
+format: 1
+kind: trials
+pipeline: ./led.yaml
+set: [robot.drive.polarity=checked_by_hand]
+seeds: 1
+time_limit: 6 s
+expect: {stop: {code: input_stale, within: 2 s}}
+cases:
+  crash: {faults: [{fault: program_crash, at: 2 s}]}
+  hang: {faults: [{fault: program_hang, at: 2 s, for: 1 s, program: nose}]}
+  flood: {faults: [{fault: program_flood, at: 2 s}]}
+"""
+
+
+def test_faults_of_programs_act_in_real_time_on_the_process(tmp_path):
+    (tmp_path / "lead.py").write_text(LEAD)
+    (tmp_path / "led.yaml").write_text(LED)
+    file = trials_file(tmp_path, OF_PROGRAMS)
+    refused = command(file, XDG_STATE_HOME=str(tmp_path))
+    assert refused.returncode == 2 and "E-PROGRAM-CONSENT" in refused.stderr
+    done = command(file, "--allow-programs", "--json", "--workers", "3")
+    causes = [json.loads(line)["cause"].partition(")")[2] for line in done.stdout.splitlines()]
+    crash, hang, flood = causes
+    assert "was ended by SIGKILL" in crash and "1000 lines" in flood
+    assert "has published nothing on nose.lead" in hang
+    assert done.returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "part"),
+    [
+        ("program: nose", "program: nase", "the pipeline has no program nase"),
+        ("./led.yaml", "goal", "it starts no program"),
+        ("program_flood", "wheel_blocked, program: nose", "not of a program"),
+    ],
+)
+def test_a_fault_of_a_program_that_is_not_there_is_refused(tmp_path, old, new, part):
+    (tmp_path / "lead.py").write_text(LEAD)
+    (tmp_path / "led.yaml").write_text(LED)
+    file = trials_file(tmp_path, OF_PROGRAMS.replace(old, new))
+    with pytest.raises(UserError) as caught:
+        read_plan(str(file))
+    assert part in " ".join(str(caught.value).replace("|", " ").split())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import NamedTuple
 
 from diffbotctl.config.board_pins import SIMULATED
@@ -95,9 +95,15 @@ OF_SHIPPED_PLANTS = ("edges_", "wheel_", "robot_", "encoder_reversed")
 
 
 def fault_problems(
-    robot: Robot, entries: Sequence[FaultEntry | None], values: Sequence[Value]
+    robot: Robot,
+    programs: Collection[str] | None,
+    entries: Sequence[FaultEntry | None],
+    values: Sequence[Value],
 ) -> Iterator[Problem]:
-    """Why `robot` cannot have these faults, which are at `values`."""
+    """Why `robot` cannot have these faults, which are at `values`.
+
+    `programs`: of the pipeline, None when no pipeline is checked.
+    """
     for entry, value in zip(entries, values, strict=False):
         if entry is None or entry.fault not in FAULTS:
             continue
@@ -110,6 +116,8 @@ def fault_problems(
             cause = f"a plant of your own cannot have the fault {entry.fault}"
             yield Problem("E-FAULT", place, cause, "let the plant itself do it, or remove `plant`")
         yield from _sensor_problems(robot, entry, value)
+        if programs is not None:
+            yield from _program_problems(programs, entry, value)
         side = value.entries.get("side")
         if entry.side is not None and side is not None and not FAULTS[entry.fault].has_side:
             cause = f"the fault {entry.fault} is of the whole robot, not of one side"
@@ -132,6 +140,23 @@ def _sensor_problems(robot: Robot, entry: FaultEntry, value: Value) -> Iterator[
         yield Problem("E-FAULT", written.place, cause, "use range_silent")
 
 
+def _program_problems(
+    programs: Collection[str], entry: FaultEntry, value: Value
+) -> Iterator[Problem]:
+    """Why the pipeline has no program that could have the fault."""
+    written, place = value.entries.get("program"), value.entries["fault"].place
+    is_of_program = entry.fault.startswith("program_")
+    if is_of_program and not programs:
+        cause = f"this pipeline cannot have the fault {entry.fault}: it starts no program"
+        yield Problem("E-FAULT", place, cause, OTHER_FAULT)
+    elif written is not None and not is_of_program:
+        cause = f"the fault {entry.fault} is not of a program"
+        yield Problem("E-FAULT", written.name_place, cause, "remove program")
+    elif written is not None and entry.program is not None and entry.program not in programs:
+        cause = f"the pipeline has no program {entry.program}"
+        yield Problem("E-FAULT", written.place, cause, f"use {join_words(programs)}")
+
+
 def emulated_problems(entries: Sequence[FaultEntry], values: Sequence[Value]) -> Iterator[Problem]:
     """The faults that only an emulated board can have, of a simulated one."""
     for entry, value in zip(entries, values, strict=False):
@@ -147,4 +172,5 @@ def check_faults(context: CheckContext) -> None:
     found = context.values("simulation.faults", "drive.left.encoder.channels", "board.telemetry")
     if context.robot is None or values is None or found is None:
         return
-    context.problems += fault_problems(context.robot, found[0], values.items)
+    programs = None if context.pipeline is None else context.programs
+    context.problems += fault_problems(context.robot, programs, found[0], values.items)
