@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
+from shutil import get_terminal_size
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -249,8 +250,6 @@ def _speed_fields(file: Path) -> tuple[str, ...]:
 
 
 def _plot_on_terminal(curves: list[Series], ascii_only: bool) -> None:
-    from shutil import get_terminal_size
-
     from diffbotctl.ui.plot import plots
     from diffbotctl.ui.plot.canvas import ASCII, BRAILLE
 

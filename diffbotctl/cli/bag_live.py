@@ -16,6 +16,7 @@ from diffbotctl.cli.command import argument, option, subcommand
 from diffbotctl.cli.engine_client import WATCHER_NICENESS, attached
 from diffbotctl.cli.options import ENGINE, FOR, FORCE
 from diffbotctl.cli.output import check_overwrite
+from diffbotctl.errors import Problem, RunError
 
 if TYPE_CHECKING:
     from diffbotctl.control_socket.client import ControlClient
@@ -158,8 +159,6 @@ def _open(path: Path, client: ControlClient, topics: list[LiveTopic]) -> LiveRec
 
 
 def _cannot_write(path: Path, error: OSError) -> Exception:
-    from diffbotctl.errors import Problem, RunError
-
     cause = f"cannot record there: {error.strerror}"
     return RunError(Problem("E-RECORD", str(path), cause, "give another file: --output"))
 

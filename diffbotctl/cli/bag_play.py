@@ -14,6 +14,7 @@ import click
 from diffbotctl.cli.command import option, subcommand
 from diffbotctl.cli.engine_client import attached
 from diffbotctl.cli.options import ENGINE, YES
+from diffbotctl.errors import Problem, RunError, closest_match
 from diffbotctl.time import SECOND
 
 if TYPE_CHECKING:
@@ -98,7 +99,6 @@ def _read_map(text: str) -> tuple[str, str]:
 
 def _recorded_kinds(file: Path, inputs: dict[str, str]) -> dict[str, str]:
     """The type of each recorded topic. Raises RunError for one without messages."""
-    from diffbotctl.errors import Problem, RunError, closest_match
     from diffbotctl.recording.reader import recording_info
 
     kinds = {topic.name: topic.kind for topic in recording_info(file).topics if topic.messages}
@@ -141,8 +141,6 @@ def _span(file: Path, inputs: dict[str, str], rate: float, loop: bool) -> Played
 
 def _feeds_motion(client: ControlClient, target: str, kind: str) -> bool:
     """Whether motion depends on the input. Raises RunError for one of another type."""
-    from diffbotctl.errors import Problem, RunError
-
     reply = client.request("describe_topic", topic=target)
     if reply["topic"] != target or reply["type"] != kind:
         cause = f"the recorded messages are of type {kind}, not {reply['type']}"
@@ -167,8 +165,6 @@ def _require_drive(client: ControlClient, moving: list[str], drive: bool, yes: b
 
 def _take_replies(replies: Iterable[dict[str, Any]]) -> None:
     """Raise RunError for a message that was refused, or when the run has ended."""
-    from diffbotctl.errors import Problem, RunError
-
     for reply in replies:
         if reply.get("ended") or not reply.get("ok", True):
             cause = reply.get("cause", "the run has ended")

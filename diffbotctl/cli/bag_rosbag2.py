@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl.errors import Problem, UsageError
+
 if TYPE_CHECKING:
     from diffbotctl.ros2.bag_export import ExportResult
 
@@ -15,8 +17,6 @@ def export_rosbag2(
     file: Path, fields: tuple[str, ...], output: Path | None, robot: str | None, force: bool
 ) -> int:
     """Write the recording `file` as the folder `output`, and print what it holds."""
-    from diffbotctl.errors import Problem, UsageError
-
     if fields:
         raise click.UsageError("a rosbag2 has all topics: leave out FIELD")
     if output is None:

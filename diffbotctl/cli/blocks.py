@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from inspect import cleandoc
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -13,6 +14,8 @@ from diffbotctl.cli.contradictions import refuse_before_subcommand
 from diffbotctl.cli.engine_client import attached, host, rate_text
 from diffbotctl.cli.options import ENGINE, JSON
 from diffbotctl.cli.output import print_json
+from diffbotctl.errors import Problem, UsageError
+from diffbotctl.ui.text import fold_text
 
 if TYPE_CHECKING:
     from diffbotctl.block import Block
@@ -44,7 +47,6 @@ def blocks(
 
 def _list_available(as_json: bool) -> int:
     from diffbotctl.config import registry
-    from diffbotctl.ui.text import fold_text
 
     for name in registry.names():
         try:
@@ -110,8 +112,6 @@ def show(name: str, as_json: bool = JSON) -> int:
     from diffbotctl.block import Block
     from diffbotctl.config import registry
     from diffbotctl.config.code_files import CodeFiles, is_code
-    from diffbotctl.errors import Problem, UsageError
-    from diffbotctl.ui.text import fold_text
 
     kind: type[Block] | type[DeviceDriver]
     try:
@@ -166,8 +166,6 @@ def block_record(name: str, kind: type[Block] | type[DeviceDriver]) -> dict[str,
 
 def block_lines(name: str, kind: type[Block] | type[DeviceDriver]) -> Iterator[str]:
     """The declarations of a block as lines."""
-    from inspect import cleandoc
-
     from diffbotctl.block import actions, inputs, outputs, robot_fields
     from diffbotctl.message_types import type_name
     from diffbotctl.params import declared
@@ -193,8 +191,6 @@ def _paragraph(text: str) -> str:
     """A paragraph of a docstring for the terminal; an example, which is indented, stays."""
     if any(line.startswith(" ") for line in text.split("\n")):
         return text
-    from diffbotctl.ui.text import fold_text
-
     return fold_text(" ".join(text.split("\n")))
 
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import sys
 from contextlib import closing
 from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl.cli.choose_port import choose_port
 from diffbotctl.cli.command import argument, group, option
 from diffbotctl.cli.options import JSON, ROBOT, YES, port_option, quantity_option
 from diffbotctl.cli.output import print_json
+from diffbotctl.errors import UserError
 
 if TYPE_CHECKING:
     from diffbotctl.bluetooth.bluez import NearbyModule
@@ -190,7 +193,6 @@ def baud(
     1 when the robot file does not state the module's rate in the end.
     """
     from diffbotctl.bluetooth.hc05_at import BaudChange
-    from diffbotctl.cli.choose_port import choose_port
     from diffbotctl.config.load import load_robot
     from diffbotctl.drivers.board_ports import refuse_radio
     from diffbotctl.drivers.robot_link import board_settings
@@ -218,7 +220,6 @@ def _noted(file: RobotFile, now: int, yes: bool) -> bool:
     """Whether the robot file states the module's rate; another one is replaced."""
     from diffbotctl.calibrate.robot_file import plan_value_change
     from diffbotctl.cli.calibrate_results import own, put
-    from diffbotctl.errors import UserError
 
     old = file.robot.link.baud
     if old == now:
@@ -246,8 +247,6 @@ def _show(event: object, yes: bool) -> None:
 
 def _wait(yes: bool) -> None:
     """Wait until the user confirms it."""
-    import sys
-
     if yes:
         return
     if not sys.stdin.isatty():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,7 @@ from diffbotctl.cli.calibrate_steps import CalibrateOptions
 from diffbotctl.cli.command import ANY_PATH, argument, group, option
 from diffbotctl.cli.contradictions import refuse_before_subcommand
 from diffbotctl.cli.options import ROBOT, YES
+from diffbotctl.errors import Problem, RunError
 
 if TYPE_CHECKING:
     from diffbotctl.calibrate.dead_reckoning import Geometry, RecordedDrive
@@ -60,7 +62,6 @@ def from_log(
     """
     from diffbotctl.calibrate.geometry_fit import diameter_sd, fit_geometry
     from diffbotctl.config.load import load_robot
-    from diffbotctl.errors import Problem, RunError
     from diffbotctl.ui.calibration_screen import fit_report
 
     if save and not yes:
@@ -80,8 +81,6 @@ def from_log(
 
 
 def _save(found: GeometryFit, files: tuple[Path, ...], robot: str | None, yes: bool) -> None:
-    from datetime import UTC, datetime
-
     from diffbotctl.calibrate.geometry_fit import geometry_findings
     from diffbotctl.calibrate.log_reader import fingerprint, is_simulated
     from diffbotctl.calibrate.result import Provenance, format_date

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import sys
+from datetime import UTC, datetime
+from itertools import groupby
 from typing import TYPE_CHECKING
 
 import click
 
 from diffbotctl.cli.command import subcommand
 from diffbotctl.cli.options import ROBOT
+from diffbotctl.config.lookup import display_path
+from diffbotctl.errors import ELLIPSIS, WIDTH
+from diffbotctl.ui.text import render_columns
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -38,7 +43,6 @@ def own(path: Path, is_simulated: bool = False) -> Path:
     Results of a simulated robot go into a file beside it.
     """
     from diffbotctl.calibrate.robot_file import simulated_copy, writable_copy
-    from diffbotctl.config.lookup import display_path
 
     mine, is_new = simulated_copy(path) if is_simulated else writable_copy(path)
     if is_new:
@@ -50,7 +54,6 @@ def own(path: Path, is_simulated: bool = False) -> Path:
 def put(made: FileChange, yes: bool) -> bool:
     """Show the change, ask, and write it. False: declined. Raises RunError."""
     from diffbotctl.calibrate.robot_file import write_change
-    from diffbotctl.config.lookup import display_path
 
     difference = made.difference()
     click.echo(_short(difference))
@@ -70,8 +73,6 @@ def _short(difference: str) -> str:
 
     A pipe gets them whole.
     """
-    from diffbotctl.errors import ELLIPSIS, WIDTH
-
     if not sys.stdout.isatty():
         return difference
     lines = difference.split("\n")
@@ -98,12 +99,8 @@ def _agreed() -> bool:
 @subcommand("show")
 def show_results(robot: str | None = ROBOT) -> None:
     """List what was calibrated, how sure it is and how old, and what was not."""
-    from datetime import UTC, datetime
-
     from diffbotctl.calibrate.result import calibration_entries, missing_entries
     from diffbotctl.config.load import load_robot
-    from diffbotctl.config.lookup import display_path
-    from diffbotctl.ui.text import render_columns
 
     file = load_robot(robot)
     rows = calibration_entries(file, datetime.now(UTC))
@@ -121,10 +118,6 @@ def show_results(robot: str | None = ROBOT) -> None:
 
 def _grouped(rows: Sequence[CalibrationEntry]) -> Iterator[str]:
     """The entries that one calibration found under what they have in common."""
-    from itertools import groupby
-
-    from diffbotctl.ui.text import render_columns
-
     table = render_columns([("", "value", "sd"), *((f"  {row.field}", *row[1:3]) for row in rows)])
     heads = next(table)
     for (age, method, volts, recording), entries in groupby(rows, key=lambda row: row[3:]):
@@ -139,7 +132,6 @@ def undo(robot: str | None = ROBOT) -> None:
     """Bring the robot file back as it was before the last calibration. Repeat to go further."""
     from diffbotctl.calibrate.robot_file import undo as undone
     from diffbotctl.config.load import load_robot
-    from diffbotctl.config.lookup import display_path
 
     made = undone(load_robot(robot).file)
     click.echo(_short(made.difference("as before")))

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import click
 
 from diffbotctl.cli.calibrate_results import keep, own, require_consent
+from diffbotctl.cli.choose_port import choose_port
 from diffbotctl.cli.command import option, subcommand
 from diffbotctl.cli.options import (
     ANSWERS,
@@ -24,6 +25,9 @@ from diffbotctl.cli.options import (
     number_option,
     port_option,
 )
+from diffbotctl.config.lookup import display_path
+from diffbotctl.errors import Problem, RunError
+from diffbotctl.ui.text import fold_text
 
 if TYPE_CHECKING:
     from diffbotctl.calibrate.session import RobotSession
@@ -100,8 +104,6 @@ def _run_step(
     lines: LineInput,
 ) -> None:
     from diffbotctl.calibrate.runner import run_step, save_result
-    from diffbotctl.errors import Problem, RunError
-    from diffbotctl.ui.text import fold_text
 
     try:
         outcome = run_step(step, session, prompter, screen)
@@ -127,7 +129,6 @@ def _first_step(steps: Sequence[Step], robot: Robot, options: CalibrateOptions) 
     """Index of the first step to do: that behind those whose results are in the robot file, if the
     person agrees."""
     from diffbotctl.calibrate.runner import is_done
-    from diffbotctl.ui.text import fold_text
 
     if len(steps) == 1 or options.yes or options.answers is not None:
         return 0
@@ -144,8 +145,6 @@ def _first_step(steps: Sequence[Step], robot: Robot, options: CalibrateOptions) 
 
 
 def _confirm_step(step: Step, number: int, count: int, options: CalibrateOptions) -> bool:
-    from diffbotctl.ui.text import fold_text
-
     where = "wheels off the ground" if step.lifted else "on the floor"
     click.echo(fold_text(f"\nStep {number} of {count}: {step.name}, {step.title} ({where})"))
     if options.yes or options.fast or options.answers is not None:
@@ -162,9 +161,7 @@ def _open_robot(
     At the end the robot is stopped and its port closed.
     """
     from diffbotctl.calibrate.runner import open_session
-    from diffbotctl.cli.choose_port import choose_port
     from diffbotctl.config.load import load_robot
-    from diffbotctl.config.lookup import display_path
     from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS, is_simulated_port
     from diffbotctl.prompts.keyboard import Keyboard
     from diffbotctl.runs.signals import signals_as_interrupts

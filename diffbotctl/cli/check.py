@@ -10,6 +10,9 @@ import click
 from diffbotctl.cli.command import argument, command, option
 from diffbotctl.cli.options import JSON, ROBOT, SETS
 from diffbotctl.cli.output import print_json, problem_record
+from diffbotctl.config.lookup import is_path
+from diffbotctl.errors import Problem, UsageError, UserError, closest_match, join_words, rendered
+from diffbotctl.ui.text import fold_text, render_columns
 
 if TYPE_CHECKING:
     from diffbotctl.config.configuration import Omission
@@ -34,8 +37,6 @@ def check(
     Exit code: 0 when they can be run (warnings may be printed), 2 when they cannot.
     """
     from diffbotctl.config.load import takes_robot
-    from diffbotctl.errors import rendered
-    from diffbotctl.ui.text import fold_text
 
     files = files or _files_here()
     others = {file for file in files if _is_view_or_trials(file)}
@@ -78,7 +79,6 @@ def _files_here() -> tuple[str, ...]:
 def _is_view_or_trials(file: str) -> bool:
     from pathlib import Path
 
-    from diffbotctl.config.lookup import is_path
     from diffbotctl.trials.plan import is_trials
     from diffbotctl.ui.saved_view import is_view
 
@@ -126,7 +126,6 @@ def _problems(
 ) -> tuple[Sequence[Problem], tuple[Omission, ...]]:
     from diffbotctl.config.load import check_all
     from diffbotctl.config.registry import clashes
-    from diffbotctl.errors import Problem, UserError
     from diffbotctl.trials.plan import is_trials, read_plan
     from diffbotctl.ui.saved_view import read_view
 
@@ -151,7 +150,6 @@ def _count_text(count: int, noun: str) -> str:
 def explain(code: str | None, as_json: bool = JSON) -> int:
     """Explain the error CODE, such as E-PIN-PWM; without CODE, list all codes."""
     from diffbotctl.codes import code_texts
-    from diffbotctl.ui.text import render_columns
 
     if code is not None:
         return _explain_one(code, as_json)
@@ -166,7 +164,6 @@ def explain(code: str | None, as_json: bool = JSON) -> int:
 
 def _explain_one(code: str, as_json: bool) -> int:
     from diffbotctl.codes import code_texts
-    from diffbotctl.errors import Problem, UsageError, closest_match, join_words
 
     by_name = {name.upper(): name for name in code_texts()}
     name = by_name.get(code.upper())

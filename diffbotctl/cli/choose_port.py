@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from shlex import join
 from typing import TYPE_CHECKING
 
 import click
@@ -79,8 +80,6 @@ def _refuse_unbound_modules() -> None:
 
 def command_over(words: Sequence[str], port: str) -> str:
     """The command line of `words` with `port` instead of `auto`."""
-    from shlex import join
-
     arguments = list(words)
     if "--port" in arguments[:-1]:
         arguments[arguments.index("--port") + 1] = port

@@ -15,6 +15,7 @@ from diffbotctl.cli.command import NEGATIVE_NUMBERS, NumbersCommand, argument, c
 from diffbotctl.cli.contradictions import is_typed, refuse_pair
 from diffbotctl.cli.engine_client import attached, held_by
 from diffbotctl.cli.options import ENGINE, FOR, Quantity, quantity_option
+from diffbotctl.errors import Problem, RunError
 from diffbotctl.printable import write_raw
 
 if TYPE_CHECKING:
@@ -234,8 +235,6 @@ class ProgressDisplay:
 
 def _blocked(progress: DriveProgress) -> Exception:
     """The error for a drive that ended before its mark."""
-    from diffbotctl.errors import Problem, RunError
-
     cause = f"{progress.text()}; stopped by {progress.stop}, for {progress.waiting:.1f} s"
     fix = "remove the obstacle, or drive another way; `diffbotctl why` explains more"
     if not progress.stop:
@@ -249,8 +248,6 @@ def _drive_once(client: ControlClient, late_allowed: int, fields: dict[str, Any]
 
     It is not once the drive has begun: when a link works again, nothing must move by itself.
     """
-    from diffbotctl.errors import RunError
-
     try:
         client.request("drive", **fields)
     except RunError as error:

@@ -10,6 +10,8 @@ import click
 from diffbotctl.cli.command import command, option
 from diffbotctl.cli.contradictions import exclusive
 from diffbotctl.cli.options import ROBOT_OBJECT, SEED
+from diffbotctl.errors import ConfigurationError, Problem
+from diffbotctl.ui.text import fold_text
 
 if TYPE_CHECKING:
     from diffbotctl.config.robot import Robot
@@ -47,7 +49,6 @@ def emulate(
     from diffbotctl.emulator.virtual_board import virtual_board
     from diffbotctl.flash.flasher import check_chip, load
     from diffbotctl.runs.signals import Signals
-    from diffbotctl.ui.text import fold_text
 
     file = load_robot(robot)
     if image is None and not blank:
@@ -75,8 +76,6 @@ def emulate(
 
 
 def _speaks_ours(robot: Robot, file: str) -> None:
-    from diffbotctl.errors import ConfigurationError, Problem
-
     if robot.link.protocol != "diffbot":
         cause = (
             f"the virtual board runs our firmware, but this robot's board speaks "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -59,8 +60,6 @@ def rate_text(row: dict[str, Any]) -> str:
 
 def settled(client: ControlClient, condition: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
     """The status as soon as `condition` is true of it, at the latest after SETTLING_TIMEOUT_S."""
-    import time
-
     deadline = time.monotonic() + SETTLING_TIMEOUT_S
     while True:
         status = client.request("status")

@@ -12,6 +12,7 @@ from diffbotctl.cli.command import command, option
 from diffbotctl.cli.engine_client import held_by
 from diffbotctl.cli.options import JSON
 from diffbotctl.cli.output import print_json
+from diffbotctl.errors import UserError
 
 HERE = ""
 
@@ -67,7 +68,6 @@ def _ask(at: str) -> tuple[list[EngineRow], list[str]]:
     """The engines on the computer `at`, and what did not answer."""
     from diffbotctl.control_socket.address import engines
     from diffbotctl.control_socket.far_engine import SeveralEnginesError
-    from diffbotctl.errors import UserError
 
     names: list[str | None] = [None] if at else [engine.name for engine in engines()]
     rows: list[EngineRow] = []

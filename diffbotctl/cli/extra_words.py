@@ -8,6 +8,8 @@ from itertools import pairwise
 
 import click
 
+from diffbotctl.config.lookup import is_known, is_path
+
 EXTRA = re.compile(r"unexpected extra arguments? \((.*)\)")
 SPEED_HINT = "\nWrite --speed 0.1 to drive, or --turn 45deg/s to turn"
 OF_ONE_WORD = ("--goal",)  # options whose value has spaces, and so needs quotes
@@ -49,8 +51,6 @@ def _words_after(option: str, arguments: Sequence[str]) -> list[str]:
 
 def _robot_hint(word: str, context: click.Context | None) -> str:
     """Robots are often typed behind the pipeline."""
-    from diffbotctl.config.lookup import is_known, is_path
-
     options = [] if context is None else context.command.params
     has_option = any("--robot" in parameter.opts for parameter in options)
     if has_option and not is_path(word) and is_known(word, "robots"):

@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl.cli.choose_port import choose_board_port, choose_port
 from diffbotctl.cli.command import argument, command, option
 from diffbotctl.cli.options import ROBOT, YES, number_option, port_option
+from diffbotctl.config.lookup import folder
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -51,10 +53,8 @@ def flash(
 
     The board can be flashed again after an interruption.
     """
-    from diffbotctl.cli.choose_port import choose_board_port
     from diffbotctl.config.board_pins import BOARDS
     from diffbotctl.config.load import load_robot
-    from diffbotctl.config.lookup import folder
     from diffbotctl.drivers.board_ports import refuse_other_board, refuse_radio
     from diffbotctl.drivers.robot_link import board_settings
     from diffbotctl.flash.flasher import flash, load
@@ -147,7 +147,6 @@ def blink(
     times: int = number_option(10, 1, 1000, "How often the light blinks."),
 ) -> None:
     """Connect to the board and blink its light: board, cable and port work. No motor moves."""
-    from diffbotctl.cli.choose_port import choose_port
     from diffbotctl.config.load import load_robot
     from diffbotctl.config.motor_pulses import pulses_text
     from diffbotctl.drivers.robot_link import diffbot_host

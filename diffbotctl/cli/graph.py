@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from shutil import get_terminal_size
 from typing import TYPE_CHECKING
 
 import click
@@ -97,8 +98,6 @@ def _write_picture(output: Path, force: bool, title: str, wires: list[Wire], gra
 
 
 def _print_tree(title: str, wires: list[Wire], graph: Graph) -> None:
-    from shutil import get_terminal_size
-
     from rich.measure import Measurement
 
     from diffbotctl.ui.console import PrintableConsole

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from functools import cache
+from keyword import iskeyword
 from pathlib import Path
+from string import Template
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
 from diffbotctl.cli.command import group, option
 from diffbotctl.cli.contradictions import exclusive, needs
+from diffbotctl.config.lookup import folder
+from diffbotctl.errors import Problem, UsageError, closest_match
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -159,8 +163,6 @@ def _list_kits(is_name_missing: bool) -> None:
 
 def _write_kit(name: str, robot_name: str | None) -> None:
     """Write the robot file of a kit. Raises UsageError for an unknown kit."""
-    from diffbotctl.errors import closest_match
-
     kit = kits().get(name)
     if kit is None:
         near = closest_match(name.lower().replace("-", "_"), kits())
@@ -257,8 +259,6 @@ def schemas() -> None:
 
 def _write_package(name: str, what: str, files: dict[str, str]) -> None:
     """Write a package with a block called `name`. Raises UsageError for a name that is taken."""
-    from keyword import iskeyword
-
     from diffbotctl.config import registry
 
     _check_word(name, what)
@@ -324,10 +324,6 @@ def _check_word(name: str, what: str) -> None:
 
 def _write(path: Path, template: str, fields: dict[str, str]) -> None:
     """Write `template` with its `fields` filled in to the new file `path`."""
-    from string import Template
-
-    from diffbotctl.config.lookup import folder
-
     source = folder("templates") / f"{template}.tmpl"
     text = Template(source.read_text(encoding="utf-8")).substitute(fields)
     try:
@@ -355,6 +351,4 @@ def _fill(path: Path, file: TextIO, text: str) -> None:
 
 
 def _refused(code: str, place: str, cause: str, fix: str) -> Exception:
-    from diffbotctl.errors import Problem, UsageError
-
     return UsageError(Problem(code, place, cause, fix))

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from diffbotctl.errors import Problem, RunError, UsageError, join_words
 from diffbotctl.printable import keep_lines
 
 if TYPE_CHECKING:
@@ -52,8 +53,6 @@ def check_output(output: Path, suffixes: Iterable[str], force: bool) -> str:
 
     Raises UsageError for a suffix that is not in `suffixes`, and as `check_overwrite`.
     """
-    from diffbotctl.errors import Problem, UsageError, join_words
-
     suffixes = list(suffixes)
     suffix = output.suffix.lower()
     if suffix not in suffixes:
@@ -69,7 +68,6 @@ def check_overwrite(output: Path, force: bool) -> None:
 
     Also, with or without `force`, when a run is recorded to it at this time.
     """
-    from diffbotctl.errors import Problem, UsageError
     from diffbotctl.recording.recording_file import IN_USE, is_being_written
 
     refuse_special_file(output)
@@ -98,8 +96,6 @@ def refuse_special_file(output: Path) -> None:
 
     A pipe would wait for its reader, and what is written to the port of a board moves a robot.
     """
-    from diffbotctl.errors import Problem, UsageError
-
     try:
         state = output.stat()
     except OSError:
@@ -127,8 +123,6 @@ def open_output(output: Path, suffixes: Iterable[str], force: bool) -> Iterator[
     It is written whole or not at all: until the end, an existing one stays as it was. Raises
     UsageError as `check_output`, RunError when the file cannot be written.
     """
-    from diffbotctl.errors import Problem, RunError
-
     check_output(output, suffixes, force)
     target = Path(os.path.realpath(output))
     is_special = target.exists() and not target.is_file()  # a pipe, or a terminal

@@ -21,6 +21,8 @@ from diffbotctl.cli.contradictions import needs
 from diffbotctl.cli.engine_client import attached
 from diffbotctl.cli.options import ENGINE, FORCE, JSON, Quantity
 from diffbotctl.cli.output import check_overwrite, print_json
+from diffbotctl.config.lookup import is_shipped
+from diffbotctl.errors import Problem, UsageError
 
 NEW_PIPELINE = "format: 1\nkind: pipeline\ninclude: {}\nblocks: {{}}\n"
 
@@ -140,8 +142,6 @@ def save(
 def _write_parameters(pipeline: Path, new: Path | None, rows: list[dict[str, Any]]) -> Path:
     """Write `rows` into the pipeline, or into a new file that includes it; returns the file."""
     from diffbotctl.calibrate.yaml_edit import with_entry
-    from diffbotctl.config.lookup import is_shipped
-    from diffbotctl.errors import Problem, UsageError
 
     if new is None and is_shipped(pipeline):
         cause = "this file ships with diffbotctl and is not written"

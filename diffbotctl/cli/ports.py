@@ -12,6 +12,8 @@ from diffbotctl.cli.command import command, option
 from diffbotctl.cli.contradictions import exclusive, needs
 from diffbotctl.cli.options import FORCE, JSON, ROBOT
 from diffbotctl.cli.output import check_output, print_json, problem_record, write_output
+from diffbotctl.errors import RunError
+from diffbotctl.ui.text import fold_text
 
 if TYPE_CHECKING:
     from diffbotctl.diagnostics.doctor import DoctorFinding
@@ -132,7 +134,6 @@ def _print_problems(problems: tuple[Problem, ...], as_json: bool) -> None:
 def _ask_boards(devices: list[str], robot: str | None) -> bool:
     from diffbotctl.config.load import load_robot
     from diffbotctl.drivers.robot_link import diffbot_host
-    from diffbotctl.errors import RunError
     from diffbotctl.flash.board_jobs import identify
 
     file = load_robot(robot)
@@ -181,7 +182,6 @@ def doctor(
     from diffbotctl.ports.access import current_user
     from diffbotctl.ports.diagnosis import survey_ports
     from diffbotctl.ports.fixes import fix_commands
-    from diffbotctl.ui.text import fold_text
 
     user = current_user()
     survey = survey_ports(root, user)

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 import click
 
+from diffbotctl.errors import Problem, RunError
+
 if TYPE_CHECKING:
     from diffbotctl.config.configuration import Configuration
     from diffbotctl.programs.driver import ProgramsDriver
@@ -63,7 +65,6 @@ def allowed_programs(configuration: Configuration, is_given: bool) -> type[Progr
 
 def _require_consent(configuration: Configuration) -> None:
     from diffbotctl.config import consents
-    from diffbotctl.errors import Problem, RunError
     from diffbotctl.programs.consent import consent_key
 
     try:

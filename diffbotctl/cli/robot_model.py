@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from math import degrees
 from pathlib import Path
+from shutil import get_terminal_size
 from typing import TYPE_CHECKING
 
 import click
@@ -59,8 +60,6 @@ def frames(as_json: bool = JSON, robot: str | None = ROBOT_OBJECT) -> int:
 
     Frame names follow REP-105; x points forward, y left, z up; lengths in m, angles in deg.
     """
-    from shutil import get_terminal_size
-
     from diffbotctl.model.frames import WORLD, robot_frames
 
     all_frames = list(robot_frames(load_robot_file(robot).robot))

@@ -12,6 +12,7 @@ from diffbotctl.cli.command import argument, command, option
 from diffbotctl.cli.contradictions import exclusive
 from diffbotctl.cli.engine_client import host
 from diffbotctl.cli.options import ENGINE, ROBOT
+from diffbotctl.errors import Problem, RunError
 
 if TYPE_CHECKING:
     from diffbotctl.control_socket.address import EngineAddress
@@ -118,8 +119,6 @@ def _warn(drive: bool, peers: tuple[str, ...], python: RosPython) -> None:
 
 def _explain_time(engine: str, drive: bool) -> None:
     """Raises RunError where nodes would drive a robot whose time they cannot keep up with."""
-    from diffbotctl.errors import Problem, RunError
-
     if drive:
         cause = "its time does not follow the clock, so that no node can drive its robot"
         raise RunError(Problem("E-ROS2", engine, cause, "start the run without --fast"))

@@ -27,7 +27,10 @@ from diffbotctl.cli.run_arguments import (
     read_goal,
     read_log_level,
 )
+from diffbotctl.cli.run_dash import SavedTerminal, check_terminal, is_dumb_terminal, show
 from diffbotctl.cli.web import CLOSED, check_options, show_page
+from diffbotctl.errors import UsageError
+from diffbotctl.ui.text import fold_text
 
 if TYPE_CHECKING:
     from diffbotctl.config.configuration import Configuration
@@ -104,7 +107,6 @@ def _read(typed: RunArguments) -> tuple[Configuration, tuple[Goal, ...]]:
     from diffbotctl.config.checks.world import typed_goal_problems
     from diffbotctl.config.load import load
     from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS, is_simulated_port
-    from diffbotctl.errors import UsageError
 
     goals = tuple(read_goal(text) for text in typed.goals)
     is_simulated = typed.port in VIRTUAL_PORTS
@@ -168,7 +170,6 @@ def run_with_dashboard(
     configuration: Configuration, options: RunOptions, signals: Signals, view: ViewSettings | None
 ) -> int:
     """The run with the dashboard as its screen; messages are printed when it is closed."""
-    from diffbotctl.cli.run_dash import SavedTerminal, check_terminal, show
     from diffbotctl.runs.run import Run
 
     check_terminal(options.socket is not None)
@@ -254,7 +255,6 @@ def _result_record(result: RunResult, code: int) -> dict[str, Any]:
 
 def _print_header(configuration: Configuration, port: str, seed: int) -> None:
     from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS
-    from diffbotctl.ui.text import fold_text
 
     kind = (
         f"{VIRTUAL_PORTS[port]} (seed {seed})" if port in VIRTUAL_PORTS else f"REAL robot on {port}"
@@ -278,8 +278,6 @@ def screen(
 
     `duration`: time limit in s of logical time, for its progress.
     """
-
-    from diffbotctl.cli.run_dash import is_dumb_terminal
 
     def show(snapshots: Iterator[RunSnapshot]) -> None:
         if configuration.robots or not sys.stdout.isatty() or is_dumb_terminal():

@@ -22,6 +22,7 @@ from diffbotctl.cli.options import (
 )
 from diffbotctl.cli.output import check_overwrite, refuse_special_file
 from diffbotctl.cli.web import LAN, PAGE_PORT
+from diffbotctl.errors import Problem, UsageError, closest_match
 
 if TYPE_CHECKING:
     from diffbotctl.config.configuration import Configuration
@@ -117,8 +118,6 @@ def check_files(record: Path | None, force: bool, log: Path | None) -> None:
 
     A log is appended to its file, which then must be a log of a run.
     """
-    from diffbotctl.errors import Problem, UsageError
-
     if record is not None:
         check_overwrite(record, force)
     if log is None:
@@ -148,8 +147,6 @@ def check_has_end(configuration: Configuration, options: RunOptions) -> None:
 
     It ends after its last goal or its time; a client could end it, too, or send a goal.
     """
-    from diffbotctl.errors import Problem, UsageError
-
     if options.duration is not None or options.socket is not None:
         return
     parts = list(configuration.robots.values()) or [configuration]
@@ -171,7 +168,6 @@ def read_log_level(text: str, configuration: Configuration) -> tuple[str, str]:
     Raises click.UsageError.
     """
     from diffbotctl.config.node_ports import RESERVED
-    from diffbotctl.errors import closest_match
     from diffbotctl.log import ALL
     from diffbotctl.messages import LOG_LEVELS
 

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from diffbotctl.errors import Problem, RunError, UserError
+
 if TYPE_CHECKING:
     from diffbotctl.control_socket.address import EngineAddress
     from diffbotctl.processes.screen import RunSnapshot
@@ -80,7 +82,6 @@ def show(pictures: Iterator[RunSnapshot], view: ViewSettings | None = None) -> N
 
     `view`: what it shows at first.
     """
-    from diffbotctl.errors import UserError
     from diffbotctl.ui.dash.app import Dashboard
     from diffbotctl.ui.engine_app import ScreenOptions
 
@@ -102,7 +103,6 @@ def show(pictures: Iterator[RunSnapshot], view: ViewSettings | None = None) -> N
 
 def engine_of(pid: int) -> EngineAddress:
     from diffbotctl.control_socket.address import engines
-    from diffbotctl.errors import Problem, RunError
 
     deadline = time.monotonic() + SOCKET_TIMEOUT_S
     while time.monotonic() < deadline:

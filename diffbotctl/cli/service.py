@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
+from getpass import getuser
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ import click
 
 from diffbotctl.cli.command import argument, command, option
 from diffbotctl.cli.options import ROBOT, port_option
+from diffbotctl.errors import Problem, UsageError
 from diffbotctl.printable import keep_lines
 
 if TYPE_CHECKING:
@@ -70,8 +72,6 @@ def service(
     `standby` stands still until it receives a goal or a drive command. A pipeline with goals is
     refused: the robot would start to drive whenever the machine starts.
     """
-    from getpass import getuser
-
     from diffbotctl.config.load import load
     from diffbotctl.control_socket.address import NAME
 
@@ -121,8 +121,6 @@ def _quoted(word: str) -> str:
 
 
 def _refuse_goals(configuration: Configuration, pipeline: str) -> None:
-    from diffbotctl.errors import Problem, UsageError
-
     if configuration.goals:
         cause = f"{pipeline} has goals: the robot would drive whenever the machine starts"
         fix = "use `standby`, or a pipeline with goals: [], and send goals with `diffbotctl goto`"

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, assert_never
 
 import click
 
+from diffbotctl.cli.choose_port import choose_port
 from diffbotctl.cli.options import VIRTUAL_PORTS
 from diffbotctl.cli.start_steps import (
     ANSWER_CODE,
@@ -32,6 +33,8 @@ from diffbotctl.cli.start_steps import (
     slots_question,
 )
 from diffbotctl.config.composed_robot import NONE
+from diffbotctl.config.lookup import simulated_copy_of
+from diffbotctl.errors import Problem, RunError, UsageError
 from diffbotctl.printable import write_raw
 from diffbotctl.ui.text import fold_text
 
@@ -121,8 +124,6 @@ class SetupGuide:
 
     def _results(self) -> Path:
         """The file for what is measured on an emulated board."""
-        from diffbotctl.config.lookup import simulated_copy_of
-
         return simulated_copy_of(Path(self.progress.notes["robot"]))
 
     def _undo_board(self) -> None:
@@ -262,7 +263,6 @@ class SetupGuide:
 
     def _find_board(self) -> None:
         from diffbotctl.calibrate.robot_file import simulated_copy
-        from diffbotctl.cli.choose_port import choose_port
         from diffbotctl.drivers.board_ports import NoBoardError
 
         if self.stated_port is None:
@@ -281,7 +281,6 @@ class SetupGuide:
     def _flash_firmware(self) -> None:
         from diffbotctl.cli import flash
         from diffbotctl.drivers.board_ports import OtherBoardError, WrongSignatureError
-        from diffbotctl.errors import RunError
         from diffbotctl.flash.board_jobs import is_diffbot
 
         robot = self._file().robot
@@ -372,7 +371,6 @@ class GuidePrompter:
 
     def ask(self, question: Question) -> str:
         """The answer. Raises UsageError without answers file and terminal."""
-        from diffbotctl.errors import Problem, UsageError
         from diffbotctl.ui.terminal_prompter import TerminalPrompter
 
         if self.answers is not None:

@@ -21,6 +21,8 @@ from diffbotctl.cli.command import command, option
 from diffbotctl.cli.engine_client import attached, held_by, host, settled
 from diffbotctl.cli.options import ENGINE, JSON
 from diffbotctl.cli.output import print_json
+from diffbotctl.errors import UsageError, UserError
+from diffbotctl.ui.text import fold_text
 
 if TYPE_CHECKING:
     from diffbotctl.control_socket.address import EngineAddress, Process
@@ -79,8 +81,6 @@ def stop(
 def _stop_at_once(stops: Mapping[str, Callable[[], int]]) -> int:
     """Run the stops of all these engines or computers: one that does not answer, or has a wrong
     name, delays and prevents no other."""
-    from diffbotctl.errors import UserError
-
     if len(stops) <= 1:
         return max((stop() for stop in stops.values()), default=0)
 
@@ -104,7 +104,6 @@ def _stop_named(name: str, reason: str) -> int:
 def _stop_far(at: str, engine: str | None, reason: str) -> int:
     """Stop the engine at `at`, all of them without a name, and report the result within 3 s."""
     from diffbotctl.control_socket.far_engine import SeveralEnginesError
-    from diffbotctl.errors import UsageError, UserError
 
     deadline = time.monotonic() + FAR_STOP_TIMEOUT_S
     try:
@@ -123,8 +122,6 @@ def _stop_far(at: str, engine: str | None, reason: str) -> int:
 
 
 def _stop(engine: EngineAddress, reason: str) -> int:
-    from diffbotctl.errors import UserError
-
     try:
         failure = _stop_by_socket(engine.name, reason)
     except UnconfirmedStopError as error:
@@ -300,8 +297,6 @@ def why(
 
     When no engine runs, explain the last run of which the black box has a file.
     """
-    from diffbotctl.ui.text import fold_text
-
     explanation, held = _explanation_of(engine)
     if as_json:
         print_json({**explanation, "held": held})

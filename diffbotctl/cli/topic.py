@@ -15,6 +15,8 @@ from diffbotctl.cli.contradictions import exclusive
 from diffbotctl.cli.engine_client import WATCHER_NICENESS, attached, rate_text
 from diffbotctl.cli.options import ENGINE, FOR, JSON
 from diffbotctl.cli.output import print_json
+from diffbotctl.errors import Problem, UsageError
+from diffbotctl.ui.text import fold_text
 
 if TYPE_CHECKING:
     from diffbotctl.control_socket.client import ControlClient
@@ -185,10 +187,8 @@ def types(name: str | None, as_json: bool = JSON) -> int:
     NAME is one such as Twist, Int32 or my_package/Face. No engine needs to run.
     """
     from diffbotctl.config import registry
-    from diffbotctl.errors import Problem, UsageError
     from diffbotctl.message_types import type_name
     from diffbotctl.recording.message_schema import json_schema
-    from diffbotctl.ui.text import fold_text
 
     for each in registry.message_names() if name is None else [name]:
         try:
@@ -209,8 +209,6 @@ def types(name: str | None, as_json: bool = JSON) -> int:
 
 
 def _print_type(head: str, schema: dict[str, Any]) -> None:
-    from diffbotctl.ui.text import fold_text
-
     click.echo(fold_text(f"{head}  {schema['description']}"))
     width = max(map(len, schema["properties"]))
     for name, field in schema["properties"].items():

@@ -13,8 +13,9 @@ import click
 from diffbotctl.cli.command import command, option
 from diffbotctl.cli.contradictions import exclusive
 from diffbotctl.cli.options import FORCE, JSON, SETS, YES
-from diffbotctl.cli.output import open_output, print_json
+from diffbotctl.cli.output import check_output, open_output, print_json
 from diffbotctl.cli.program_consent import allowed_programs, with_code_consent
+from diffbotctl.errors import Problem, RunError, UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -98,8 +99,6 @@ def trials(
 
 def _allowed_programs(plan: TrialsPlan, is_given: bool) -> type[ProgramsDriver] | None:
     """As `allowed_programs`; raises UsageError without consent, since nothing has run yet."""
-    from diffbotctl.errors import RunError, UsageError
-
     try:
         return allowed_programs(plan.trials[0].configuration, is_given)
     except RunError as error:
@@ -107,8 +106,6 @@ def _allowed_programs(plan: TrialsPlan, is_given: bool) -> type[ProgramsDriver] 
 
 
 def _check_outputs(junit: Path | None, report: Path | None, force: bool) -> None:
-    from diffbotctl.cli.output import check_output
-
     for file, suffix in ((junit, ".xml"), (report, ".html")):
         if file is not None:
             check_output(file, (suffix,), force)
@@ -217,7 +214,6 @@ class _Session:
 
     def _ask(self, seconds: float) -> None:
         """Ask before trials that take long. Raises UsageError without a terminal to ask on."""
-        from diffbotctl.errors import Problem, UsageError
         from diffbotctl.trials.summary import duration_text
 
         is_short = seconds < ASKED_S and len(self.plan.trials) < ASKED_RUNS

@@ -16,6 +16,9 @@ import click
 from diffbotctl.cli.command import command, option, require_packages
 from diffbotctl.cli.engine_client import host
 from diffbotctl.cli.options import ENGINE, VIEW, tcp_port_option
+from diffbotctl.cli.run_dash import engine_of
+from diffbotctl.errors import UserError
+from diffbotctl.printable import write_raw
 
 if TYPE_CHECKING:
     from diffbotctl.control_socket.address import EngineAddress
@@ -77,8 +80,6 @@ def show_page(
 def _show(
     lan: bool, tcp_port: int, view: ViewSettings | None, snapshots: Iterator[RunSnapshot]
 ) -> None:
-    from diffbotctl.cli.run_dash import engine_of
-    from diffbotctl.errors import UserError
     from diffbotctl.ui.run_text import print_log
 
     parent = os.getppid()
@@ -134,7 +135,6 @@ def _print_start(
 
 
 def _print_link(server: WebServer, addresses: list[str], is_first: bool) -> None:
-    from diffbotctl.printable import write_raw
     from diffbotctl.web.link import page_link, qr_text
 
     scheme, port, code = server.origin.scheme, server.port, server.sessions.code

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from shutil import get_terminal_size
 from typing import TYPE_CHECKING
 
 import click
@@ -12,7 +13,9 @@ from diffbotctl.cli.command import command, option
 from diffbotctl.cli.contradictions import exclusive, needs
 from diffbotctl.cli.options import FORCE, JSON, ROBOT_OBJECT
 from diffbotctl.cli.output import print_json, write_output
+from diffbotctl.config.lookup import display_path
 from diffbotctl.printable import fold_words
+from diffbotctl.ui.text import render_columns
 
 if TYPE_CHECKING:
     from diffbotctl.render.harness import Harness
@@ -38,7 +41,6 @@ def wiring(
     Warnings are those of `check`. The drawing is made from the robot file alone.
     """
     from diffbotctl.config.load import load_robot
-    from diffbotctl.config.lookup import display_path
     from diffbotctl.render.harness import harness, notes
     from diffbotctl.render.wiring_svg import wiring_svg
 
@@ -76,7 +78,6 @@ def _print_json_rows(harness: Harness) -> None:
 
 def table_lines(harness: Harness) -> Iterator[str]:
     """The table: one wire on a line, with its ends, colour and purpose."""
-    from diffbotctl.ui.text import render_columns
 
     def end_text(part: str, pin: str) -> str:
         return f"{harness.parts[part].title} {pin}"
@@ -98,8 +99,6 @@ def table_lines(harness: Harness) -> Iterator[str]:
 
 
 def _draw(harness: Harness, notes: Iterable[str]) -> None:
-    from shutil import get_terminal_size
-
     from diffbotctl.render.wiring_terminal import wiring_text
     from diffbotctl.ui.console import PrintableConsole
 
