@@ -45,7 +45,7 @@ bag.add_command(play)
 
 
 @bag.command()
-def info(file: Path, as_json: bool = JSON) -> int:
+def info(file: Path, as_json: bool = JSON) -> None:
     """Show what is in the recording FILE, why its run ended, and whether it is complete."""
     from diffbotctl.recording.reader import recording_info
     from diffbotctl.ui import recording_text
@@ -53,10 +53,9 @@ def info(file: Path, as_json: bool = JSON) -> int:
     record = recording_info(file)
     if as_json:
         print_json(_info_record(record))
-        return 0
+        return
     for line in recording_text.info_lines(record):
         click.echo(line)
-    return 0
 
 
 def _info_record(info: RecordingInfo) -> dict[str, Any]:
@@ -78,7 +77,7 @@ def recover(
     file: Path,
     output: Path | None = option("The recovered file; default: FILE-recovered beside FILE."),
     force: bool = FORCE,
-) -> int:
+) -> None:
     """Write what can be read of the damaged or unfinished recording FILE as a complete file."""
     from diffbotctl.recording.recover import recover
 
@@ -92,7 +91,6 @@ def recover(
         click.echo(f"{result.damaged} damaged chunks could not be read; their messages are missing")
     if result.cut is not None:
         click.echo(f"the recording was cut ({result.cut})")
-    return 0
 
 
 def _write_attachment(file: Path, name: str, output: Path | None, force: bool) -> int:
@@ -204,7 +202,7 @@ def plot(
     output: Path | None = option("Write a picture: FILE.svg or FILE.png."),
     force: bool = FORCE,
     ascii_only: bool = option("--ascii", "Draw with ASCII characters only."),
-) -> int:
+) -> None:
     """Plot the FIELDs of the recording FILE over time, in the terminal or into --output.
 
     Fields are named as in `topic echo`: odometry.odometry.x; a topic alone means all its numbers.
@@ -222,7 +220,7 @@ def plot(
     curves = read_series(file, fields, first, last)
     if output is None:
         _plot_on_terminal(curves, ascii_only)
-        return 0
+        return
     from diffbotctl.ui.plot.image import encode_png, encode_svg, make_figure
 
     figure = make_figure(curves, file.name)
@@ -231,7 +229,6 @@ def plot(
         ".png": partial(encode_png, figure),
     }
     write_output(output, writers, force)
-    return 0
 
 
 def _speed_fields(file: Path) -> tuple[str, ...]:

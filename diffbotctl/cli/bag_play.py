@@ -55,7 +55,7 @@ def play(
     drive: bool = option("Also into inputs on which the robot's motion depends."),
     yes: bool = YES,
     engine: str | None = ENGINE,
-) -> int:
+) -> None:
     """Play topics of the recording FILE into inputs that the running pipeline declares.
 
     An input on which motion depends needs --drive, and on a real robot a yes as well. When the
@@ -83,7 +83,6 @@ def play(
         client.request("status")  # its reply comes after those to all messages
         _take_replies(client.streamed)
     click.echo(f"{span.messages} messages were played")
-    return 0
 
 
 def _read_map(text: str) -> tuple[str, str]:

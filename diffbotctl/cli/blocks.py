@@ -13,7 +13,7 @@ from diffbotctl.cli.command import group, option
 from diffbotctl.cli.contradictions import refuse_before_subcommand
 from diffbotctl.cli.engine_client import attached, host, rate_text
 from diffbotctl.cli.options import ENGINE, JSON
-from diffbotctl.cli.output import print_json
+from diffbotctl.cli.output import print_json, print_row
 from diffbotctl.errors import Problem, UsageError
 from diffbotctl.ui.text import fold_text
 
@@ -53,19 +53,19 @@ def _list_available(as_json: bool) -> int:
             sentence = first_sentence(registry.block(name))
         except registry.RegistryError as error:
             sentence = f"cannot be used: {error}"
-        if as_json:
-            print_json({"block": name, "help": sentence})
-        else:
-            click.echo(fold_text(f"{name:15} {sentence}", hang=16))
+        print_row(
+            as_json, {"block": name, "help": sentence}, fold_text(f"{name:15} {sentence}", hang=16)
+        )
     for name in registry.driver_names():
         try:
             sentence = f"(driver) {first_sentence(registry.driver(name))}"
         except registry.RegistryError as error:
             sentence = f"(driver) cannot be used: {error}"
-        if as_json:
-            print_json({"driver": name, "help": sentence.removeprefix("(driver) ")})
-        else:
-            click.echo(fold_text(f"{name:15} {sentence}", hang=16))
+        print_row(
+            as_json,
+            {"driver": name, "help": sentence.removeprefix("(driver) ")},
+            fold_text(f"{name:15} {sentence}", hang=16),
+        )
     clashes = registry.clashes()
     for clash in clashes:
         click.echo(f"{clash.code}: {clash}; {clash.fix}", err=True)
@@ -107,7 +107,7 @@ def _row_text(row: dict[str, Any]) -> str:
 
 
 @blocks.command()
-def show(name: str, as_json: bool = JSON) -> int:
+def show(name: str, as_json: bool = JSON) -> None:
     """Show the ports and parameters of the block or driver NAME, or of ./FILE.py:CLASS."""
     from diffbotctl.block import Block
     from diffbotctl.config import registry
@@ -125,10 +125,9 @@ def show(name: str, as_json: bool = JSON) -> int:
         raise UsageError(Problem(error.code, place, str(error), error.fix)) from None
     if as_json:
         print_json(block_record(name, kind))
-        return 0
+        return
     for line in block_lines(name, kind):
         click.echo(fold_text(line, hang=4))
-    return 0
 
 
 def first_sentence(kind: type[Block] | type[DeviceDriver]) -> str:

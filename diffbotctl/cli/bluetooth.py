@@ -11,7 +11,7 @@ import click
 from diffbotctl.cli.choose_port import choose_port
 from diffbotctl.cli.command import argument, group, option
 from diffbotctl.cli.options import JSON, ROBOT, YES, port_option, quantity_option
-from diffbotctl.cli.output import print_json
+from diffbotctl.cli.output import print_row
 from diffbotctl.errors import UserError
 
 if TYPE_CHECKING:
@@ -51,10 +51,7 @@ def scan(
         for found in service.scan(seconds):
             if everything or found.is_serial or not found.name:
                 count += 1
-                if as_json:
-                    print_json(found._asdict())
-                else:
-                    click.echo(_line(found))
+                print_row(as_json, found._asdict(), _line(found))
             else:
                 others += 1
     if not count:

@@ -159,7 +159,7 @@ def drive(
     angle: float | None = quantity_option("rad", "Stop after this turn."),
     take_over: bool = option("Drive even if another client is driving."),
     engine: str | None = ENGINE,
-) -> int:
+) -> None:
     """Drive by hand, for 1 s unless --for, --distance or --angle is given.
 
     Ctrl-C stops the robot, and so does the end of this process. A goal that was under way waits for
@@ -193,7 +193,6 @@ def drive(
     click.echo(f"driven {progress.driven:.3f} m, turned {degrees(progress.turned):.1f} deg")
     if is_blocked:
         raise _blocked(progress)
-    return 0
 
 
 class ProgressDisplay:
@@ -345,7 +344,7 @@ def goto(
     y: float = argument(type=Quantity("m")),
     heading: float | None = argument(type=Quantity("rad")),
     engine: str | None = ENGINE,
-) -> int:
+) -> None:
     """Drive to X Y and turn to HEADING, such as 0.5 0 90deg or 50cm 0 1.57rad.
 
     ENGINE is the name of a robot, as after --engine; only needed when several are running.
@@ -360,7 +359,6 @@ def goto(
     click.echo(f"goal: x {x:g} m, y {y:g} m{facing}")
     if held:
         click.echo(f"the robot is stopped by {held}; `diffbotctl resume` allows motion", err=True)
-    return 0
 
 
 def _warnings(scene: dict[str, Any], x: float, y: float) -> Iterator[str]:

@@ -33,7 +33,7 @@ def foxglove(
     ),
     tcp_port: int = tcp_port_option(TCP_PORT, "TCP port for viewers."),
     engine: str | None = ENGINE,
-) -> int:
+) -> None:
     """Serve a running engine to Foxglove and Lichtblick on this machine.
 
     Prints the address to open in the viewer; it carries a secret. Without --allow viewers watch,
@@ -58,7 +58,6 @@ def foxglove(
     server = FoxgloveServer(address, listener, rules, _report)
     asyncio.run(server.run(partial(_print_start, server)))
     click.echo("the run has ended")
-    return 0
 
 
 def _report(text: str) -> None:

@@ -42,7 +42,7 @@ def log(
     duration: float | None = FOR,
     as_json: bool = JSON,
     engine: str | None = ENGINE,
-) -> int:
+) -> None:
     """Follow the log of a running engine.
 
     Blocks log from level info; `log level guard debug` lowers that of one block.
@@ -50,7 +50,7 @@ def log(
     ctx = click.get_current_context()
     if ctx.invoked_subcommand is not None:
         refuse_before_subcommand(ctx)
-        return 0
+        return
     until = None if duration is None else time.monotonic() + duration
     os.nice(WATCHER_NICENESS)
     selection = {"level": level, **({} if block is None else {"block": block})}
@@ -60,7 +60,6 @@ def log(
                 print_json(line)
             else:
                 _print_line(line)
-    return 0
 
 
 def _lines(
@@ -99,7 +98,7 @@ def _print_line(line: dict[str, Any]) -> None:
 @log.command()
 def level(
     block: str, level: str = argument(type=click.Choice(LOG_LEVELS)), engine: str | None = ENGINE
-) -> int:
+) -> None:
     """Set a block's log level while it runs; '*' is every block.
 
     The change is recorded, so that a replay has the same log.
@@ -107,4 +106,3 @@ def level(
     with attached(engine, "log level") as client:
         client.request("set_log_level", block=block, level=level)
     click.echo(f"{'every block' if block == '*' else block} logs from level {level}")
-    return 0

@@ -165,6 +165,14 @@ def print_json(record: object) -> None:
     print(json.dumps(record), flush=True)
 
 
+def print_row(as_json: bool, record: object, text: str) -> None:
+    """One JSON object on a line with `--json`, else the text; flushed."""
+    if as_json:
+        print_json(record)
+    else:
+        print(text, flush=True)
+
+
 def problem_record(problem: Problem) -> dict[str, Any]:
     """A problem as JSON has it; line and column are 0 when the whole file is meant."""
     return {

@@ -20,7 +20,7 @@ from diffbotctl.cli.command import (
 from diffbotctl.cli.contradictions import needs
 from diffbotctl.cli.engine_client import attached
 from diffbotctl.cli.options import ENGINE, FORCE, JSON, Quantity
-from diffbotctl.cli.output import check_overwrite, print_json
+from diffbotctl.cli.output import check_overwrite, print_json, print_row
 from diffbotctl.config.lookup import is_shipped
 from diffbotctl.errors import Problem, UsageError
 
@@ -37,18 +37,17 @@ def list_(
     live: bool = option("Only parameters that may change while running."),
     as_json: bool = JSON,
     engine: str | None = ENGINE,
-) -> int:
+) -> None:
     """List every parameter with its value and unit; * marks those that may change while running."""
     for row in _parameters(engine):
         if row["live"] or not live:
             _print_parameter(row, as_json)
     if not as_json and not live:
         click.echo("* may change while running: diffbotctl param set PARAMETER VALUE")
-    return 0
 
 
 @param.command("get")
-def get(parameter: str, as_json: bool = JSON, engine: str | None = ENGINE) -> int:
+def get(parameter: str, as_json: bool = JSON, engine: str | None = ENGINE) -> None:
     """Print the value of PARAMETER, such as guard.margin."""
     rows = {row["parameter"]: row for row in _parameters(engine)}
     if parameter not in rows:
@@ -60,11 +59,10 @@ def get(parameter: str, as_json: bool = JSON, engine: str | None = ENGINE) -> in
         hint = f" The block has {', '.join(own)}." if own else hint
         raise click.UsageError(f"there is no parameter '{parameter}'.{hint}")
     _print_parameter(rows[parameter], as_json)
-    return 0
 
 
 @param.command("set", cls=NumbersCommand, context_settings=NEGATIVE_NUMBERS)
-def set_(parameter: str, value: str, engine: str | None = ENGINE) -> int:
+def set_(parameter: str, value: str, engine: str | None = ENGINE) -> None:
     """Change PARAMETER to VALUE, such as guard.margin 8cm, while the robot runs.
 
     Only parameters declared as live may change; none of them weakens the safety. The change is
@@ -73,7 +71,6 @@ def set_(parameter: str, value: str, engine: str | None = ENGINE) -> int:
     with attached(engine, "param set") as client:
         client.request("set_parameter", parameter=parameter, value=value)
     click.echo(f"{parameter} = {value}")
-    return 0
 
 
 def _parameters(engine: str | None) -> list[dict[str, Any]]:
@@ -112,7 +109,7 @@ def save(
     ),
     force: bool = FORCE,
     engine: str | None = ENGINE,
-) -> int:
+) -> None:
     """Write the parameters changed in this run into the pipeline file; its comments are kept.
 
     Without PARAMETERS, all that were changed. Files that ship with diffbotctl are not written: use
@@ -132,11 +129,10 @@ def save(
         raise click.UsageError(f"there is no parameter {', '.join(sorted(missing))}")
     if not saved:
         click.echo("no parameter was changed in this run")
-        return 0
+        return
     path = _write_parameters(Path(pipeline), output, saved)
     for row in saved:
         click.echo(f"{path}: {row['parameter']}: {_yaml_value(row)}")
-    return 0
 
 
 def _write_parameters(pipeline: Path, new: Path | None, rows: list[dict[str, Any]]) -> Path:
@@ -188,7 +184,7 @@ def call(
     arguments: tuple[str, ...] = argument("[NAME=VALUE]..."),
     as_json: bool = JSON,
     engine: str | None = ENGINE,
-) -> int:
+) -> None:
     """Call ACTION, such as odometry.set_pose x=0.5 heading=90deg; without ACTION, list all.
 
     What the action returns is printed. `call reset` puts everything back to the start: the
@@ -198,7 +194,7 @@ def call(
         rows = {row["action"]: row for row in client.request("list_actions")["actions"]}
         if action is None:
             _print_actions(rows.values(), as_json)
-            return 0
+            return
         for name in _meant(action, rows):
             values: dict[str, float | str] = {}
             for text in arguments:
@@ -207,11 +203,11 @@ def call(
                     raise click.UsageError(f"'{text}': {key} is given twice")
                 values[key] = given
             value = client.request("call_action", action=name, arguments=values).get("value")
-            if as_json:
-                print_json({"action": name, "value": value})
-            else:
-                click.echo(f"{name}: {'done' if value is None else _returned_text(value)}")
-    return 0
+            print_row(
+                as_json,
+                {"action": name, "value": value},
+                f"{name}: {'done' if value is None else _returned_text(value)}",
+            )
 
 
 def _meant(action: str, known: Container[str]) -> list[str]:

@@ -11,7 +11,7 @@ import click
 from diffbotctl.cli.command import command, option
 from diffbotctl.cli.contradictions import exclusive, needs
 from diffbotctl.cli.options import FORCE, JSON, ROBOT
-from diffbotctl.cli.output import check_output, print_json, problem_record, write_output
+from diffbotctl.cli.output import check_output, print_json, print_row, problem_record, write_output
 from diffbotctl.errors import RunError
 from diffbotctl.ui.text import fold_text
 
@@ -83,10 +83,11 @@ def _print_one(root: Path, survey: PortSurvey, name: str, as_json: bool) -> bool
 
     verdict = diagnose_name(root, survey, name)
     if verdict is None:
-        if as_json:
-            print_json({"device": name, "usable": True, "kind": "pseudo-terminal"})
-        else:
-            click.echo(f"{name}  a pseudo-terminal, such as that of an emulated board")
+        print_row(
+            as_json,
+            {"device": name, "usable": True, "kind": "pseudo-terminal"},
+            f"{name}  a pseudo-terminal, such as that of an emulated board",
+        )
         return True
     if isinstance(verdict, PortReport):
         _print_report(verdict, as_json)
@@ -125,10 +126,7 @@ def _report_record(report: PortReport) -> dict[str, Any]:
 
 def _print_problems(problems: tuple[Problem, ...], as_json: bool) -> None:
     for problem in problems:
-        if as_json:
-            print_json(problem_record(problem))
-        else:
-            click.echo(problem.render())
+        print_row(as_json, problem_record(problem), problem.render())
 
 
 def _ask_boards(devices: list[str], robot: str | None) -> bool:

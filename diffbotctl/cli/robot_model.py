@@ -33,7 +33,7 @@ def show(
     output: Path | None = option("Write an SVG picture: FILE.svg."),
     force: bool = FORCE,
     robot: str | None = ROBOT_OBJECT,
-) -> int:
+) -> None:
     """Draw ROBOT from above and from its left side, to scale: in the terminal, or as a picture."""
     from diffbotctl.render.robot_drawing import side_view, top_view
 
@@ -43,7 +43,7 @@ def show(
         from diffbotctl.render.robot_drawing import drawing_svg
 
         write_output(output, {".svg": lambda: drawing_svg(file.file.stem, views)}, force)
-        return 0
+        return
     from diffbotctl.ui.console import PrintableConsole
     from diffbotctl.ui.map.layers import render_robot_view
 
@@ -51,11 +51,10 @@ def show(
     console.print(file.file.stem, style="bold", markup=False)
     for view in views:
         console.print(render_robot_view(view, console.width))
-    return 0
 
 
 @command("Files", 6, "Print coordinate frames")
-def frames(as_json: bool = JSON, robot: str | None = ROBOT_OBJECT) -> int:
+def frames(as_json: bool = JSON, robot: str | None = ROBOT_OBJECT) -> None:
     """Print the coordinate frames of ROBOT as a tree, each with its pose in its parent frame.
 
     Frame names follow REP-105; x points forward, y left, z up; lengths in m, angles in deg.
@@ -66,14 +65,13 @@ def frames(as_json: bool = JSON, robot: str | None = ROBOT_OBJECT) -> int:
     if as_json:
         for frame in all_frames:
             print_json(frame._asdict())
-        return 0
+        return
     lines = [WORLD, *branch_lines(all_frames, WORLD, "")]
     width = max(map(len, lines))
     if get_terminal_size((width, 24)).columns < width:  # a pipe has any number of columns
         lines = list(frame_rows(all_frames))
     for line in lines:
         click.echo(line)
-    return 0
 
 
 def frame_rows(all_frames: Sequence[RobotFrame]) -> Iterator[str]:
@@ -115,7 +113,7 @@ def urdf(
     output: Path | None = option("Write to FILE.urdf instead of standard output."),
     force: bool = FORCE,
     robot: str | None = ROBOT_OBJECT,
-) -> int:
+) -> None:
     """Write ROBOT as URDF: frames, shapes, masses and inertia, with its calibrated values."""
     from diffbotctl.model.urdf import urdf as urdf_text
 
@@ -126,4 +124,3 @@ def urdf(
         click.echo(text, nl=False)
     else:
         write_output(output, {".urdf": lambda: text, ".xml": lambda: text}, force)
-    return 0

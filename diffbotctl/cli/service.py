@@ -66,7 +66,7 @@ def service(
     user: str | None = option("User that runs the service; default: you."),
     group: str = option("Group that may command the robot.", default="dialout", show_default=True),
     name: str = option("Name of the service.", default="robot", show_default=True),
-) -> int:
+) -> None:
     """Print a systemd unit that runs PIPELINE from this folder when the machine starts.
 
     `standby` stands still until it receives a goal or a drive command. A pipeline with goals is
@@ -96,7 +96,6 @@ def service(
         ),
         nl=False,
     )
-    return 0
 
 
 def _program() -> list[str]:

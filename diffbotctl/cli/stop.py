@@ -20,7 +20,7 @@ import click
 from diffbotctl.cli.command import command, option
 from diffbotctl.cli.engine_client import attached, held_by, host, settled
 from diffbotctl.cli.options import ENGINE, JSON
-from diffbotctl.cli.output import print_json
+from diffbotctl.cli.output import print_row
 from diffbotctl.errors import UsageError, UserError
 from diffbotctl.ui.text import fold_text
 
@@ -292,17 +292,17 @@ def why(
     engine: str | None = ENGINE,
     all_causes: bool = option("--all", "From the sensor to the motors."),
     as_json: bool = JSON,
-) -> int:
+) -> None:
     """Explain why the robot last stopped, and what ends the stop.
 
     When no engine runs, explain the last run of which the black box has a file.
     """
     explanation, held = _explanation_of(engine)
-    if as_json:
-        print_json({**explanation, "held": held})
-    else:
-        click.echo(fold_text(explanation["text" if all_causes else "summary"]))
-    return 0
+    print_row(
+        as_json,
+        {**explanation, "held": held},
+        fold_text(explanation["text" if all_causes else "summary"]),
+    )
 
 
 def _explanation_of(engine: str | None) -> tuple[dict[str, str], dict[str, Any] | None]:

@@ -14,7 +14,7 @@ from diffbotctl.cli.command import command, group, option
 from diffbotctl.cli.contradictions import exclusive
 from diffbotctl.cli.engine_client import WATCHER_NICENESS, attached, rate_text
 from diffbotctl.cli.options import ENGINE, FOR, JSON
-from diffbotctl.cli.output import print_json
+from diffbotctl.cli.output import print_json, print_row
 from diffbotctl.errors import Problem, UsageError
 from diffbotctl.ui.text import fold_text
 
@@ -33,16 +33,12 @@ def topic() -> None:
 
 
 @topic.command("list")
-def list_(as_json: bool = JSON, engine: str | None = ENGINE) -> int:
+def list_(as_json: bool = JSON, engine: str | None = ENGINE) -> None:
     """List every topic with its type, rate and age."""
     with attached(engine, "topic list") as client:
         rows = client.request("list_topics")["topics"]
     for row in rows:
-        if as_json:
-            print_json(row)
-        else:
-            click.echo(f"{row['topic']:24} {row['type']:10} {rate_text(row)}")
-    return 0
+        print_row(as_json, row, f"{row['topic']:24} {row['type']:10} {rate_text(row)}")
 
 
 @topic.command()
@@ -52,7 +48,7 @@ def echo(
     duration: float | None = FOR,
     as_json: bool = JSON,
     engine: str | None = ENGINE,
-) -> int:
+) -> None:
     """Print the messages of TOPIC as they arrive, or one field of it: odometry.odometry.x.
 
     One message on a line; `*` is every topic.
@@ -72,7 +68,6 @@ def echo(
             _print_event(event, path, name == "*", as_json, units)
             if once and "message" in event:
                 break
-    return 0
 
 
 def _refuse_constant(word: str) -> None:
@@ -146,18 +141,15 @@ def hz(
     duration: float | None = FOR,
     as_json: bool = JSON,
     engine: str | None = ENGINE,
-) -> int:
+) -> None:
     """Measure how often TOPIC carries a message: rate over the last two seconds, each second."""
     until = None if duration is None else time.monotonic() + duration
     with attached(engine, "topic hz") as client:
         while True:
             row = client.request("topic_rate", topic=topic)
-            if as_json:
-                print_json(row)
-            else:
-                print(_rate_line(row), flush=True)
+            print_row(as_json, row, _rate_line(row))
             if once or (until is not None and time.monotonic() + RATE_PERIOD_S > until):
-                return 0
+                return
             time.sleep(RATE_PERIOD_S)
 
 
@@ -169,19 +161,18 @@ def _rate_line(row: dict[str, Any]) -> str:
 
 
 @topic.command("type")
-def type_(topic: str, as_json: bool = JSON, engine: str | None = ENGINE) -> int:
+def type_(topic: str, as_json: bool = JSON, engine: str | None = ENGINE) -> None:
     """Show the fields of TOPIC with their units and meaning."""
     with attached(engine, "topic type") as client:
         reply = client.request("describe_topic", topic=topic)
     if as_json:
         print_json({name: reply[name] for name in ("topic", "type", "schema")})
-        return 0
+        return
     _print_type(f"{reply['topic']}  {reply['type']}", reply["schema"])
-    return 0
 
 
 @command("Look", 6, "; list message types")
-def types(name: str | None, as_json: bool = JSON) -> int:
+def types(name: str | None, as_json: bool = JSON) -> None:
     """List the types of messages, or show the fields of NAME with their units and meaning.
 
     NAME is one such as Twist, Int32 or my_package/Face. No engine needs to run.
@@ -205,7 +196,6 @@ def types(name: str | None, as_json: bool = JSON) -> int:
             click.echo(fold_text(f"{type_name(kind):16} {schema['description']}", hang=17))
         else:
             _print_type(type_name(kind), schema)
-    return 0
 
 
 def _print_type(head: str, schema: dict[str, Any]) -> None:
@@ -227,7 +217,7 @@ def pub(
         "Repeat at this rate.", metavar="HZ", type=click.FloatRange(0.1, 100.0)
     ),
     engine: str | None = ENGINE,
-) -> int:
+) -> None:
     """Publish MESSAGE, a JSON object, on TOPIC: operator.twist, operator.goal, an input, ...
 
     Only the topics of the operator and the inputs of the pipeline can be published. A velocity
@@ -250,7 +240,7 @@ def pub(
             while rate is not None:
                 client.request("publish", topic=topic, message=fields)
                 time.sleep(1.0 / rate)
-            return 0
+            return
         finally:
             # Without the release the engine would report a lost operator.
             client.send("release")

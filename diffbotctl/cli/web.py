@@ -44,7 +44,7 @@ def web(
     tcp_port: int = PAGE_PORT,
     view_file: Path | None = VIEW,
     engine: str | None = ENGINE,
-) -> int:
+) -> None:
     """Serve a page of a running engine: map, driving, goals, parameters, log.
 
     Prints a link, with --lan also as a QR code. It works once, for one device; the next one
@@ -60,7 +60,6 @@ def web(
     view = None if view_file is None else read_view(str(view_file))
     _serve(choose_engine(engine, host()), lan, tcp_port, view)
     click.echo("the run has ended")
-    return 0
 
 
 def check_options(has_socket: bool) -> None:

@@ -53,10 +53,7 @@ from diffbotctl.config.named_robots import load_named_robots
 from diffbotctl.config.robot import (
     Robot,
     field_value,
-    fill_bridge,
-    fill_counts,
-    fill_curves,
-    fill_glitch,
+    fill_defaults,
 )
 from diffbotctl.config.section_reader import read_parameters, read_section
 from diffbotctl.config.source_tree import Override
@@ -251,15 +248,19 @@ class _Loader:
 
     def load_named(self, name: str, tree: Value, robot_files: Mapping[str, str]) -> Configuration:
         """The pipeline called `name` of several robots; `tree` is its file."""
-        wrong = _wrong_kind(tree, "pipeline")
-        if wrong is not None or self.problems:
-            raise ConfigurationError([*([] if wrong is None else [wrong]), *self.problems])
-        file = lookup.find_pipeline(name)
+        file = self._find_named(name, tree)
         try:
             loaded = load_named_robots(file, tree, self.overrides, robot_files, self._load_one)
         except ConfigurationError as error:
             raise self.code.error(error.problems) from None
         return replace(loaded, settings=self.sets, code=self.code.hashes())
+
+    def _find_named(self, name: str, tree: Value) -> Path:
+        """The pipeline file whose includes have names. Raises ConfigurationError for another."""
+        wrong = _wrong_kind(tree, "pipeline")
+        if wrong is not None or self.problems:
+            raise ConfigurationError([*([] if wrong is None else [wrong]), *self.problems])
+        return lookup.find_pipeline(name)
 
     def _load_one(self, path: str, robot: str | None, overrides: list[Override]) -> Configuration:
         context = self.context
@@ -268,11 +269,9 @@ class _Loader:
 
     def load_with_parts(self, name: str, robot: str | None, tree: Value) -> Configuration:
         """The pipeline called `name`, which includes others under names; `tree` is its file."""
-        wrong = _wrong_kind(tree, "pipeline")
-        if wrong is not None or self.problems:
-            raise ConfigurationError([*([] if wrong is None else [wrong]), *self.problems])
+        file = self._find_named(name, tree)
         try:
-            parts = load_parts(lookup.find_pipeline(name), tree, self.overrides, self._load_one)
+            parts = load_parts(file, tree, self.overrides, self._load_one)
         except ConfigurationError as error:
             raise self.code.error(error.problems) from None
         self.context.parts = {part.name: part for part in parts}
@@ -434,7 +433,8 @@ class _Loader:
         plant = tree.at("simulation", "plant")
         if robot.simulation is not None and robot.simulation.plant and plant is not None:
             robot.simulation.plant = self._plant(robot.simulation.plant, plant, problems)
-        _fill_defaults(robot)
+        fill_defaults(robot)
+        fill_shorted(robot)
         return robot
 
     def _without_other_pulses(self, tree: Value) -> Value:
@@ -470,12 +470,6 @@ class _Loader:
         value = context.pipeline_value("blocks", name)
         assert value is not None
         return BlockUse(name, entry.block, block, values, dict(entry.wires), value.place)
-
-
-def _fill_defaults(robot: Robot) -> None:
-    """Set what the file leaves to other fields, the board or data sheets."""
-    for fill in (fill_glitch, fill_counts, fill_bridge, fill_shorted, fill_curves):
-        fill(robot)
 
 
 def _misspelt_kind(tree: Value) -> Value | None:

@@ -7,10 +7,11 @@ other packages register one name, neither is used.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
-from typing import Any, cast
+from typing import Any, TypeVar, cast
 
 from diffbotctl.block import Block, DeclarationError
 from diffbotctl.device import DeviceDriver
@@ -36,6 +37,11 @@ DRIVERS = {
 }
 
 IMPORT_FIX = "correct or remove the package that provides it"
+INSTALL_FIX = (
+    "install its package, `pip install -e FOLDER` for one of your own, or use one that "
+    "`diffbotctl blocks` lists"
+)
+Kind = TypeVar("Kind")
 
 
 class RegistryError(LookupError):
@@ -53,31 +59,26 @@ class RegistryError(LookupError):
 
 def block(name: str) -> type[Block]:
     """The block class called `name`. Only its own module is imported. Raises RegistryError."""
-    path = BLOCKS.get(name) or _path_in_packages(name)
-    candidate = _attribute(name, path)
-    if isinstance(candidate, type) and issubclass(candidate, Block):
-        return candidate
-    cause = f"'{name}' ({path}) is not a block: it is not derived from diffbotctl.block.Block"
-    raise RegistryError("E-BLOCK-IMPORT", cause, IMPORT_FIX)
+    return _class(name, BLOCKS, ENTRY_POINT_GROUP, Block)
 
 
 def driver(name: str) -> type[DeviceDriver]:
     """The driver class called `name`. Raises RegistryError."""
-    path = DRIVERS.get(name) or _path_in_packages(name, DRIVERS_GROUP)
-    candidate = _attribute(name, path)
-    if isinstance(candidate, type) and issubclass(candidate, DeviceDriver):
-        return candidate
-    cause = f"'{name}' ({path}) is not derived from diffbotctl.device.DeviceDriver"
-    raise RegistryError("E-BLOCK-IMPORT", cause, IMPORT_FIX)
+    return _class(name, DRIVERS, DRIVERS_GROUP, DeviceDriver)
 
 
 def plant(name: str) -> type[Plant]:
     """The class of physics called `name`, of another package. Raises RegistryError."""
-    path = _path_in_packages(name, PLANTS_GROUP)
+    return _class(name, {}, PLANTS_GROUP, Plant)
+
+
+def _class(name: str, built_in: Mapping[str, str], group: str, base: type[Kind]) -> type[Kind]:
+    """The class derived from `base` that a name stands for. Raises RegistryError."""
+    path = built_in.get(name) or _path_in_packages(name, group)
     candidate = _attribute(name, path)
-    if isinstance(candidate, type) and issubclass(candidate, Plant):
+    if isinstance(candidate, type) and issubclass(candidate, base):
         return candidate
-    cause = f"'{name}' ({path}) is not derived from diffbotctl.physics_model.Plant"
+    cause = f"'{name}' ({path}) is not derived from {base.__module__}.{base.__name__}"
     raise RegistryError("E-BLOCK-IMPORT", cause, IMPORT_FIX)
 
 
@@ -165,29 +166,23 @@ def _own_block(module: ModuleType) -> type:
     return own
 
 
-def _path_in_packages(name: str, group: str = ENTRY_POINT_GROUP) -> str:
+def _path_in_packages(name: str, group: str) -> str:
     """`module:Class` of the one other package that has a block or driver called `name`."""
     points = [point for point in _entry_points(group) if point.name == name]
     if len(points) > 1:
         raise _clash(name, [_owner(point) for point in points])
     if points:
         return str(points[0].value)
-    if group == DRIVERS_GROUP:
-        near = closest_match(name, driver_names())
-        fix = f"did you mean {near}?" if near else f"there are {', '.join(driver_names())}"
-        raise RegistryError("E-SOURCE", f"there is no driver '{name}'", fix)
     if group == PLANTS_GROUP:
         fix = "write ./my_plant.py:MyPlant, or install the package that has it"
         raise RegistryError("E-BLOCK-UNKNOWN", f"there is no plant '{name}'", fix)
-    near = closest_match(name, names())
-    listed = ", ".join(names())
-    fix = (
-        f"did you mean {near}?"
-        if near
-        else "install its package, `pip install -e FOLDER` for one of your own, or use one that "
-        f"`diffbotctl blocks` lists: {listed}"
-    )
-    raise RegistryError("E-BLOCK-UNKNOWN", f"there is no block '{name}'", fix)
+    is_driver = group == DRIVERS_GROUP
+    known = driver_names() if is_driver else names()
+    near, listed = closest_match(name, known), ", ".join(known)
+    fix = f"there are {listed}" if is_driver else f"{INSTALL_FIX}: {listed}"
+    code, kind = ("E-SOURCE", "driver") if is_driver else ("E-BLOCK-UNKNOWN", "block")
+    fix = f"did you mean {near}?" if near else fix
+    raise RegistryError(code, f"there is no {kind} '{name}'", fix)
 
 
 def _clash(name: str, packages: list[str]) -> RegistryError:

@@ -6,6 +6,7 @@ in the middle of the axle.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from copy import copy
 from math import pi
 from typing import Any, Literal, cast
@@ -199,9 +200,9 @@ class MotorSection(Section):
     loop = Param(SpeedLoopSection, default=SpeedLoopSection(), help="Speed loop of the wheel.")
     bridge_share = 0.0
     """share of the full battery's voltage that the driver's transistors take from a shorted motor;
-    `fill_bridge` sets it"""
+    `fill_defaults` sets it"""
     is_shorted = False
-    """whether the driver shorts the windings between two pulses; `fill_bridge` sets it"""
+    """whether the driver shorts the windings between two pulses; `fill_defaults` sets it"""
 
 
 class EncoderSection(Section):
@@ -220,9 +221,9 @@ class EncoderSection(Section):
         reason="the board keeps the counts per turn of a wheel in 16 bits",
     )
     counts_of_slot = 1
-    """counts that the board makes of a slot; `fill_counts` sets it"""
+    """counts that the board makes of a slot; `fill_defaults` sets it"""
     edge: CountedEdge = Choice(CountedEdge, "rising", "Edge that is counted.")
-    glitch: Any = Number(  # `fill_glitch` sets the default
+    glitch: Any = Number(  # `fill_defaults` sets it
         "s",
         "[0, 0.05]",
         None,
@@ -506,65 +507,36 @@ def measured_lag(robot: Robot) -> float | None:
     return max(robot.drive.left.motor.lag, robot.drive.right.motor.lag)
 
 
-def fill_glitch(robot: Robot) -> None:
-    """Set the glitch time of each encoder that does not state one.
+def fill_defaults(robot: Robot) -> None:
+    """Set what the file leaves to other fields, the board or data sheets.
 
-    Values that could not be read leave it at None.
-    """
-    for side in SIDES:
-        try:
-            encoder = field_value(robot, f"drive.{side}.encoder")
-            rated = field_value(robot, f"drive.{side}.motor.rated")
-            if encoder.glitch is None:
-                # Bounce of two channels counts up and down in turn.
-                is_one = encoder.channels == 1
-                encoder.glitch = default_glitch(encoder.slots, rated) if is_one else 0.0
-        except (AttributeError, TypeError, ZeroDivisionError):
-            continue
-
-
-def fill_counts(robot: Robot) -> None:
-    """Set the counts of a slot of each encoder, which depend on the board and on its channels.
-
-    Without a board that could be read there is one.
+    That is of each encoder the glitch time and the counts of a slot, of each motor the figures of
+    its driver, of each Sharp sensor its curve. What could not be read leaves them as they are.
     """
     board = BOARDS.get(getattr(robot.board, "type", ""))
     for side in SIDES:
-        try:
-            encoder = field_value(robot, f"drive.{side}.encoder")
+        with suppress(AttributeError, TypeError, ZeroDivisionError):
+            own = field_value(robot, f"drive.{side}")
+            encoder = own.encoder
             if board is not None and encoder.channels == 2:
                 encoder.counts_of_slot = board.counts_of_slot
-        except AttributeError:
-            continue
-
-
-def fill_bridge(robot: Robot) -> None:
-    """Set the data-sheet values of each motor's driver: its voltage over that of the battery,
-    and what it does between two pulses.
-
-    Values that could not be read leave 0 and False.
-    """
-    for side in SIDES:
-        try:
+            if encoder.glitch is None:  # bounce of two channels counts up and down in turn
+                is_one = encoder.channels == 1
+                rated = own.motor.rated
+                encoder.glitch = default_glitch(encoder.slots, rated) if is_one else 0.0
+        with suppress(AttributeError):
             motor = field_value(robot, f"drive.{side}.motor")
             facts = MOTOR_DRIVERS.get(motor.driver)
-            full = robot.battery.full or USUAL_BATTERY
-        except AttributeError:
-            continue
-        if facts is not None:
-            motor.bridge_share = facts.bridge.threshold_share(full)
-            motor.is_shorted = facts.bridge.off_state == "shorted"
-
-
-def fill_curves(robot: Robot) -> None:
-    """Set the curve of each Sharp sensor that does not state one, as its data sheet has it."""
+            if facts is not None:
+                full = robot.battery.full or USUAL_BATTERY
+                motor.bridge_share = facts.bridge.threshold_share(full)
+                motor.is_shorted = facts.bridge.off_state == "shorted"
     for sensor in (robot.sensors or {}).values():
-        facts = SHARPS.get(getattr(sensor, "type", ""))
-        curve = getattr(sensor, "curve", None)
-        if facts is None or curve is None:
+        sharp, curve = SHARPS.get(getattr(sensor, "type", "")), getattr(sensor, "curve", None)
+        if sharp is None or curve is None:
             continue
         sensor.curve = copy(curve)  # a curve that is not stated is one object for all sensors
-        for name, value in zip("abc", facts.curve, strict=True):
+        for name, value in zip("abc", sharp.curve, strict=True):
             if getattr(curve, name, value) is None:
                 setattr(sensor.curve, name, value)
 

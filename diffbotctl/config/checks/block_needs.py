@@ -12,7 +12,7 @@ from typing import get_args
 
 from diffbotctl.block import Block, In, inputs, outputs, robot_fields
 from diffbotctl.config import node_ports
-from diffbotctl.config.checks.context import CheckContext
+from diffbotctl.config.checks.context import CheckContext, check
 from diffbotctl.config.checks.graph import nodes_with_inputs
 from diffbotctl.config.configuration import BlockEntry, Omission, Pipeline, SensorMessage
 from diffbotctl.config.node_ports import SENSOR_MESSAGES
@@ -24,6 +24,7 @@ GUARDS = ("obstacle_stop", "scan_stop")
 DISTANCES = {"Volts", "Range"}
 
 
+@check()
 def check_fields(context: CheckContext) -> None:
     """Check the robot fields that each block reads, and the sensors named in parameters."""
     for name, block in context.block_classes.items():

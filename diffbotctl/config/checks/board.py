@@ -6,7 +6,7 @@ from math import ceil, floor
 from typing import get_args
 
 from diffbotctl.config.board_pins import BOARDS, SIMULATED, BoardPins
-from diffbotctl.config.checks.context import CheckContext
+from diffbotctl.config.checks.context import CheckContext, check
 from diffbotctl.config.motor_drivers import MODE_TEXT, MOTOR_DRIVERS, MotorDriverFacts, driver_facts
 from diffbotctl.config.robot import SIDES, BaudRate, Robot, board_sensors, line_baud
 from diffbotctl.errors import join_words
@@ -19,14 +19,13 @@ SUPPLY_MIN_V, SUPPLY_MAX_V = 7.0, 12.0
 MODULE_V = 3.3  # that the inputs of an HC-05 take
 
 
-def check_budget(context: CheckContext) -> None:
+@check("board.telemetry", "board.edge_times", "link.protocol", "link.baud", "link.uart")
+def check_budget(
+    context: CheckContext, rate: float, has_edge_times: bool, protocol: str, *_: int
+) -> None:
     """Compare the telemetry's bytes a second with what the line carries."""
-    values = context.values(
-        "board.telemetry", "board.edge_times", "link.protocol", "link.baud", "link.uart"
-    )
-    if values is None or context.robot is None or context.robot.board.type == SIMULATED:
+    if context.robot is None or context.robot.board.type == SIMULATED:
         return
-    rate, has_edge_times, protocol, _, _ = values
     baud = line_baud(context.robot)
     has_gyro = context.values("imu.type") not in (None, (None,))
     frame = link_protocol.frame_bytes(protocol, has_edge_times, has_gyro)
@@ -64,12 +63,11 @@ def range_load(robot: Robot) -> float:
     return link_protocol.RANGE_FRAME_BYTES / TURN if has_turns else 0.0
 
 
-def check_radio(context: CheckContext) -> None:
+@check("link.uart", "link.level", "board.type")
+def check_radio(context: CheckContext, uart: int, level: str, board: str) -> None:
     """Warn of a radio module whose input gets 5 V, or that shares the USB port's pins."""
-    values = context.values("link.uart", "link.level", "board.type")
-    if values is None or context.robot is None or not context.robot.link.has_radio:
+    if context.robot is None or not context.robot.link.has_radio:
         return
-    uart, level, board = values
     pins = BOARDS.get(board)
     if level == "direct" and (pins is None or pins.volts > MODULE_V):
         cause = "the board's 5 V signal drives the HC-05's RXD directly, which takes 3.3 V"
@@ -86,6 +84,7 @@ def check_radio(context: CheckContext) -> None:
         context.warn("W-WIRING-SHARED", context.error_place("link.radio", "link.uart"), cause, fix)
 
 
+@check()
 def check_led_pin(context: CheckContext) -> None:
     """Warn of a motor or button on the pin of the board's LED."""
     board = context.board
@@ -105,6 +104,7 @@ def check_led_pin(context: CheckContext) -> None:
         context.warn("W-WIRING-LIGHT", place, cause, "use another pin")
 
 
+@check()
 def check_driver(context: CheckContext) -> None:
     """Compare the pins of each motor, and its rest, with the inputs of its driver."""
     drivers = context.values(*(f"drive.{side}.motor.driver" for side in SIDES))
@@ -169,6 +169,7 @@ def _check_pulses(context: CheckContext, facts: MotorDriverFacts) -> None:
             context.error("E-DRIVER", place, cause, "set idle: brake")
 
 
+@check()
 def check_stall_current(context: CheckContext) -> None:
     """Compare the current of the blocked motors with what the driver carries."""
     for side in SIDES:
@@ -217,6 +218,7 @@ def _check_input(
     context.error("E-DRIVER", context.error_place(path), cause, f"write {name}: none")
 
 
+@check()
 def check_voltages(context: CheckContext) -> None:
     """Refuse what puts more on a pin of a board than it takes, or too much on its supply."""
     board = context.board
@@ -256,6 +258,7 @@ def _check_divider(context: CheckContext, board: BoardPins) -> None:
     context.error("E-WIRING-VOLTAGE", place, cause, fix)
 
 
+@check()
 def check_battery(context: CheckContext) -> None:
     """Refuse a low battery that a full one is; warn of what has no effect or is not known."""
     battery = context.robot.battery if context.robot is not None else None
@@ -276,12 +279,9 @@ def check_battery(context: CheckContext) -> None:
         context.warn("W-BATTERY", place, cause, fix)
 
 
-def check_supply(context: CheckContext) -> None:
+@check("battery.full", "board.supply")
+def check_supply(context: CheckContext, full: float, supply: str) -> None:
     """Warn of a battery voltage outside the range of the motor driver or the board's regulator."""
-    values = context.values("battery.full", "board.supply")
-    if values is None:
-        return
-    full, supply = values
     place = context.error_place("battery.full", "board.supply")
     drivers = context.values("drive.left.motor.driver")
     facts = driver_facts(drivers[0] if drivers else "l298n")

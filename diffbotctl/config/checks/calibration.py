@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from diffbotctl.block import robot_fields
 from diffbotctl.config import robot_tree
-from diffbotctl.config.checks.context import CheckContext
+from diffbotctl.config.checks.context import CheckContext, check
 from diffbotctl.config.lookup import is_simulated_copy, original_of
 from diffbotctl.config.robot import SIDES, Calibrated, Robot
 from diffbotctl.errors import Place, join_words
@@ -84,6 +84,7 @@ def uncalibrated_pose(robot: Robot) -> dict[str, str]:
     return {name: what for name, what in POSE_CALIBRATIONS.items() if name in lacking}
 
 
+@check()
 def check_calibration(context: CheckContext) -> None:
     """Refuse implausible entries; for a real robot also warn of fields never calibrated."""
     if context.robot is None:

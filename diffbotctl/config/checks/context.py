@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 from diffbotctl.block import Block
 from diffbotctl.config.board_pins import BOARDS, BoardPins
@@ -117,3 +117,25 @@ def _values(robot: Robot | None, paths: Sequence[str]) -> tuple[Any, ...] | None
     except (AttributeError, KeyError, TypeError):
         return None
     return None if any(value is None for value in values) else values
+
+
+CHECKS: list[Callable[[CheckContext], None]] = []  # all of them; `check` adds one
+Check = TypeVar("Check", bound=Callable[..., None])
+
+
+def check(*paths: str, is_nominal: bool = False) -> Callable[[Check], Check]:
+    """Declare a check: a function of the context and the robot's fields at `paths`.
+
+    It is run when all of these could be read. `is_nominal`: as they were before calibration.
+    """
+
+    def add(function: Check) -> Check:
+        def run(context: CheckContext) -> None:
+            values = _values(context.nominal if is_nominal else context.robot, paths)
+            if values is not None:
+                function(context, *values)
+
+        CHECKS.append(run)
+        return function
+
+    return add

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import ceil, cos, degrees, floor, hypot, pi, remainder, sqrt
+from typing import Any
 
 from diffbotctl.block import outputs, robot_fields
 from diffbotctl.blocks.obstacle_stop import (
@@ -13,7 +14,7 @@ from diffbotctl.blocks.obstacle_stop import (
     stopping_distance,
 )
 from diffbotctl.blocks.range_sensor import sensor_reach
-from diffbotctl.config.checks.context import CheckContext
+from diffbotctl.config.checks.context import CheckContext, check
 from diffbotctl.config.checks.sensors import GUARD_ASIDE_MAX
 from diffbotctl.config.robot import (
     SIDES,
@@ -56,12 +57,11 @@ DIAMETERS = tuple(f"drive.{side}.wheel.diameter" for side in SIDES)
 TYRE_WIDTHS = tuple(f"drive.{side}.wheel.width" for side in SIDES)
 
 
-def check_deadman(context: CheckContext) -> None:
+@check("board.deadman", "board.telemetry", "link.protocol")
+def check_deadman(context: CheckContext, deadman: float, rate: float, protocol: str) -> None:
     """Compare the dead-man time with the time between two commands."""
-    values = context.values("board.deadman", "board.telemetry", "link.protocol")
-    if values is None or values[2] != "diffbot":
+    if protocol != "diffbot":
         return  # the book's firmware has none; `run` reports that
-    deadman, rate, _ = values
     place = context.error_place("board.deadman", "board.telemetry")
     cause = (
         f"a command is sent with each frame, every {1000 / rate:.0f} ms; "
@@ -78,23 +78,27 @@ def check_deadman(context: CheckContext) -> None:
         context.warn("W-DEADMAN", place, f"{cause}, so the loss of two commands stops it", fix)
 
 
-def check_edges(context: CheckContext) -> None:
+@check(
+    "board.edge_times",
+    "board.telemetry",
+    "drive.left.wheel.diameter",
+    "drive.left.encoder.slots",
+    "limits.speed",
+)
+def check_edges(
+    context: CheckContext,
+    has_edge_times: bool,
+    telemetry: float,
+    diameter: float,
+    slots: int,
+    speed: float,
+) -> None:
     """Compare the edges at full speed with the frames that a board with edge times sends.
 
     Odometry counts the edges of finer encoders, whose slots it does not distinguish.
     """
-    if not has_encoders(context):
-        return
-    values = context.values(
-        "board.edge_times",
-        "board.telemetry",
-        "drive.left.wheel.diameter",
-        "drive.left.encoder.slots",
-        "limits.speed",
-    )
-    if values is None or context.values("drive.left.encoder.channels") == (2,):
+    if not has_encoders(context) or context.values("drive.left.encoder.channels") == (2,):
         return  # two channels show the direction of every edge
-    has_edge_times, telemetry, diameter, slots, speed = values
     top_speed = min((wheel[0] for wheel in _rim_speeds(context)), default=speed)
     speed = min(speed, top_speed)  # one beyond that is refused where it is stated
     rate = speed / (pi * diameter) * slots
@@ -123,6 +127,7 @@ def _can_send(context: CheckContext, rate: float) -> bool:
     return rate * frame <= link_protocol.TELEMETRY_LOAD_MAX * capacity
 
 
+@check()
 def check_glitch(context: CheckContext) -> None:
     """Compare the glitch time of each encoder with the shortest level at the rated speed."""
     if context.values("link.protocol") != ("diffbot",) or not has_encoders(context):
@@ -173,13 +178,13 @@ def _check_side_glitch(
         context.warn("W-GLITCH", place, f"{cause}: uneven slots would lose edges", fix)
 
 
-def check_polarity(context: CheckContext) -> None:
+@check("drive.polarity", "drive.left.encoder.channels")
+def check_polarity(context: CheckContext, polarity: str, channels: int) -> None:
     """Warn of a real robot whose motor directions are not verified."""
-    values = context.values("drive.polarity", "drive.left.encoder.channels")
-    if not context.real or values is None or values[0] != "unproven":
+    if not context.real or polarity != "unproven":
         return
     encoders = "and one-channel encoders cannot detect them"
-    if values[1] == 2:
+    if channels == 2:
         encoders = "nor which of channels A and B is which"
     cause = (
         f"the directions of the motors are not verified, {encoders}; the speed is limited to "
@@ -192,6 +197,7 @@ def check_polarity(context: CheckContext) -> None:
     context.warn("W-POLARITY", context.robot_place("drive", "polarity"), cause, fix)
 
 
+@check()
 def check_speed(context: CheckContext) -> None:
     """Compare the speed limit with the wheels' rated speed."""
     rated = context.values(*RATED)
@@ -212,6 +218,7 @@ def check_speed(context: CheckContext) -> None:
     context.error("E-LIMIT-SPEED", place, cause, fix)
 
 
+@check()
 def check_breakaway(context: CheckContext) -> None:
     """Warn of a breakaway duty that does not go with the friction of the turning wheel."""
     for side in SIDES:
@@ -234,13 +241,12 @@ def check_breakaway(context: CheckContext) -> None:
         context.warn("W-MOTOR-BREAKAWAY", place, cause, fix)
 
 
-def check_turn_rate(context: CheckContext) -> None:
+@check("limits.turn_rate", "drive.track")
+def check_turn_rate(context: CheckContext, rate: float, track: float) -> None:
     """Warn of a turning speed far beyond that of both wheels at their rated speed."""
     wheels = _rim_speeds(context)
-    values = context.values("limits.turn_rate", "drive.track")
-    if len(wheels) < len(SIDES) or values is None:
+    if len(wheels) < len(SIDES):
         return
-    rate, track = values
     top_rate = 2.0 * min(wheels)[0] / track
     if rate <= TURN_RATE_RATIO_MAX * top_rate:
         return
@@ -285,12 +291,12 @@ def _rated_and_diameters() -> list[str]:
     return [path for paths in zip(RATED, DIAMETERS, strict=True) for path in paths]
 
 
-def check_reach(context: CheckContext) -> None:
+@check("limits.speed")
+def check_reach(context: CheckContext, speed: float) -> None:
     """Compare the stopping distance at full speed with the reach of each guarding sensor."""
-    speed = context.values("limits.speed")
     for name, block in context.block_classes.items():
-        if speed is not None and issubclass(block, ObstacleStop) and name in context.parameters:
-            _check_guard(context, name, block, speed[0])
+        if issubclass(block, ObstacleStop) and name in context.parameters:
+            _check_guard(context, name, block, speed)
 
 
 def _lacks_reaction(context: CheckContext, name: str) -> bool:
@@ -378,7 +384,8 @@ def _check_guard(context: CheckContext, name: str, block: type[ObstacleStop], sp
         context.warn("W-STOP-REACH", place, f"{cause}: {nearer}", fix)
 
 
-def check_outline(context: CheckContext) -> None:
+@check("drive.track", "body.width", *TYRE_WIDTHS, is_nominal=True)
+def check_outline(context: CheckContext, track: float, width: float, *tyres: float) -> None:
     """Compare the body's width with the outer width of the tyres.
 
     The stated geometry is used: a calibrated track is the effective distance of the contact
@@ -386,10 +393,6 @@ def check_outline(context: CheckContext) -> None:
     """
     if context.values("drive.wheelbase") is not None:
         return
-    values = context.nominal_values("drive.track", "body.width", *TYRE_WIDTHS)
-    if values is None:
-        return
-    track, width, *tyres = values
     reach = track + max(tyres)
     if reach <= width + TYRE_WIDTH_TOLERANCE_M:
         return
@@ -402,7 +405,10 @@ def check_outline(context: CheckContext) -> None:
     context.warn("W-BODY-TYRES", place, cause, fix)
 
 
-def check_wheelbase(context: CheckContext) -> None:
+@check(*("drive.wheelbase", "drive.track", "body.width", "drive.left.wheel.width"), is_nominal=True)
+def check_wheelbase(
+    context: CheckContext, wheelbase: float, track: float, width: float, tyre: float
+) -> None:
     """Warn of four driven wheels whose effective track is not calibrated.
 
     Slowly turning with the rate w, a wheel that rolls with v slides with v - w B / 2 along and
@@ -410,14 +416,9 @@ def check_wheelbase(context: CheckContext) -> None:
     the sliding alike in all directions, and its moments cancel: v = w (B + L2 / B) / 2. That is a
     robot with two wheels and the track B + L2 / B.
     """
-    values = context.nominal_values(
-        "drive.wheelbase", "drive.track", "body.width", "drive.left.wheel.width"
-    )
-    if values is None or context.robot is None or TRACK in (context.robot.calibration or {}):
-        return
-    wheelbase, track, width, tyre = values
     between = width - tyre
-    if between <= 0.0:
+    is_calibrated = context.robot is None or TRACK in (context.robot.calibration or {})
+    if between <= 0.0 or is_calibrated:
         return
     effective = between + wheelbase**2 / between
     cause = (
@@ -439,6 +440,7 @@ def has_encoders(context: CheckContext) -> bool:
     return context.values("drive.left.encoder.channels") != (0,)
 
 
+@check()
 def check_missing_encoders(context: CheckContext) -> None:
     """Refuse goals of a robot without encoders; otherwise warn of what does not work."""
     channels = [context.values(f"drive.{side}.encoder.channels") for side in SIDES]
@@ -465,18 +467,16 @@ def check_missing_encoders(context: CheckContext) -> None:
     context.warn("W-ENCODER-NONE", place, cause, fix)
 
 
-def check_tolerance(context: CheckContext) -> None:
+@check(
+    "drive.left.wheel.diameter",
+    "drive.left.encoder.counts",
+    "limits.speed",
+    "board.edge_times",
+    "link.protocol",
+)
+def check_tolerance(context: CheckContext, *values: Any) -> None:
     """Compare the tolerance of each block that has one with the odometry's resolution."""
     if not has_encoders(context):
-        return
-    values = context.values(
-        "drive.left.wheel.diameter",
-        "drive.left.encoder.counts",
-        "limits.speed",
-        "board.edge_times",
-        "link.protocol",
-    )
-    if values is None:
         return
     stddev = resolution(*values)
     for name, block in context.block_classes.items():

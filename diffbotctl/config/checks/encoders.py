@@ -3,33 +3,31 @@
 from __future__ import annotations
 
 from diffbotctl.config.board_pins import SIMULATED
-from diffbotctl.config.checks.context import CheckContext
+from diffbotctl.config.checks.context import CheckContext, check
 from diffbotctl.config.robot import SIDES
 
 CODE = "E-ENCODER-CHANNELS"
 
 
-def check_channels(context: CheckContext) -> None:
+@check("drive.left.encoder.channels", "drive.right.encoder.channels")
+def check_channels(context: CheckContext, left: int, right: int) -> None:
     """Compare the number of channels with the stated pins, the other side and the firmware."""
-    left = context.values("drive.left.encoder.channels")
-    right = context.values("drive.right.encoder.channels")
-    if left is None or right is None or context.robot is None:
-        return
     if left != right:
-        if 0 in (left[0], right[0]):
+        if 0 in (left, right):
             return  # a wheel without an encoder has a check of its own
         place = context.error_place("drive.right.encoder.channels", "drive.left.encoder.channels")
-        one, two = ("left", "right") if left[0] < right[0] else ("right", "left")
+        one, two = ("left", "right") if left < right else ("right", "left")
         cause = f"the {one} encoder has one channel, the {two} one has two"
         context.error(CODE, place, cause, "write the same number for both encoders")
         return
-    has_two = left[0] == 2
+    has_two = left == 2
     for side in SIDES:
         _check_pin(context, side, has_two)
     if has_two:
         _check_two(context)
 
 
+@check()
 def check_slot_errors(context: CheckContext) -> None:
     """Refuse errors of a disc that are not one for each slot; none at all means unknown."""
     for side in SIDES:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import NamedTuple
 
 from diffbotctl.config.board_pins import SIMULATED
-from diffbotctl.config.checks.context import CheckContext
+from diffbotctl.config.checks.context import CheckContext, check
 from diffbotctl.config.faults import FAULTS, FaultEntry
 from diffbotctl.config.node_ports import SENSOR_MESSAGES
 from diffbotctl.config.robot import Robot
@@ -166,11 +166,10 @@ def emulated_problems(entries: Sequence[FaultEntry], values: Sequence[Value]) ->
             yield Problem("E-FAULT", value.entries["fault"].place, cause, fix)
 
 
-def check_faults(context: CheckContext) -> None:
+@check("simulation.faults", "drive.left.encoder.channels", "board.telemetry")
+def check_faults(context: CheckContext, faults: Sequence[FaultEntry | None], *_: float) -> None:
     """Refuse faults that the simulated robot cannot have."""
     values = context.robot_value("simulation", "faults")
-    found = context.values("simulation.faults", "drive.left.encoder.channels", "board.telemetry")
-    if context.robot is None or values is None or found is None:
-        return
-    programs = None if context.pipeline is None else context.programs
-    context.problems += fault_problems(context.robot, programs, found[0], values.items)
+    if context.robot is not None and values is not None:
+        programs = None if context.pipeline is None else context.programs
+        context.problems += fault_problems(context.robot, programs, faults, values.items)

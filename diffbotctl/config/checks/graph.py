@@ -14,7 +14,7 @@ from typing import get_args
 
 from diffbotctl.block import In, inputs
 from diffbotctl.config import node_ports
-from diffbotctl.config.checks.context import CheckContext
+from diffbotctl.config.checks.context import CheckContext, check
 from diffbotctl.config.configuration import SensorMessage
 from diffbotctl.config.node_ports import RESERVED, ROBOT, NodePorts
 from diffbotctl.config.yaml_tree import Value
@@ -23,6 +23,7 @@ from diffbotctl.message_types import full_name, type_name, type_problem
 from diffbotctl.messages import BUILT_IN, fields
 
 
+@check()
 def check_names(context: CheckContext) -> None:
     """Refuse invalid names and reserved names."""
     blocks, sensors = context.pipeline_value("blocks"), context.robot_value("sensors")
@@ -50,6 +51,7 @@ def _check_name(context: CheckContext, name: str, value: Value, kind: str) -> No
     context.error("E-NAME", value.name_place, cause, f"rename it to {plain}")
 
 
+@check()
 def check_loops(context: CheckContext) -> None:
     """Refuse each loop once, naming its blocks in the order of the wires."""
     blocks = context.pipeline_value("blocks")
@@ -101,6 +103,7 @@ def _sources(value: Value) -> dict[str, Value]:
     return sources
 
 
+@check()
 def check_message_types(context: CheckContext) -> None:
     """Refuse message classes of other packages that cannot be recorded, and two of one name."""
     first: dict[str, type] = {}
@@ -119,6 +122,7 @@ def check_message_types(context: CheckContext) -> None:
                 context.error("E-MESSAGE-TYPE", value.name_place, cause, problem[1])
 
 
+@check()
 def check_wires(context: CheckContext) -> None:
     """Check both ends of every wire of the pipeline."""
     if context.pipeline_tree is None:

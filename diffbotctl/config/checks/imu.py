@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import degrees, floor, radians
 
-from diffbotctl.config.checks.context import CheckContext
+from diffbotctl.config.checks.context import CheckContext, check
 from diffbotctl.config.imu_chips import IMU_CHIPS
 from diffbotctl.links.diffbot_frames import GYRO_MAXIMUM
 
@@ -13,12 +13,11 @@ USABLE_RATIO = 0.9
 TURN_RATE_MAX = USABLE_RATIO * radians(GYRO_MAXIMUM)
 
 
-def check_imu(context: CheckContext) -> None:
+@check("imu.type", "link.protocol", "limits.turn_rate", "board.type")
+def check_imu(
+    context: CheckContext, kind: str, protocol: str, turn_rate: float, board: str
+) -> None:
     """Refuse an IMU that nothing reads, that has another address, or that turns exceed."""
-    values = context.values("imu.type", "link.protocol", "limits.turn_rate", "board.type")
-    if values is None or values[0] is None:
-        return
-    kind, protocol, turn_rate, _ = values
     if protocol != "diffbot":
         cause = f"the book's firmware does not read an {kind}"
         fix = "install ours, `diffbotctl flash firmware`, and set protocol: diffbot; or remove imu"

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Literal, NamedTuple, assert_never
 
 from diffbotctl.config.board_pins import BOARDS, SIMULATED, BoardPins
-from diffbotctl.config.checks.context import CheckContext
+from diffbotctl.config.checks.context import CheckContext, check
 from diffbotctl.config.motor_drivers import MOTOR_DRIVERS, MOTOR_INPUTS
 from diffbotctl.config.robot import SIDES
 from diffbotctl.errors import Place, join_words
@@ -23,12 +23,9 @@ class PinUse(NamedTuple):
     place: Place | str
 
 
-def check_pins(context: CheckContext) -> None:
+@check("board.type", "link.uart", "link.protocol")
+def check_pins(context: CheckContext, board_type: str, uart: int, protocol: str) -> None:
     """Check every pin of the robot file against the table of its board."""
-    values = context.values("board.type", "link.uart", "link.protocol")
-    if values is None:
-        return
-    board_type, uart, protocol = values
     if board_type == SIMULATED:
         if context.real:
             place = context.robot_place("board", "type")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import ceil, floor, pi
 
-from diffbotctl.config.checks.context import CheckContext
+from diffbotctl.config.checks.context import CheckContext, check
 from diffbotctl.config.robot import SIDES
 from diffbotctl.errors import Place
 from diffbotctl.links.diffbot_frames import SLOTS_MAXIMUM
@@ -18,6 +18,7 @@ EDGE_RATE_MAX_HZ = 20_000
 ROUNDING = 1.001
 
 
+@check()
 def check_proportions(context: CheckContext) -> None:
     """Compare diameters and counts of both wheels with the track, and edges with the board."""
     for side in SIDES:

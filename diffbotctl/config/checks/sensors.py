@@ -8,7 +8,7 @@ from math import ceil, degrees, pi, remainder
 from diffbotctl.blocks.obstacle_stop import ObstacleStop, guard_sensor
 from diffbotctl.blocks.range_sensor import RangeSensor
 from diffbotctl.config.board_pins import SIMULATED
-from diffbotctl.config.checks.context import CheckContext
+from diffbotctl.config.checks.context import CheckContext, check
 from diffbotctl.config.checks.graph import nodes_with_inputs
 from diffbotctl.config.node_ports import SENSOR_MESSAGES
 from diffbotctl.config.robot import SensorSection, board_sensors
@@ -32,6 +32,7 @@ BEYOND_OUTLINE_MAX = 0.05
 TRANSPORT_TIME = 0.06
 
 
+@check()
 def check_sensors(context: CheckContext) -> None:
     """Check each distance sensor's keys, and what the board makes of several."""
     if context.robot is None:

@@ -7,7 +7,7 @@ from math import degrees, hypot
 from typing import NamedTuple
 
 from diffbotctl.config.checks.block_needs import GUARDS
-from diffbotctl.config.checks.context import CheckContext
+from diffbotctl.config.checks.context import CheckContext, check
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.errors import Place, Problem, join_words
 from diffbotctl.geometry.footprint import Footprint, distance_to_segment, into_frame
@@ -21,6 +21,7 @@ OF_ONE_CHANNEL = ("bounce", "covered", "missed", "doubled")
 RANGES = (("simulation", "motor", "lag"), ("simulation", "motor", "start_duty"))
 
 
+@check()
 def check_ranges(context: CheckContext) -> None:
     """Refuse a range of the simulated robot that ends before it begins."""
     for path in RANGES:
@@ -34,26 +35,24 @@ def check_ranges(context: CheckContext) -> None:
             context.error("E-RANGE", value.place, cause, f"write [{second}, {first}]")
 
 
-def check_slip(context: CheckContext) -> None:
+@check("simulation.slip", "drive.slip")
+def check_slip(context: CheckContext, simulated: float, stated: float) -> None:
     """Warn of simulated wheels that slip by far more than odometry assumes."""
-    values = context.values("simulation.slip", "drive.slip")
-    if context.real or values is None or values[0] <= SLIP_RATIO_MAX * values[1]:
+    if context.real or simulated <= SLIP_RATIO_MAX * stated:
         return
-    simulated, stated = (1000.0 * value for value in values)
     cause = (
-        f"the simulated wheels slip by {simulated:.3g} mm after 1 m, and odometry assumes "
-        f"{stated:.3g} mm; encoders cannot see slip, so the pose will be worse than reported"
+        f"the simulated wheels slip by {1000 * simulated:.3g} mm after 1 m, and odometry assumes "
+        f"{1000 * stated:.3g} mm; encoders cannot see slip, so the pose will be worse than reported"
     )
     fix = "`diffbotctl calibrate geometry` measures drive.slip; a gyro sees turns by slip"
     context.warn("W-SLIP", context.robot_place("simulation", "slip"), cause, fix)
 
 
-def check_unused_keys(context: CheckContext) -> None:
+@check("drive.left.encoder.channels", "simulation.equations")
+def check_unused_keys(context: CheckContext, channels: int, equations: str) -> None:
     """Warn of properties of the simulated robot that a robot with these parts does not have."""
-    values = context.values("drive.left.encoder.channels", "simulation.equations")
-    if context.real or values is None:
+    if context.real:
         return
-    channels, equations = values
     if channels != 1:
         reason = "only encoders with one channel are simulated with it"
         for key in OF_ONE_CHANNEL:
@@ -71,6 +70,7 @@ def _warn_unused(context: CheckContext, section: str, key: str, reason: str) -> 
         context.warn("W-SIMULATION-UNUSED", value.place, cause, "remove it")
 
 
+@check()
 def check_walls(context: CheckContext) -> None:
     """Refuse walls without a length, and a field without an area."""
     walls = context.pipeline_value("world", "walls")
@@ -87,6 +87,7 @@ def check_walls(context: CheckContext) -> None:
         context.error("E-WALL", place.place, cause, "write its size, such as [3 m, 2 m]")
 
 
+@check()
 def check_scanned_world(context: CheckContext) -> None:
     """Warn of a simulated world in which a laser scanner measures nothing: its guard stops."""
     world = context.pipeline.world if context.pipeline is not None else None
@@ -118,6 +119,7 @@ def _walls(context: CheckContext) -> list[tuple[tuple[float, float], tuple[float
     return ends
 
 
+@check()
 def check_goals(context: CheckContext) -> None:
     """Refuse goals in a wall or obstacle of the simulated world; warn of those very far away."""
     goals = context.pipeline_value("goals")
@@ -133,6 +135,7 @@ def check_goals(context: CheckContext) -> None:
             context.problems += goal_problems(value.place, entry.x, entry.y, room)
 
 
+@check()
 def check_start(context: CheckContext) -> None:
     """Refuse a start at which a wall or obstacle of the simulated world crosses the outline."""
     body = context.values("body.front", "body.back", "body.width")
@@ -238,6 +241,7 @@ def typed_goal_problems(
     return list(goal_problems(place, x, y, room))
 
 
+@check()
 def check_body(context: CheckContext) -> None:
     """Require the outline where a guard relies on it; without one, the book's would be assumed."""
     if context.robot is None or context.robot_tree is None or context.pipeline is None:
