@@ -6,56 +6,19 @@ import re
 import sys
 from getpass import getuser
 from pathlib import Path
+from string import Template
 from typing import TYPE_CHECKING
 
 import click
 
 from diffbotctl.cli.command import argument, command, option
 from diffbotctl.cli.options import ROBOT, port_option
+from diffbotctl.config.lookup import folder
 from diffbotctl.errors import Problem, UsageError
 from diffbotctl.printable import keep_lines
 
 if TYPE_CHECKING:
     from diffbotctl.config.configuration import Configuration
-
-UNIT = """\
-# diffbotctl: {pipeline} on {port}
-#     sudo cp THIS /etc/systemd/system/{name}.service
-#     sudo systemctl daemon-reload
-#     sudo systemctl enable --now {name}
-# Then, as a member of the group {group}: diffbotctl why; diffbotctl goto 0.5 0
-[Unit]
-Description=diffbotctl, {pipeline}
-Documentation=man:systemd.service(5)
-# No limit: the board may be connected an hour from now.
-StartLimitIntervalSec=0
-
-[Service]
-Type=exec
-User={user}
-Group={group}
-WorkingDirectory={folder}
-# {group} may use serial ports, and may command this engine through its socket here.
-RuntimeDirectory=diffbotctl-{group}
-RuntimeDirectoryMode=0750
-ExecStart={command}
-# On SIGINT a run stops the robot, confirms the stop and exits with code 130. Screens and recorder
-# are its child processes and must not receive the signal before it.
-KillSignal=SIGINT
-KillMode=mixed
-TimeoutStopSec=10
-SuccessExitStatus=130
-Restart=on-failure
-RestartSec=5
-# The control path runs 40 times a second and must not wait for other processes.
-Nice=-5
-LimitRTPRIO=2
-NoNewPrivileges=yes
-ProtectSystem=full
-
-[Install]
-WantedBy=multi-user.target
-"""
 
 
 @command("Set up", 8, "Print a systemd unit that starts a run at boot")
@@ -83,9 +46,10 @@ def service(
     words += ["--name", name]
     if configuration.robot_file is not None:
         words += ["--robot", str(configuration.robot_file.resolve())]
+    template = Template((folder("templates") / "unit.service.tmpl").read_text(encoding="utf-8"))
     keep_lines(sys.stdout)
     click.echo(
-        UNIT.format(
+        template.substitute(
             pipeline=pipeline,
             port=port,
             name=name,

@@ -15,21 +15,12 @@ from diffbotctl.cli.options import VIRTUAL_PORTS
 from diffbotctl.cli.start_steps import (
     ANSWER_CODE,
     CHAPTERS,
-    DRIVER,
-    ENCODERS,
-    GOAL,
-    IMU,
-    KIT,
-    LIFTED,
-    MEASURE,
-    METRE,
+    MESSAGES,
     OTHER_PARTS,
-    RADIO,
-    SENSOR,
     Chapter,
     ChapterKey,
-    board_question,
     headline,
+    question,
     slots_question,
 )
 from diffbotctl.config.composed_robot import NONE
@@ -46,24 +37,6 @@ if TYPE_CHECKING:
 
 NEW_ROBOT = "my_robot"
 MEASURED = ("motors", "distance", "geometry")  # steps of the calibration
-NO_BOARD = """\
-No board is connected. Connect the robot's board with its USB cable and run
-`diffbotctl start` again: it continues here. If a board is connected,
-`diffbotctl ports` reports why it is not found; `diffbotctl wiring` draws its
-connections. Without a board, run `diffbotctl emulate` in another terminal: it
-emulates one, and prints the port to give here:
-    diffbotctl start --port PORT"""
-STOCK = """\
-{robot} states link: {{protocol: rosserial}}:
-the board keeps the firmware of the book, and can drive with it:
-    diffbotctl run goal --robot {robot} --port {drive_port}
-This guide is for the diffbotctl firmware, which stops by itself when the host is
-silent. Set link: {{protocol: diffbot}} in the file, and start again."""
-END = """\
-The setup is complete. Next:
-    diffbotctl calibrate show        what is calibrated, and what is not
-    diffbotctl run square --robot {robot} --port {drive_port}
-    diffbotctl why                   why the robot stopped"""
 
 
 class SetupGuide:
@@ -159,7 +132,7 @@ class SetupGuide:
             elif following is None:
                 following = chapter
         if following is None:
-            click.echo(self._format(END))
+            click.echo(self._format(MESSAGES["end"]))
         else:
             _print_chapter("next", following, following.ahead)
 
@@ -181,7 +154,7 @@ class SetupGuide:
                 return 0
             self.progress.finish(chapter.key)
             _print(f"  done: {self._format(chapter.truth)}")
-        click.echo("\n" + self._format(END))
+        click.echo("\n" + self._format(MESSAGES["end"]))
         return 0
 
     def _format(self, text: str) -> str:
@@ -202,10 +175,10 @@ class SetupGuide:
             case ChapterKey.MEASURE:
                 self._calibrate_missing()
             case ChapterKey.METRE:
-                self.prompter.confirm(METRE)
+                self.prompter.confirm(question("metre"))
                 self._run_pipeline("distance", self.drive_port)
             case ChapterKey.GOAL:
-                self.prompter.confirm(GOAL)
+                self.prompter.confirm(question("goal"))
                 self._run_pipeline("goal", self.drive_port)
             case _:
                 assert_never(key)
@@ -234,7 +207,7 @@ class SetupGuide:
 
         for name, kit in new.kits().items():
             _print(f"  {name}: {kit.title}")
-        kit_name = self.prompter.ask(KIT)
+        kit_name = self.prompter.ask(question("kit"))
         if kit_name != OTHER_PARTS:
             new.write("robot", NEW_ROBOT, new.kits()[kit_name].template)
             return
@@ -242,13 +215,15 @@ class SetupGuide:
         _print("  The pins in it are a proposal: wire the robot so, or write yours.")
 
     def _ask_parts(self) -> dict[str, Any]:
-        ask = self.prompter.ask
-        parts: dict[str, Any] = {"board": ask(board_question(self._connected_board()))}
-        parts["driver"] = ask(DRIVER)
-        parts["encoders"] = ask(ENCODERS)
+        def ask(name: str, default: str | None = None) -> str:
+            return self.prompter.ask(question(name, default))
+
+        parts: dict[str, Any] = {"board": ask("board", self._connected_board())}
+        parts |= {"driver": ask("driver"), "encoders": ask("encoders")}
         if parts["encoders"] != NONE:
-            parts["slots"] = int(float(ask(slots_question(parts["encoders"]))))
-        return parts | {"sensors": (ask(SENSOR),), "imu": ask(IMU), "radio": ask(RADIO)}
+            slots = self.prompter.ask(slots_question(parts["encoders"]))
+            parts["slots"] = int(float(slots))
+        return parts | {"sensors": (ask("sensor"),), "imu": ask("imu"), "radio": ask("radio")}
 
     def _connected_board(self) -> str | None:
         """The type of the only board connected, if its USB identity shows it."""
@@ -271,7 +246,7 @@ class SetupGuide:
             except NoBoardError as error:
                 if self.prompter.answers is not None or error.others:
                     raise
-                raise StopGuide(NO_BOARD) from None
+                raise StopGuide(MESSAGES["no_board"]) from None
         self._note_board()
         if self.progress.notes["board"] == "emulated":
             made, is_new = simulated_copy(Path(self.progress.notes["robot"]))
@@ -285,12 +260,12 @@ class SetupGuide:
 
         robot = self._file().robot
         if robot.link.protocol != "diffbot":
-            raise StopGuide(self._format(STOCK))
+            raise StopGuide(self._format(MESSAGES["stock"]))
         if is_diffbot(self.port, robot):
             _print("  The board already has the diffbotctl firmware.")
             return
         _print("  The board has another firmware, which will be overwritten.")
-        self.prompter.confirm(LIFTED)
+        self.prompter.confirm(question("lifted"))
         words = ("firmware", "--port", self.port, "--robot", str(self.robot), "--yes")
         try:
             _run_command(flash.flash, *words)
@@ -303,7 +278,7 @@ class SetupGuide:
         if self._file().robot.drive.polarity != "unproven":
             _print("  The robot file states that the directions are proven.")
             return
-        self.prompter.confirm(LIFTED)
+        self.prompter.confirm(question("lifted"))
         self._calibrate("encoders", rolls=0)
 
     def _calibrate_missing(self) -> None:
@@ -313,13 +288,13 @@ class SetupGuide:
         if not missing:
             _print("  The robot file contains all results already.")
             return
-        answer = self.prompter.ask(MEASURE)
+        answer = self.prompter.ask(question("measure"))
         for step in missing:
             if answer == "later" or (answer == "motors" and step != "motors"):
                 _print(f"  Do this later: diffbotctl calibrate {step}")
                 continue
             if step == "motors":
-                self.prompter.confirm(LIFTED)
+                self.prompter.confirm(question("lifted"))
             self._calibrate(step)
 
     def _file(self) -> RobotFile:

@@ -70,8 +70,8 @@ def test_a_package_with_a_built_in_name_clashes(package):
         ("whisper = broken:Whisper", "import nothing_like_this", "ModuleNotFoundError"),
         ("whisper = broken:Whisper", "raise ValueError('half done')", "half done"),
         ("whisper = broken:Shout", MODULE, "AttributeError"),
-        ("whisper = broken:Text", MODULE, "is not a block"),
-        ("whisper = broken:Whisper", "Whisper = 5", "is not a block"),
+        ("whisper = broken:Text", MODULE, "is not derived from"),
+        ("whisper = broken:Whisper", "Whisper = 5", "is not derived from"),
     ],
 )
 def test_a_block_that_cannot_be_loaded_is_reported(package, tmp_path, entry, module, words):

@@ -1,9 +1,9 @@
 """Checks of the typed values: wiring, pins, budgets and distances.
 
-Each module declares its checks by `@check`.
+Each module declares its checks by `@check`. What follows from an earlier one is reported after it.
 """
 
-from diffbotctl.config.checks import (  # noqa: F401
+from diffbotctl.config.checks import (
     block_needs,
     board,
     calibration,
@@ -17,4 +17,10 @@ from diffbotctl.config.checks import (  # noqa: F401
     sensors,
     world,
 )
-from diffbotctl.config.checks.context import CHECKS as CHECKS
+from diffbotctl.config.checks.context import declared_checks
+
+MODULES = (
+    *(graph, block_needs, pins, encoders, sensors, imu, proportions, drive, board, calibration),
+    *(faults, world),
+)
+CHECKS = tuple(check for module in MODULES for check in declared_checks(module.__name__))

@@ -119,8 +119,8 @@ def _values(robot: Robot | None, paths: Sequence[str]) -> tuple[Any, ...] | None
     return None if any(value is None for value in values) else values
 
 
-CHECKS: list[Callable[[CheckContext], None]] = []  # all of them; `check` adds one
 Check = TypeVar("Check", bound=Callable[..., None])
+_checks: list[tuple[str, Callable[[CheckContext], None]]] = []  # with the name of the module
 
 
 def check(*paths: str, is_nominal: bool = False) -> Callable[[Check], Check]:
@@ -135,7 +135,12 @@ def check(*paths: str, is_nominal: bool = False) -> Callable[[Check], Check]:
             if values is not None:
                 function(context, *values)
 
-        CHECKS.append(run)
+        _checks.append((function.__module__, run))
         return function
 
     return add
+
+
+def declared_checks(module: str) -> list[Callable[[CheckContext], None]]:
+    """The checks that a module declares, in their order there."""
+    return [run for name, run in _checks if name == module]

@@ -33,65 +33,45 @@ def _has_range_sensor(robot: Robot) -> bool:
     return any(is_analog(kind) or kind in ECHOES for kind in kinds)
 
 
+def _measures(robot: Robot, message: type) -> bool:
+    return any(SENSOR_MESSAGES[sensor.type] is message for sensor in robot.sensors.values())
+
+
 OTHER_FAULT = "choose a fault of what this robot has, such as wheel_blocked"
-ENCODERS = Need(lambda robot: _channels(robot) > 0, "it has no encoders", OTHER_FAULT)
-ONE_CHANNEL = Need(
-    lambda robot: _channels(robot) == 1,
-    "its encoders do not have one channel",
-    "use encoder_dead, or a fault of the motors or wheels",
-)
-TWO_CHANNELS = Need(
-    lambda robot: _channels(robot) == 2, "its encoders do not have two channels", OTHER_FAULT
-)
-SCANNER = Need(
-    lambda robot: any(SENSOR_MESSAGES[each.type] is Scan for each in robot.sensors.values()),
-    "it has no laser scanner",
-    OTHER_FAULT,
-)
-RANGES = Need(_has_range_sensor, "it has no distance sensor", OTHER_FAULT)
-IMU = Need(lambda robot: robot.imu.type is not None, "it has no IMU", "state it: `imu: {type: }`")
-BOARD = Need(
-    lambda robot: robot.board.type != SIMULATED,
-    "it exists in the simulator alone, without a board",
-    OTHER_FAULT,
-)
-OWN_FIRMWARE = Need(
-    lambda robot: robot.link.protocol == "diffbot", "its board has other firmware", OTHER_FAULT
-)
-NEEDS: dict[str, tuple[Need, ...]] = {
-    **dict.fromkeys(
-        ("edges_missed", "edges_doubled", "edges_halved", "edges_silent", "edges_chatter"),
-        (ONE_CHANNEL,),
+NEEDS = {  # by the words of faults.yaml
+    "encoders": Need(lambda robot: _channels(robot) > 0, "it has no encoders", OTHER_FAULT),
+    "one_channel": Need(
+        lambda robot: _channels(robot) == 1,
+        "its encoders do not have one channel",
+        "use encoder_dead, or a fault of the motors or wheels",
     ),
-    **dict.fromkeys(("encoder_dead", "encoder_floating", "encoders_exchanged"), (ENCODERS,)),
-    "encoder_reversed": (TWO_CHANNELS,),
-    **dict.fromkeys(("link_cut", "link_loss", "link_delay"), (BOARD,)),
-    "board_reset": (BOARD,),
-    "link_damage": (BOARD, OWN_FIRMWARE),
-    **dict.fromkeys(("range_stuck", "range_silent"), (RANGES,)),
-    "range_endless": (
-        Need(
-            lambda robot: any(sensor.type in ECHOES for sensor in robot.sensors.values()),
-            "it has no ultrasonic sensor",
-            OTHER_FAULT,
-        ),
+    "two_channels": Need(
+        lambda robot: _channels(robot) == 2, "its encoders do not have two channels", OTHER_FAULT
     ),
-    **dict.fromkeys(("lidar_zero", "lidar_late", "lidar_blocked"), (SCANNER,)),
-    **dict.fromkeys(
-        ("imu_silent", "imu_bus_held", "imu_stuck", "imu_biased", "imu_upside_down"), (IMU,)
+    "scanner": Need(lambda robot: _measures(robot, Scan), "it has no laser scanner", OTHER_FAULT),
+    "distance_sensor": Need(_has_range_sensor, "it has no distance sensor", OTHER_FAULT),
+    "ultrasonic_sensor": Need(
+        lambda robot: any(sensor.type in ECHOES for sensor in robot.sensors.values()),
+        "it has no ultrasonic sensor",
+        OTHER_FAULT,
     ),
-    "stop_button": (
-        Need(
-            lambda robot: robot.board.stop_button is not None,
-            "no stop button is connected to its board",
-            "state its pin: `board: {stop_button: 24}`",
-        ),
+    "imu": Need(
+        lambda robot: robot.imu.type is not None, "it has no IMU", "state it: `imu: {type: }`"
+    ),
+    "board": Need(
+        lambda robot: robot.board.type != SIMULATED,
+        "it exists in the simulator alone, without a board",
+        OTHER_FAULT,
+    ),
+    "own_firmware": Need(
+        lambda robot: robot.link.protocol == "diffbot", "its board has other firmware", OTHER_FAULT
+    ),
+    "stop_button": Need(
+        lambda robot: robot.board.stop_button is not None,
+        "no stop button is connected to its board",
+        "state its pin: `board: {stop_button: 24}`",
     ),
 }
-
-
-# Beginnings of the faults that only the shipped plants can have.
-OF_SHIPPED_PLANTS = ("edges_", "wheel_", "robot_", "encoder_reversed")
 
 
 def fault_problems(
@@ -108,18 +88,19 @@ def fault_problems(
         if entry is None or entry.fault not in FAULTS:
             continue
         place = value.entries["fault"].place
-        lacking = [need for need in NEEDS.get(entry.fault, ()) if not need.is_met(robot)]
+        kind = FAULTS[entry.fault]
+        lacking = [NEEDS[need] for need in kind.needs if not NEEDS[need].is_met(robot)]
         if lacking:
             cause = f"this robot cannot have the fault {entry.fault}: {lacking[0].lack}"
             yield Problem("E-FAULT", place, cause, lacking[0].fix)
-        elif robot.simulation.plant is not None and entry.fault.startswith(OF_SHIPPED_PLANTS):
+        elif robot.simulation.plant is not None and kind.is_of_shipped_plant:
             cause = f"a plant of your own cannot have the fault {entry.fault}"
             yield Problem("E-FAULT", place, cause, "let the plant itself do it, or remove `plant`")
         yield from _sensor_problems(robot, entry, value)
         if programs is not None:
             yield from _program_problems(programs, entry, value)
         side = value.entries.get("side")
-        if entry.side is not None and side is not None and not FAULTS[entry.fault].has_side:
+        if entry.side is not None and side is not None and not kind.has_side:
             cause = f"the fault {entry.fault} is of the whole robot, not of one side"
             yield Problem("E-FAULT", side.name_place, cause, "remove side")
 

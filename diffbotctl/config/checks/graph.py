@@ -52,6 +52,57 @@ def _check_name(context: CheckContext, name: str, value: Value, kind: str) -> No
 
 
 @check()
+def check_message_types(context: CheckContext) -> None:
+    """Refuse message classes of other packages that cannot be recorded, and two of one name."""
+    first: dict[str, type] = {}
+    for name, block in context.block_classes.items():
+        ports = node_ports.of_block(block)
+        kinds = {port: declared.kind for port, declared in ports.inputs.items()} | ports.outputs
+        for port, kind in kinds.items():
+            if kind in BUILT_IN.values():
+                continue
+            problem = type_problem(kind)
+            if problem is None and first.setdefault(type_name(kind), kind) is not kind:
+                problem = f"{first[type_name(kind)].__module__} has one too", "rename one of them"
+            value = context.pipeline_value("blocks", name)
+            if problem is not None and value is not None:
+                cause = f"{type_name(kind)}, at '{port}' of '{name}', is no message: {problem[0]}"
+                context.error("E-MESSAGE-TYPE", value.name_place, cause, problem[1])
+
+
+@check()
+def check_wires(context: CheckContext) -> None:
+    """Check both ends of every wire of the pipeline."""
+    if context.pipeline_tree is None:
+        return
+    nodes = {name: node_ports.of_block(block) for name, block in context.block_classes.items()} | {
+        "operator": node_ports.operator()
+    }
+    robot = context.pipeline_value("robot")
+    if robot is not None:
+        nodes["robot"] = node_ports.robot(context.robot)
+    for wire, use in context.inputs.items():
+        node, _, port = wire.partition(".")
+        nodes.setdefault(node, NodePorts({}, {})).outputs[port] = use.kind
+    nodes |= {name: part.ports() for name, part in context.parts.items()}
+    wiring = _Wiring(context, nodes)
+    for name, part in context.parts.items():
+        wiring.check_inputs(name, part.value)
+        if (same := context.pipeline_value("blocks", name)) is not None:
+            cause, fix = f"an include is called '{name}'", "rename the block"
+            context.error("E-NAME", same.name_place, cause, fix)
+    wiring.check_programs()
+    wiring.check_sources()
+    for name, value in nodes_with_inputs(context).items():
+        if name in nodes:
+            wiring.check_inputs(name, value)
+    if robot is not None and robot.at("in", "wheels") is None:
+        cause = "no wire leads to the robot's wheels: it will not move"
+        fix = "add robot: {in: {wheels: kinematics.wheels}}"
+        context.warn("W-WIRE-WHEELS", robot.place, cause, fix)
+
+
+@check()
 def check_loops(context: CheckContext) -> None:
     """Refuse each loop once, naming its blocks in the order of the wires."""
     blocks = context.pipeline_value("blocks")
@@ -101,57 +152,6 @@ def _sources(value: Value) -> dict[str, Value]:
         if node not in RESERVED:
             sources.setdefault(node, source)
     return sources
-
-
-@check()
-def check_message_types(context: CheckContext) -> None:
-    """Refuse message classes of other packages that cannot be recorded, and two of one name."""
-    first: dict[str, type] = {}
-    for name, block in context.block_classes.items():
-        ports = node_ports.of_block(block)
-        kinds = {port: declared.kind for port, declared in ports.inputs.items()} | ports.outputs
-        for port, kind in kinds.items():
-            if kind in BUILT_IN.values():
-                continue
-            problem = type_problem(kind)
-            if problem is None and first.setdefault(type_name(kind), kind) is not kind:
-                problem = f"{first[type_name(kind)].__module__} has one too", "rename one of them"
-            value = context.pipeline_value("blocks", name)
-            if problem is not None and value is not None:
-                cause = f"{type_name(kind)}, at '{port}' of '{name}', is no message: {problem[0]}"
-                context.error("E-MESSAGE-TYPE", value.name_place, cause, problem[1])
-
-
-@check()
-def check_wires(context: CheckContext) -> None:
-    """Check both ends of every wire of the pipeline."""
-    if context.pipeline_tree is None:
-        return
-    nodes = {name: node_ports.of_block(block) for name, block in context.block_classes.items()} | {
-        "operator": node_ports.operator()
-    }
-    robot = context.pipeline_value("robot")
-    if robot is not None:
-        nodes["robot"] = node_ports.robot(context.robot)
-    for wire, use in context.inputs.items():
-        node, _, port = wire.partition(".")
-        nodes.setdefault(node, NodePorts({}, {})).outputs[port] = use.kind
-    nodes |= {name: part.ports() for name, part in context.parts.items()}
-    wiring = _Wiring(context, nodes)
-    for name, part in context.parts.items():
-        wiring.check_inputs(name, part.value)
-        if (same := context.pipeline_value("blocks", name)) is not None:
-            cause, fix = f"an include is called '{name}'", "rename the block"
-            context.error("E-NAME", same.name_place, cause, fix)
-    wiring.check_programs()
-    wiring.check_sources()
-    for name, value in nodes_with_inputs(context).items():
-        if name in nodes:
-            wiring.check_inputs(name, value)
-    if robot is not None and robot.at("in", "wheels") is None:
-        cause = "no wire leads to the robot's wheels: it will not move"
-        fix = "add robot: {in: {wheels: kinematics.wheels}}"
-        context.warn("W-WIRE-WHEELS", robot.place, cause, fix)
 
 
 def nodes_with_inputs(context: CheckContext) -> dict[str, Value]:
