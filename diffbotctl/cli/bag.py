@@ -24,12 +24,14 @@ from diffbotctl.cli.output import (
     print_json,
     write_output,
 )
+from diffbotctl.errors import Problem, UsageError
 from diffbotctl.printable import PrintableStream, RawStream, keep_lines
 from diffbotctl.time import NEVER, SECOND
 
 if TYPE_CHECKING:
     from diffbotctl.recording.fields import Series
     from diffbotctl.recording.reader import RecordingInfo
+    from diffbotctl.ros2.bag_export import ExportResult
 
 recording_argument = click.argument("file", type=click.Path(path_type=Path))
 
@@ -145,8 +147,6 @@ def export(
             "--robot has no effect without --format rosbag2: a table has no robot"
         )
     if kind == "rosbag2":
-        from diffbotctl.cli.bag_rosbag2 import export_rosbag2
-
         return export_rosbag2(file, fields, output, robot, force)
     from diffbotctl.recording import fields as recording_fields
 
@@ -288,3 +288,34 @@ def diff(one: Path, other: Path, as_json: bool = JSON) -> int:
         for line in recording_text.metrics_table(*metrics, ("A", "B")):
             click.echo(line)
     return int(is_different)
+
+
+def export_rosbag2(
+    file: Path, fields: tuple[str, ...], output: Path | None, robot: str | None, force: bool
+) -> int:
+    """Write the recording `file` as the folder `output`, and print what it holds."""
+    if fields:
+        raise click.UsageError("a rosbag2 has all topics: leave out FIELD")
+    if output is None:
+        raise click.UsageError("a rosbag2 is a folder: name it with --output")
+    try:
+        from diffbotctl.ros2.bag_export import export_bag
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] != "rosbags":
+            raise
+        cause = "the package rosbags is not installed"
+        fix = "pip install 'diffbotctl[ros2]'"
+        raise UsageError(Problem("E-ROSBAG2", "--format", cause, fix)) from error
+    _print_result(output, export_bag(file, output, robot, force))
+    return 0
+
+
+def _print_result(output: Path, result: ExportResult) -> None:
+    width = max(map(len, result.counts), default=0)
+    for topic, count in result.counts.items():
+        click.echo(f"{topic:<{width}}  {count}")
+    if result.omitted:
+        click.echo(f"without a ROS topic: {', '.join(result.omitted)}", err=True)
+    if result.complaint:
+        click.echo(f"no frames, joints or velocity: {result.complaint}", err=True)
+    click.echo(f"written: {output}")

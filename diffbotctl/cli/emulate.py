@@ -42,7 +42,7 @@ def emulate(
     terminal as those of a real board: flash, run --port, blink. The motion of the wheels is printed
     here.
     """
-    from diffbotctl.cli.nonblocking_stderr import NonBlockingStderr
+    from diffbotctl.cli.standard_streams import NonBlockingStderr
     from diffbotctl.config.load import load_robot
     from diffbotctl.drivers.robot_link import board_settings
     from diffbotctl.emulator.program import image_of

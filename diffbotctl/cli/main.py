@@ -149,7 +149,7 @@ def _commands_in_groups(name: str) -> list[str]:
 def _unknown_command(words: list[str]) -> Exception:
     from difflib import get_close_matches
 
-    from diffbotctl.cli.ros_aliases import ros_error
+    from diffbotctl.cli.other_words import ros_error
 
     error = ros_error(words)
     if error is not None:
@@ -199,7 +199,7 @@ def main() -> None:
     An interrupt ends the process with exit code 130, also while modules are imported: the modules
     `__main__` and this one are imported with a handler that does so.
     """
-    from diffbotctl.cli.closed_streams import open_closed_streams
+    from diffbotctl.cli.standard_streams import open_closed_streams
     from diffbotctl.printable import printable_stream
 
     open_closed_streams()
@@ -288,7 +288,7 @@ def _print_usage_error(error: click.ClickException) -> None:
         return
     if context is not None:
         print(context.get_usage(), file=sys.stderr)
-    from diffbotctl.cli.extra_words import explained
+    from diffbotctl.cli.other_words import explained
 
     print_error_mark()
     print(f" {explained(error, sys.argv[1:])}", file=sys.stderr)

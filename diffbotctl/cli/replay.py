@@ -61,7 +61,7 @@ def replay(
         end = f"the last message is at {run.last / SECOND:.2f} s"
         raise click.UsageError(f"--from {begin:g} s has nothing to show: {end}")
     if dash:
-        from diffbotctl.cli.run_dash import SavedTerminal, check_terminal
+        from diffbotctl.cli.screens import SavedTerminal, check_terminal
 
         check_terminal(has_socket=True)
         click.get_current_context().call_on_close(SavedTerminal().end)
@@ -225,7 +225,7 @@ def _print_begin(run: RecordedRun) -> None:
 def _view(run: RecordedRun, dash: bool) -> Show:
     """What `run` draws: a map on a terminal, else a line for each event; or the dashboard."""
     if dash:
-        from diffbotctl.cli.run_dash import show
+        from diffbotctl.cli.screens import show
 
         return show
     from diffbotctl.cli.run import screen

@@ -56,7 +56,7 @@ def ros2(
     from diffbotctl.ros2.find_python import find_python, missing_problem
 
     if words:
-        from diffbotctl.cli.ros_aliases import ros_error
+        from diffbotctl.cli.other_words import ros_error
 
         raise ros_error(["ros2", *words]) or click.UsageError(f"unknown word '{words[0]}'")
     if host():

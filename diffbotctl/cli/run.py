@@ -12,7 +12,6 @@ import click
 
 from diffbotctl.cli.command import command
 from diffbotctl.cli.contradictions import exclusive, needs
-from diffbotctl.cli.nonblocking_stderr import NonBlockingStderr
 from diffbotctl.cli.output import print_json
 from diffbotctl.cli.program_consent import allowed_programs, with_code_consent
 from diffbotctl.cli.run_arguments import (
@@ -27,7 +26,8 @@ from diffbotctl.cli.run_arguments import (
     read_goal,
     read_log_level,
 )
-from diffbotctl.cli.run_dash import SavedTerminal, check_terminal, is_dumb_terminal, show
+from diffbotctl.cli.screens import SavedTerminal, check_terminal, is_dumb_terminal, show
+from diffbotctl.cli.standard_streams import NonBlockingStderr
 from diffbotctl.cli.web import CLOSED, check_options, show_page
 from diffbotctl.errors import UsageError
 from diffbotctl.ui.text import fold_text

@@ -16,7 +16,7 @@ import click
 from diffbotctl.cli.command import command, option, require_packages
 from diffbotctl.cli.engine_client import host
 from diffbotctl.cli.options import ENGINE, VIEW, tcp_port_option
-from diffbotctl.cli.run_dash import engine_of
+from diffbotctl.cli.screens import engine_of
 from diffbotctl.errors import UserError
 from diffbotctl.printable import write_raw
 

@@ -7,7 +7,7 @@ from contextlib import suppress
 
 import pytest
 
-from diffbotctl.cli.nonblocking_stderr import NonBlockingStderr
+from diffbotctl.cli.standard_streams import NonBlockingStderr
 
 LONGEST = 10  # s
 

@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner
 
 from diffbotctl.cli.main import commands, program
-from diffbotctl.cli.ros_aliases import ros_answer, ros_answers, ros_error
+from diffbotctl.cli.other_words import ros_answer, ros_answers, ros_error
 from diffbotctl.errors import UsageError
 
 TYPED = {

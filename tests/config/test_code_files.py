@@ -8,7 +8,7 @@ import pytest
 
 from diffbotctl.block import Block
 from diffbotctl.cli.blocks import show
-from diffbotctl.cli.live_names import settings
+from diffbotctl.cli.completion import settings
 from diffbotctl.config import consents
 from diffbotctl.config.code_files import CodeConsentError, CodeFiles
 from diffbotctl.config.load import check, load

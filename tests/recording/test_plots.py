@@ -157,7 +157,7 @@ def test_a_png_has_the_curve_where_the_picture_has_it():
 )
 def test_a_picture_that_cannot_be_written(goal, tmp_path, name, cause):
     with pytest.raises(UserError, match=cause):
-        bag.plot.callback(("odometry.odometry.x",), goal, None, None, tmp_path / name, False, False)
+        invoke(bag.bag, "plot", "odometry.odometry.x", goal, "--output", tmp_path / name)
     assert not list(tmp_path.iterdir())
 
 
