@@ -19,6 +19,7 @@ from diffbotctl.ui.plot import plots
 from diffbotctl.ui.plot.axes import make_axis
 from diffbotctl.ui.plot.canvas import ASCII, BRAILLE, CharacterCanvas
 from diffbotctl.ui.plot.image import COLOURS, encode_svg, make_figure
+from tests.command_result import invoke
 
 NUMBERS = st.floats(-1e9, 1e9, allow_nan=False)
 
