@@ -30,7 +30,7 @@ from diffbotctl.printable import write_raw
 from diffbotctl.ui.text import fold_text
 
 if TYPE_CHECKING:
-    from diffbotctl.cli.start import GuideProgress
+    from diffbotctl.cli.start_steps import GuideProgress
     from diffbotctl.config.configuration import RobotFile
     from diffbotctl.prompts.answers_file import AnswersFile
     from diffbotctl.prompts.question import Question

@@ -5,6 +5,8 @@ Their texts are in start.yaml.
 
 from __future__ import annotations
 
+import json
+import os
 from contextlib import suppress
 from enum import StrEnum
 from pathlib import Path
@@ -12,10 +14,12 @@ from typing import NamedTuple
 
 import yaml
 
+from diffbotctl import user_folders
 from diffbotctl.calibrate.runner import STEPS
 from diffbotctl.cli.new import kits
 from diffbotctl.config.composed_robot import PART_KINDS, USUAL_SLOTS
-from diffbotctl.errors import Problem, UsageError, closest_match, join_words
+from diffbotctl.config.yaml_reader import open_regular
+from diffbotctl.errors import Problem, RunError, UsageError, closest_match, join_words
 from diffbotctl.prompts.answers_file import AnswersFile
 from diffbotctl.prompts.question import Answer, AnswerError, Question
 
@@ -114,3 +118,64 @@ def read_answers(path: Path) -> AnswersFile:
             cause, fix = f"there is no question '{name}'", f"did you mean {near}?"
             raise UsageError(Problem(ANSWER_CODE, str(path), cause, fix))
     return answers
+
+
+STATE_MAX_BYTES = 1 << 20
+
+
+class GuideProgress:
+    """The chapters that are done, in a file below the user's state folder.
+
+    `notes` are other values to keep, such as the port. What the robot or its file can show is not
+    kept here.
+    """
+
+    def __init__(self, path: Path, key: str) -> None:
+        """`key`: the absolute path of the robot folder. A damaged file counts as empty."""
+        self.path, self.key = path, key
+        entry = _read(path).get(key)
+        entry = entry if isinstance(entry, dict) else {}
+        done, notes = entry.get("done"), entry.get("notes")
+        self.done: list[str] = list(map(str, done)) if isinstance(done, list) else []
+        self.notes: dict[str, str] = notes if isinstance(notes, dict) else {}
+
+    def finish(self, chapter: str) -> None:
+        """Mark a chapter as done. Raises RunError if the file cannot be written."""
+        if chapter not in self.done:
+            self.done.append(chapter)
+        self._write()
+
+    def reset(self) -> None:
+        """Forget everything about this folder. Raises RunError if the file cannot be written."""
+        self.done.clear()
+        self.notes.clear()
+        self._write()
+
+    def _write(self) -> None:
+        """Replace the file atomically."""
+        entries = _read(self.path) | {self.key: {"done": self.done, "notes": self.notes}}
+        temporary = self.path.with_name(f".{self.path.name}.{os.getpid()}")
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            temporary.write_text(json.dumps(entries, indent=1))
+            temporary.replace(self.path)
+        except OSError as error:
+            with suppress(OSError):
+                temporary.unlink()
+            cause = f"the progress cannot be saved: {error.strerror}"
+            fix = "free disk space, change the permissions, or set XDG_STATE_HOME to another folder"
+            raise RunError(Problem("E-FILE-WRITE", str(self.path), cause, fix)) from error
+
+
+def state_path() -> Path:
+    """The file below the user's state folder."""
+    return user_folders.state_folder() / "start.json"
+
+
+def _read(path: Path) -> dict[str, object]:
+    with suppress(OSError, ValueError, RecursionError):
+        with open_regular(path) as file:
+            entries = json.loads(file.read(STATE_MAX_BYTES))
+        if isinstance(entries, dict):
+            return entries
+    return {}

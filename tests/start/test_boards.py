@@ -5,9 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from diffbotctl.cli.start import GuideProgress
 from diffbotctl.cli.start_guide import SetupGuide
-from diffbotctl.cli.start_steps import CHAPTERS
+from diffbotctl.cli.start_steps import CHAPTERS, GuideProgress
 from diffbotctl.drivers.robot_ports import mark_emulated
 
 ALL = [chapter.key for chapter in CHAPTERS]

@@ -2,7 +2,7 @@
 
 import pytest
 
-from diffbotctl.cli.start import GuideProgress, state_path
+from diffbotctl.cli.start_steps import GuideProgress, state_path
 from diffbotctl.errors import RunError
 
 
