@@ -30,7 +30,7 @@ GIVEN = [
     ("lessons/talker/lesson.md", "hear", "a wire of that block"),
     ("lessons/talker/check/judge.yaml", "hear", "a wire of that block"),
     ("diffbotctl/diagnostics/private_text.py", "nobody", "a user of every Linux system"),
-    ("diffbotctl/cli/service.py", "wanted", "the key WantedBy of systemd"),
+    ("diffbotctl/templates/unit.service.tmpl", "wanted", "the key WantedBy of systemd"),
     ("diffbotctl/web/assets/page.css", "stretch", "a value of the CSS property align-items"),
     ("tests/test_words.py", None, "the pattern itself"),
 ]
