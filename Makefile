@@ -46,11 +46,13 @@ $(PICO)/node_modules/.package-lock.json: $(PICO)/package-lock.json
 
 # More processes than cores: many tests wait for a board in real time. A module's tests have one worker, which
 # makes its fixtures once.
-WORKERS := -n 4 --dist loadscope --no-loadscope-reorder
+WORKERS := -n 8 --dist loadscope --no-loadscope-reorder
 
+# Beside the types, one process reads all tests: it leaves their bytecode, which each worker would make otherwise.
 test: packages pico $(VENV)/tested
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/python -m mypy & types=$$!; $(BIN)/python -m pytest --collect-only -qq >/dev/null; wait $$types
 	$(BIN)/python -m pytest $(WORKERS) -rsfE
 
 # A separate environment with ROS 2 from third-party wheels (x86-64; Python 3.10 to 3.13; 250 MB), for the

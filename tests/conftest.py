@@ -12,11 +12,16 @@ from hypothesis import settings
 
 from tests.stalled_computer import StalledComputer
 
-# In real time, or with a compiler or a browser.
+# Modules of half a minute or more; folders in real time, or with a compiler or a browser.
 LONGEST = (
-    "tests/test_types.py",
-    *(f"tests/{name}/" for name in ("start", "runs", "web", "ui", "ros2", "firmware", "flash")),
-    *(f"tests/{name}/" for name in ("control_socket", "calibrate", "foxglove", "cli")),
+    "tests/test_docs_commands.py",
+    "tests/start/",
+    *(f"tests/{name}.py" for name in ("drivers/test_lidar", "test_hostile_files")),
+    *(f"tests/{name}.py" for name in ("runs/test_handshake", "blocks/test_odometry")),
+    *(f"tests/{name}/" for name in ("package", "cli", "client", "bluetooth", "learn")),
+    *(f"tests/{name}.py" for name in ("test_first_block", "recording/test_own_messages")),
+    *(f"tests/{name}/" for name in ("control_socket", "runs", "web", "firmware", "foxglove")),
+    *(f"tests/{name}/" for name in ("flash", "ui", "calibrate", "ros2", "ports")),
 )
 
 os.chdir(Path(__file__).parent.parent)
