@@ -3,7 +3,7 @@
 import pytest
 
 from diffbotctl.calibrate import motor_experiments, motor_fit
-from diffbotctl.calibrate.motor_lag_fit import fit_common_lag
+from diffbotctl.calibrate.motor_lag import SAME_LAG, fit_lags
 from diffbotctl.calibrate.runner import open_session, run_step
 from diffbotctl.calibrate.steps.motors import MotorStep
 from diffbotctl.config.load import load_robot
@@ -12,6 +12,8 @@ from diffbotctl.prompts.answers_file import AnswersFile
 from diffbotctl.time import MILLISECOND as MS
 from tests.sampling import by_day
 from tests.support.calibration_robots import SilentScreen
+
+SLOTS, SHARES = {"left": 20, "right": 20}, {"left": SAME_LAG, "right": SAME_LAG}
 
 
 def ended(running):
@@ -36,7 +38,7 @@ def stock(seed, delay):
 @pytest.mark.parametrize("seed, delay", by_day(1, [(1, 100), (2, 30), (3, 180)]))
 def test_a_delay_is_distinguished_from_the_motors_lag(seed, delay):
     made, plant = stock(seed, delay)
-    fitted = fit_common_lag(ended(motor_experiments.record_steps(made)), 20, 0.012)
+    fitted = fit_lags(ended(motor_experiments.record_steps(made)), SLOTS, SHARES, 0.012)["left"]
     lag = sum(motor.lag for motor in plant.motors) / 2
     # Each wheel takes each of 24 commands up to 25 ms early or late: 2 ms of their mean.
     assert fitted.lag + fitted.dead_time == pytest.approx(lag + delay / 1000, abs=0.01)
@@ -60,4 +62,4 @@ def test_wheels_at_rest_are_not_enough():
     frames = [Encoders(60 * MS * number, 5, 5, None, None) for number in range(40)]
     steps = [motor_fit.StepResponse(frames, 1.0, up) for up in (True, False)] * 2
     with pytest.raises(ValueError, match="did not increase with the duty"):
-        fit_common_lag(steps, 20, 0.012)
+        fit_lags(steps, SLOTS, SHARES, 0.012)

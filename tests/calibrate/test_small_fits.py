@@ -7,7 +7,9 @@ import pytest
 
 from diffbotctl.calibrate import encoder_fit, motor_fit
 from diffbotctl.calibrate.confidence import robust_mean
+from diffbotctl.calibrate.motor_lag import SAME_LAG, fit_lags
 from diffbotctl.config.load import load_robot
+from diffbotctl.config.robot import SIDES
 from diffbotctl.messages import Encoders
 from diffbotctl.time import SECOND
 
@@ -106,7 +108,8 @@ def steps(lag, dead, uneven=0.0, seed=1):
     "lag, dead, uneven", [(0.06, 0, 0), (0.15, 0, 0), (0.10, 0, 0.03), (0.08, 0.03, 0.01)]
 )
 def test_a_lag_is_found_again(lag, dead, uneven):
-    fit = motor_fit.fit_lag(steps(lag, dead, uneven), True, 20)
+    slots, shares = dict.fromkeys(SIDES, 20), dict.fromkeys(SIDES, SAME_LAG)
+    fit = fit_lags(steps(lag, dead, uneven), slots, shares)["left"]
     assert fit.lag + fit.dead_time == pytest.approx(lag + dead, abs=0.003)
     assert fit.lag == pytest.approx(lag, rel=0.1)
     assert fit.dead_time == pytest.approx(dead, abs=0.008)
@@ -115,4 +118,4 @@ def test_a_lag_is_found_again(lag, dead, uneven):
 def test_steps_without_edges_are_refused():
     empty = [motor_fit.StepResponse([Encoders(0, 0, 0, None, None)], 0.0, True)] * 2
     with pytest.raises(ValueError, match="too few edges"):
-        motor_fit.fit_lag(empty, True, 20)
+        fit_lags(empty, {"left": 20}, {"left": SAME_LAG})

@@ -17,7 +17,8 @@ from diffbotctl.calibrate.motor_experiments import (
     DIRECTIONS,
     DUTY_LEVELS,
 )
-from diffbotctl.calibrate.motor_fit import SPEED_POINTS_MIN, LagFit, fit_line
+from diffbotctl.calibrate.motor_fit import SPEED_POINTS_MIN, fit_line
+from diffbotctl.calibrate.motor_lag import LagFit
 from diffbotctl.calibrate.steps.motors import MotorFit, motor_findings
 from diffbotctl.calibrate.steps.squares import RUNS_PER_DIRECTION
 from diffbotctl.calibrate.umbmark import (

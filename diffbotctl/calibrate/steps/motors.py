@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from math import floor, hypot, pi
 from typing import NamedTuple
 
-from diffbotctl.calibrate.fast_decay_lag import fit_fast_lags
 from diffbotctl.calibrate.motor_curve import FittedMotor, fit_curves
 from diffbotctl.calibrate.motor_experiments import (
     BREAKAWAY_DUTY_MAX,
@@ -26,15 +25,8 @@ from diffbotctl.calibrate.motor_experiments import (
     measure_speeds,
     record_steps,
 )
-from diffbotctl.calibrate.motor_fit import (
-    DEAD_TIME_STEP_S,
-    LagFit,
-    SpeedDutyLine,
-    StepResponse,
-    fit_lag,
-    fit_line,
-)
-from diffbotctl.calibrate.motor_lag_fit import fit_common_lag
+from diffbotctl.calibrate.motor_fit import SpeedDutyLine, StepResponse, fit_line
+from diffbotctl.calibrate.motor_lag import SAME_LAG, LagFit, fit_lags
 from diffbotctl.calibrate.result import Finding
 from diffbotctl.calibrate.session import RATED_SPEED_RATIO_MAX, RobotSession, drive_sides
 from diffbotctl.calibrate.step import Outcome, StepRun
@@ -49,8 +41,8 @@ STATIC_DUTY_MAX = 0.75
 DIRECTION_DIFFERENCE_MAX = 0.15  # of the rated speed; more is a fault of gear or driver
 COMMAND_JITTER_MIN_S = 0.005  # standard deviation, for a board that does not report the time
 BATTERY_LISTEN_TIME_S = 1.0
+DEAD_TIME_SD_MIN_S = 0.002
 BREAKAWAY_SD_RATIO = 0.03  # it depends on where the teeth of the gear stand
-SAME_LAG = (1.0, 1.0)  # after steps up and down
 
 
 class MotorFit(NamedTuple):
@@ -130,33 +122,17 @@ def _fit_lags(
 ) -> dict[str, LagFit]:
     """The lag of each wheel, as a robot file states it. Raises RunError if the wheels did not
     follow the steps."""
-    side, staircase = "left or the right", duty_staircase(robot)
-    duties = (staircase.high, staircase.low)
-    shares = {
-        name: (curve.law().slowness(duties[0]), curve.law().slowness(duties[1]))
-        for name, curve in curves.items()
-    }
+    staircase = duty_staircase(robot)
+    shares = dict.fromkeys(SIDES, SAME_LAG)
+    for side, curve in curves.items():
+        law = curve.law()
+        shares[side] = law.slowness(staircase.high), law.slowness(staircase.low)
+    jitter = max(robot.link.command_jitter, COMMAND_JITTER_MIN_S) if is_duty_board(robot) else None
+    counts = {side: section.encoder.counts for side, section in drive_sides(robot).items()}
     try:
-        if is_duty_board(robot):
-            jitter = max(robot.link.command_jitter, COMMAND_JITTER_MIN_S)
-            mean = fit_common_lag(steps, robot.drive.left.encoder.counts, jitter)
-            return {side: _stated_lag(mean, shares.get(side, SAME_LAG)) for side in SIDES}
-        counts = {side: section.encoder.counts for side, section in drive_sides(robot).items()}
-        if any(up != down for up, down in shares.values()):
-            return fit_fast_lags(steps, counts, shares)
-        lags = {}
-        for side, count in counts.items():
-            lags[side] = fit_lag(steps, side == "left", count)
-        return lags
+        return fit_lags(steps, counts, shares, jitter)
     except ValueError as error:
-        raise _unusable_wheel(side, error) from error
-
-
-def _stated_lag(mean: LagFit, shares: tuple[float, float]) -> LagFit:
-    """The stated lag from the `mean` one of steps up and down. Where it depends on the duty, it is
-    known to half of the difference."""
-    stated = mean.lag * len(shares) / sum(shares)
-    return mean._replace(lag=stated, sd=hypot(mean.sd, 0.5 * (stated - mean.lag)))
+        raise _unusable_wheel("left or the right", error) from error
 
 
 def _unusable_wheel(side: str, error: ValueError) -> RunError:
@@ -267,16 +243,13 @@ def _delay_findings(nominal: Robot, motors: dict[str, MotorFit]) -> list[Finding
     If the board reports when a command took effect, only the dead time of the motors is added to
     the stated delay of the link.
     """
-    lags = [motor.lag for motor in motors.values()]
-    dead_time = sum(lag.dead_time for lag in lags) / len(lags)
+    lag = next(iter(motors.values())).lag  # both have one dead time
     if is_duty_board(nominal):
-        sd = hypot(lags[0].sd, max(lag.split_sd for lag in lags))
-        return [Finding("link.command_delay", dead_time, sd)]
-    if not dead_time:
+        return [Finding("link.command_delay", lag.dead_time, hypot(lag.sd, lag.split_sd))]
+    if not lag.dead_time:
         return []
-    delay = nominal.link.command_delay + dead_time
-    sd = hypot(*(lag.split_sd for lag in lags)) / len(lags)
-    return [Finding("link.command_delay", delay, hypot(sd, DEAD_TIME_STEP_S))]
+    delay = nominal.link.command_delay + lag.dead_time
+    return [Finding("link.command_delay", delay, hypot(lag.split_sd, DEAD_TIME_SD_MIN_S))]
 
 
 def _direction_faults(motors: dict[str, MotorFit]) -> list[str]:
