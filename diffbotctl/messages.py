@@ -568,8 +568,9 @@ class MapUpdate(NamedTuple):
         Field("", "Column and row of each tile, concatenated; cell 0, 0 begins at the origin."),
     ] = ()
     tiles: Annotated[tuple[str, ...], Field("", "The tiles that have changed.")] = ()
-    request: Annotated[int, Field("", "Number of the request that was carried out; 0: none.")] = 0
-    cause: Annotated[str, Field("", "Why it is in this state, or why the request failed.")] = ""
+    request: Annotated[int, Field("", "Number of the last request; 0: none yet.")] = 0
+    refusal: Annotated[str, Field("", "Why that request failed; empty when it did not.")] = ""
+    cause: Annotated[str, Field("", "Why it is in this state.")] = ""
 
 
 class MapPose(NamedTuple):

@@ -78,7 +78,7 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "client": 930,
     "config": 9_150,
     "control": 1_750,
-    "control_socket": 3_580,
+    "control_socket": 3_650,
     "diagnostics": 650,
     "drivers": 3_760,
     "emulator": 1_130,
@@ -86,7 +86,7 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "estimation": 5_630,
     "flash": 1_500,
     "foxglove": 1_010,
-    "geometry": 720,
+    "geometry": 760,
     "learn": 735,
     "links": 4_310,
     "mapping": 2_000,
@@ -103,8 +103,8 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "ros2": 1_780,
     "runs": 1_300,
     "trials": 1_670,
-    "ui": 4_220,
-    "web": 1_500,
+    "ui": 4_310,
+    "web": 1_590,
 }
 
 SMALL_MODULE_LINES = 25

@@ -73,6 +73,7 @@ class Slam(Block):
         self.last_update: MapUpdate | None = None
         self.waiting: Scan | None = None  # for the odometry up to its end
         self.requests: list[MapRequest] = []
+        self.asked: list[MapRequest] = []  # that wait for their answer
         self.number = 0
         self.is_order_reported = False
         self.reported = ""
@@ -109,6 +110,8 @@ class Slam(Block):
             self._take_update(update)
         points = self._points(odometry)
         request = self.requests.pop(0) if self.requests else None
+        if request is not None:
+            self.asked.append(request)
         return points, request, self.localization.pose(odometry, self._why_late(now))
 
     def _ask(
@@ -140,6 +143,10 @@ class Slam(Block):
         self.alignment.take(update)
         for text in self.alignment.findings():
             self.log.warning(text)
+        while self.asked and self.asked[0].number <= update.request:
+            done = self.asked.pop(0)
+            result = update.refusal if done.number == update.request else ""
+            self.log.info(f"{done.task} {done.name}".rstrip() + f": {result or 'done'}")
         text = f"{update.state}: {update.cause}" if update.cause else update.state
         if text != self.reported:
             self.reported = text

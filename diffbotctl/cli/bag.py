@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 recording_argument = click.argument("file", type=click.Path(path_type=Path))
 
 
-@group("Record", 2, "Recordings: record, save, info, plot, export, diff")
+@group("Record", 3, "Recordings: record, save, info, plot, export, diff")
 def bag() -> None:
     """Record a running engine, play into one; inspect recordings: content, plots, differences."""
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from diffbotctl.replay.replay import ReplayOptions, ReplayResult, Show
 
 
-@command("Record", 1, "Replay a recording, unchanged or changed")
+@command("Record", 1, "Replay a recording")
 @exclusive("--check", ("--set", "--from", "--until"), "it compares the whole, unchanged recording")
 @exclusive("--json", ("--dash", "--rate"), "JSON is printed in place of a screen")
 @needs(("--same-motion",), ("--set",), "an unchanged replay always has the recorded motion")

@@ -50,6 +50,7 @@ METHODS: dict[str, Method[Any]] = {
     "describe_topic": Method(requests.DescribeTopicRequest, introspection.handle_describe_topic),
     "topic_rate": Method(requests.TopicRateRequest, introspection.handle_topic_rate),
     "read_history": Method(requests.ReadHistoryRequest, introspection.handle_read_history),
+    "read_map": Method(requests.ReadMapRequest, introspection.handle_read_map),
     "subscribe": Method(requests.SubscribeRequest, introspection.handle_subscribe),
     "unsubscribe": Method(requests.UnsubscribeRequest, introspection.handle_unsubscribe),
     "publish": Method(requests.PublishRequest, commands.handle_publish),

@@ -136,6 +136,13 @@ class ReadHistoryRequest(NamedTuple):
     topic: Topic
 
 
+class ReadMapRequest(NamedTuple):
+    """The tiles of the map that have changed: `places`, `tiles`; `is_last`: there are no more."""
+
+    map: Annotated[float, RequestField("number of the map whose tiles are known", "", 0)] = 0
+    since: Annotated[float, RequestField("`number` of the last reply", "", 0)] = 0
+
+
 class SubscribeRequest(NamedTuple):
     """Stream a topic from now on; `*` is all."""
 

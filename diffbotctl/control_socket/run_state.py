@@ -17,6 +17,7 @@ from diffbotctl.engine.live_changes import LiveChanges
 from diffbotctl.engine.profiler import BlockLoad
 from diffbotctl.engine.stop_places import StopPlaces, pose_wire, stops_in_force
 from diffbotctl.errors import closest_match
+from diffbotctl.geometry.map_tiles import MapTiles
 from diffbotctl.geometry.trail import Trail
 from diffbotctl.graph import LOG, Graph
 from diffbotctl.message_types import parts
@@ -24,6 +25,7 @@ from diffbotctl.messages import (
     Canvas,
     GoalState,
     LogLine,
+    MapUpdate,
     Message,
     Odometry,
     Setting,
@@ -184,6 +186,7 @@ class RunState:
         self.errors: dict[str, LogLine] = {}
         self.loads: dict[str, BlockLoad] = {}
         self.parsers: dict[str, Callable[[dict[str, Any]], Any]] = {}  # of inputs, by wire
+        self.tiles = MapTiles()
         self.now = 0
 
     def update(self, update: EngineUpdate) -> None:
@@ -198,6 +201,7 @@ class RunState:
         for wire, message in zip(self.wires, instant[1:], strict=True):
             if message is None:
                 continue
+            message = self._without_tiles(message)
             was_stopped = type(message) is Stop and self.stop_in_force() is not None
             self.newest[wire] = message
             self.counts[wire] += 1
@@ -223,6 +227,13 @@ class RunState:
                 if message.level == "error":
                     self.errors[message.source] = message
         self.history.sample(now, self.newest)
+
+    def _without_tiles(self, message: Any) -> Any:
+        """An update of the map without its tiles, which `read_map` sends; any other message."""
+        if type(message) is not MapUpdate:
+            return message
+        self.tiles.take(message)
+        return message._replace(places=(), tiles=())
 
     def _forget_pose(self, number: int) -> None:
         """A turtle that was removed has no pose any more."""

@@ -56,6 +56,7 @@ class MapSession:
         self.number = int(facts.get("map", 1))
         self.resume: list[float] | None = facts.get("resume")
         self.cause = ""
+        self.request, self.refusal = 0, ""
         self.scans = 0
         self.time = self.tiles_due = self.autosave_due = 0
         self.has_changed = False  # since it was saved
@@ -93,8 +94,8 @@ class MapSession:
         elif request.task == "place":
             pose = np.array([request.x, request.y, request.heading])
             self.mapper.answer(pose, np.diag(np.square(PLACED_SD)))
-        update = self._update()
-        return update._replace(request=request.number, cause=cause or update.cause)
+        self.request, self.refusal = request.number, cause
+        return self._update()
 
     def autosave(self) -> None:
         """Save the map if it has grown; a full disk ends no run."""
@@ -136,6 +137,8 @@ class MapSession:
                 self.time,
                 "searching" if self.facts["load"] else "starting",
                 map=self.number,
+                request=self.request,
+                refusal=self.refusal,
                 cause=self.cause,
                 resolution=self.mapper.parameters.resolution,
             )
@@ -157,6 +160,8 @@ class MapSession:
             resolution=self.mapper.parameters.resolution,
             places=tuple(number for place, _ in tiles for number in place),
             tiles=tuple(text for _, text in tiles),
+            request=self.request,
+            refusal=self.refusal,
             cause=self.cause,
         )
 

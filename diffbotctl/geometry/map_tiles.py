@@ -15,6 +15,7 @@ from diffbotctl.messages import MapUpdate
 
 TILE = 64  # cells on each side
 UNKNOWN, FREE, OCCUPIED = "u", ".", "#"
+PART_TILES = 64  # of one answer to a client
 EMPTY_TILE = f"{TILE * TILE}{UNKNOWN}"
 RUNS = re.compile(r"(.)\1*")
 RUN = re.compile(r"(\d+)([u.#])")
@@ -58,6 +59,9 @@ class MapTiles:
 
     def __init__(self) -> None:
         self.tiles: dict[Place, str] = {}
+        self.changes: dict[Place, int] = {}  # number of the update that changed each tile
+        self.number = 0  # of the last update
+        self.points: dict[Place, list[tuple[float, float]]] = {}  # as they were asked for
         self.map = self.version = 0
         self.sha256 = ""
         self.resolution = 0.05
@@ -65,13 +69,33 @@ class MapTiles:
     def take(self, update: MapUpdate) -> list[Place]:
         """Take an update; returns the places of the tiles that it changes."""
         if update.map != self.map:
-            self.map, self.tiles = update.map, {}
+            self.map, self.tiles, self.changes, self.points = update.map, {}, {}, {}
+        self.number += 1
         self.version, self.sha256 = update.version, update.sha256
         self.resolution = update.resolution
         numbers = iter(update.places)
         places = list(zip(numbers, numbers, strict=False))
         self.tiles.update(zip(places, update.tiles, strict=False))
+        self.changes.update(dict.fromkeys(places, self.number))
+        for place in places:
+            self.points.pop(place, None)
         return places
+
+    def since(self, map_number: int, number: int) -> tuple[list[Place], int]:
+        """The tiles that changed after update `number` of that map, a part of them.
+
+        Returns their places, and the number up to which they are then known.
+        """
+        begin = number if map_number == self.map else 0
+        changed = sorted((at, place) for place, at in self.changes.items() if at > begin)
+        part = changed[:PART_TILES]
+        if len(part) < len(changed):  # those of one update stay together
+            last = part[-1][0]
+            whole = [each for each in part if each[0] < last]
+            part = whole or [each for each in changed if each[0] == last]
+        return [place for _, place in part], part[-1][0] if len(part) < len(
+            changed
+        ) else self.number
 
     @property
     def is_whole(self) -> bool:
@@ -100,7 +124,9 @@ class MapTiles:
     def occupied(self) -> Iterator[tuple[float, float]]:
         """The middle of each occupied cell, m."""
         for place, text in self.tiles.items():
-            yield from occupied_cells(place, text, self.resolution)
+            if place not in self.points:
+                self.points[place] = list(occupied_cells(place, text, self.resolution))
+            yield from self.points[place]
 
 
 def occupied_cells(place: Place, text: str, resolution: float) -> Iterator[tuple[float, float]]:

@@ -141,6 +141,12 @@ class EngineApp(App[int]):
                 reply = await self.client.request("read_history", topic=topic)
                 self.run_view.take_trail(reply)
 
+    async def _read_map(self) -> None:
+        """What has changed in the map."""
+        while (fields := self.run_view.map_request) is not None:
+            if not self.run_view.take_map(await self.client.request("read_map", **fields)):
+                return
+
     async def _read_histories(self) -> None:
         """The past of the topics that are plotted, each once."""
         for topic in self.plotted_topics() - self.histories:
@@ -153,6 +159,7 @@ class EngineApp(App[int]):
         now = time.monotonic()
         try:
             await self._poll("snapshot")
+            await self._read_map()
             if now - self.last_slow_poll > SLOW_POLL_PERIOD_S:
                 self.last_slow_poll = now
                 await self._poll(*self.slow_requests)

@@ -115,8 +115,8 @@ def facts_table(snapshot: RunSnapshot, progress: str | None = None) -> Table:
     odometry, stop = run_text.newest_odometry(snapshot), run_text.active_stop(snapshot)
     time = f"{snapshot.time / SECOND:.1f} s"
     add("time", time if progress is None else f"{time}  {progress}")
-    if odometry is not None:
-        add("pose", run_text.pose_text(odometry))
+    for name, text in run_text.pose_rows(snapshot):
+        add(name, text)
     if (goal := run_text.newest_message(snapshot, Goal)) is not None and goal.number:
         add("goal", run_text.goal_text(goal, snapshot.goals))
     if (state := run_text.newest_message(snapshot, GoalState)) is not None:

@@ -20,6 +20,7 @@ from diffbotctl.messages import (
     GoalState,
     Link,
     LogLine,
+    MapPose,
     Message,
     Odometry,
     Range,
@@ -85,6 +86,22 @@ def pose_text(odometry: Odometry) -> str:
     return (
         f"x {odometry.x:.3f} m  y {odometry.y:.3f} m  heading {degrees(odometry.heading):.1f} deg"
     )
+
+
+def pose_rows(snapshot: RunSnapshot) -> Iterator[tuple[str, str]]:
+    """The pose by odometry, and that in the map, as (name, text)."""
+    if (odometry := newest_odometry(snapshot)) is not None:
+        yield "pose", pose_text(odometry)
+    if (place := newest_message(snapshot, MapPose)) is not None:
+        yield "map", map_pose_text(place)
+
+
+def map_pose_text(pose: MapPose) -> str:
+    """`mapping, x 0.512 m  y 0.250 m  heading 45.2 deg`; what is wrong instead, if it is."""
+    place = f"x {pose.x:.3f} m  y {pose.y:.3f} m  heading {degrees(pose.heading):.1f} deg"
+    if pose.state == "ambiguous":
+        return "several places look alike: click where the robot is, or `diffbotctl map place`"
+    return f"{pose.state}, {pose.cause or place}"
 
 
 def goal_text(goal: Goal, goals: int) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Callable, Iterator, Set
+from collections.abc import Callable, Iterator, Mapping, Set
 from math import degrees, isfinite
 from typing import Any
 
@@ -12,18 +12,22 @@ from diffbotctl.control_socket.address import EngineAddress
 from diffbotctl.control_socket.client import AsyncControlClient
 from diffbotctl.control_socket.protocol import Fields, RefusalError
 from diffbotctl.estimation.imu_text import imu_text
+from diffbotctl.geometry.map_tiles import Place
 from diffbotctl.messages import (
     Battery,
     Goal,
     GoalState,
     Imu,
     Link,
+    MapPose,
+    MapUpdate,
     Odometry,
     Path,
     Range,
     Scan,
     Text,
 )
+from diffbotctl.processes.screen import RunSnapshot
 from diffbotctl.time import SECOND
 from diffbotctl.ui import run_text
 from diffbotctl.ui.dash.state import REQUESTS, Request, RunView
@@ -44,6 +48,7 @@ class RunPicture:
         self.new_points: list[tuple[float, float]] = []
         self.is_trail_new = True
         self.scan_times: dict[str, int] = {}
+        self.new_tiles: dict[Place, str] = {}
 
     def take(self, request: Request, reply: Fields) -> None:
         """Update with the reply to `request`."""
@@ -61,6 +66,24 @@ class RunPicture:
         self.view.take_trail(reply)
         self.new_points, self.is_trail_new = list(self.view.trail.points), True
 
+    @property
+    def map_block(self) -> str:
+        """Name of the block that locates the robot in the map; empty without one."""
+        messages = self.view.snapshot.messages.items()
+        wire = next((wire for wire, message in messages if isinstance(message, MapPose)), "")
+        return wire.partition(".")[0]
+
+    def take_map(self, reply: Fields) -> bool:
+        """Take tiles of the map. True when there are more."""
+        tiles = self.view.tiles
+        self.new_tiles = {} if reply["map"] != tiles.map else self.new_tiles
+        has_more = self.view.take_map(reply)
+        numbers = iter(reply["places"])
+        self.new_tiles |= {
+            place: tiles.tiles[place] for place in zip(numbers, numbers, strict=True)
+        }
+        return has_more
+
     def changes(self) -> Fields:
         """What is new since the last call."""
         scans = {
@@ -73,7 +96,9 @@ class RunPicture:
             "trail": _points(self.new_points),
             "trail_begins": self.is_trail_new,
         }
-        self.new_points, self.is_trail_new = [], False
+        if self.new_tiles:
+            fields["map"] = self._map_fields(self.new_tiles)
+        self.new_points, self.is_trail_new, self.new_tiles = [], False, {}
         return fields
 
     def whole(self) -> Fields:
@@ -84,7 +109,14 @@ class RunPicture:
             "scans": {wire: self._scan_fields(scan) for wire, scan in self._scans()},
             "trail": _points(list(self.view.trail.points)),
             "trail_begins": True,
+            "map": self._map_fields(self.view.tiles.tiles),
         }
+
+    def _map_fields(self, tiles: Mapping[Place, str]) -> Fields:
+        """Number of the map, side of a cell (m), and column, row and text of each tile."""
+        whole = self.view.tiles
+        rows = [[*place, text] for place, text in tiles.items()]
+        return {"number": whole.map, "resolution": whole.resolution, "tiles": rows}
 
     def _scans(self) -> Iterator[tuple[str, Scan]]:
         for wire, message in self.view.snapshot.messages.items():
@@ -112,7 +144,10 @@ class RunPicture:
         goal = run_text.newest_message(snapshot, Goal)
         path = run_text.newest_message(snapshot, Path)
         stop = self.view.held
+        place = run_text.newest_message(snapshot, MapPose)
         return {
+            "odom": None if place is None else [round(value, 5) for value in place.odom],
+            "candidates": [] if place is None else _candidates(snapshot),
             "time": snapshot.time / SECOND,
             "pose": None if odometry is None else _pose_fields(odometry),
             "goal": None if goal is None or not goal.number else _goal_fields(goal),
@@ -131,6 +166,12 @@ def _place_fields(odometry: Odometry) -> list[float]:
     """x, y and heading."""
     place = (odometry.x, odometry.y, odometry.heading)
     return [round(value, 4) if isfinite(value) else 0.0 for value in place]
+
+
+def _candidates(snapshot: RunSnapshot) -> list[float]:
+    """x, y and heading in the map of each place where the robot may be; none when it is known."""
+    update = run_text.newest_message(snapshot, MapUpdate)
+    return [] if update is None else [round(value, 3) for value in update.candidates]
 
 
 def _pose_fields(odometry: Odometry) -> list[Any]:
@@ -167,6 +208,8 @@ def _facts(view: RunView) -> Iterator[Row]:
         speed = f"{odometry.linear:+.3f} m/s {odometry.angular:+.2f} rad/s"
         yield "body", speed, False
     yield from _goal_rows(view)
+    if (place := run_text.newest_message(snapshot, MapPose)) is not None:
+        yield "map", run_text.map_pose_text(place), place.state not in ("mapping", "localised")
     if (wheels := run_text.commanded_wheels(snapshot)) is not None:
         yield "wheels", run_text.wheel_speeds_text(wheels, None), False
     if (imu := run_text.newest_message(snapshot, Imu)) is not None:
@@ -235,6 +278,7 @@ class EngineFeed:
             await asyncio.sleep(period)
             try:
                 await self._poll("snapshot")
+                await self._read_map()
                 polls += 1
                 if polls % round(TOPICS_PERIOD_S / PICTURE_PERIOD_S) == 0:
                     await self._poll("list_topics")
@@ -265,6 +309,13 @@ class EngineFeed:
             return await self.client.request("read_history", topic=topic)
         except RefusalError:  # the run has ended
             return {"times": [], "fields": {}, "trail": []}
+
+    async def _read_map(self) -> None:
+        """What has changed in the map."""
+        while (fields := self.picture.view.map_request) is not None:
+            reply = await self.client.request("read_map", **fields)
+            if not self.picture.take_map(reply):
+                return
 
     async def _poll(self, *requests: Request) -> None:
         for request in requests:

@@ -33,6 +33,7 @@ COMMANDS = frozenset(
         "stop",
         "resume",
         "goto",
+        "place",
         "allow_goals",
         "take",
         "give",

@@ -19,6 +19,7 @@ from diffbotctl.web.page_commands import (
     DriveCommand,
     drive_command,
     goal_fields,
+    number,
     parse_command,
     plotted_fields,
     read_request,
@@ -178,6 +179,10 @@ class PageConnection(WebSocketConnection):
                 if not self.session.sets_goals:
                     raise RefusalError("E-REQUEST", "goals were not allowed for this session")
                 self.start(self._request("goto", goal))
+            case "place":
+                place = {each: number(fields, each) for each in ("x", "y", "heading")}
+                action = f"{self.server.feed.picture.map_block}.place"
+                self.start(self._request("call_action", {"action": action, "arguments": place}))
             case "set":
                 names = ("parameter", "value")
                 setting = {each: fields.get(each) for each in names}

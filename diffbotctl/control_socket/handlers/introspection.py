@@ -13,7 +13,7 @@ from diffbotctl.control_socket.stop_explanation import explain_stop
 from diffbotctl.drivers.robot_ports import is_simulated_port
 from diffbotctl.graph import Node
 from diffbotctl.message_types import type_name
-from diffbotctl.messages import LOG_LEVELS, Message
+from diffbotctl.messages import LOG_LEVELS, Message, ScanPoints
 from diffbotctl.recording.json_codec import plain
 from diffbotctl.recording.message_schema import json_schema
 
@@ -48,6 +48,21 @@ def handle_describe_topic(
 def handle_read_history(context: RequestContext, request: requests.ReadHistoryRequest) -> Fields:
     wire = context.wire(request.topic)
     return {"topic": wire, **context.state.history.topics[wire].reply()}
+
+
+def handle_read_map(context: RequestContext, request: requests.ReadMapRequest) -> Fields:
+    tiles = context.state.tiles
+    places, number = tiles.since(int(request.map), int(request.since))
+    return {
+        "map": tiles.map,
+        "number": number,
+        "version": tiles.version,
+        "sha256": tiles.sha256,
+        "resolution": tiles.resolution,
+        "places": [each for place in places for each in place],
+        "tiles": [tiles.tiles[place] for place in places],
+        "is_last": number == tiles.number,
+    }
 
 
 def handle_subscribe(context: RequestContext, request: requests.SubscribeRequest) -> Fields:
@@ -112,7 +127,11 @@ def handle_snapshot(context: RequestContext, request: requests.SnapshotRequest) 
     return {
         "time": context.state.now,
         "held": _stop_in_force(context),
-        "messages": {wire: plain(message) for wire, message in context.state.newest.items()},
+        "messages": {
+            wire: plain(message)
+            for wire, message in context.state.newest.items()
+            if type(message) is not ScanPoints  # large, and the scan is there
+        },
     }
 
 

@@ -28,6 +28,9 @@ def print_once(engine: EngineAddress, fields: list[str], plain: bool) -> None:
         topic = odometry_topic(view.snapshot)
         if topic is not None:
             view.take_trail(client.request("read_history", topic=topic))
+        while (fields_of_map := view.map_request) is not None:
+            if not view.take_map(client.request("read_map", **fields_of_map)):
+                break
     finally:
         client.close()
     _print_panels(view, PrintableConsole(highlight=False), plain)

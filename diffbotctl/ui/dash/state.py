@@ -8,13 +8,14 @@ from functools import cache, partial
 from math import inf, nan
 from typing import Any, Literal, assert_never
 
-from diffbotctl.messages import BUILT_IN, LogLine
+from diffbotctl.messages import BUILT_IN, LogLine, MapUpdate
 from diffbotctl.messages import fields as message_fields
 from diffbotctl.processes.screen import RunSnapshot
 from diffbotctl.recording.json_codec import message_reader
 from diffbotctl.render.map_scene import Scene, parse_scene
 from diffbotctl.time import SECOND
 from diffbotctl.ui.map.state import MapState
+from diffbotctl.ui.run_text import newest_message
 
 HISTORY_MAX_VALUES = 1200  # of each field: two minutes at ten a second
 NO_UNITS = ("1", "see kind")  # in a declaration: a ratio, and what depends on another field
@@ -47,6 +48,7 @@ class RunView(MapState):
         self.parameters: list[Fields] = []
         self.held: Fields | None = None
         self.readers: dict[str, Any] = {}
+        self.map_number = 0
         self.ended = False
 
     def take_reply(self, request: Request, reply: Fields) -> None:
@@ -73,6 +75,25 @@ class RunView(MapState):
         self.trail.points.clear()
         for x, y in [*reply["trail"], *here]:
             self.trail.add((x, y))
+
+    @property
+    def map_request(self) -> Fields | None:
+        """The fields of `read_map`; None while the map is as it was read."""
+        update = newest_message(self.snapshot, MapUpdate)
+        read = self.tiles
+        if update is None or (update.map, update.version) == (read.map, read.version):
+            return None
+        return {"map": read.map, "since": self.map_number}
+
+    def take_map(self, reply: Fields) -> bool:
+        """Take the tiles in a reply to `read_map`. True when there are more."""
+        update = MapUpdate(0, "mapping", map=reply["map"], resolution=reply["resolution"])
+        places, tiles = tuple(reply["places"]), tuple(reply["tiles"])
+        self.tiles.take(update._replace(places=places, tiles=tiles))
+        self.map_number = int(reply["number"])
+        if reply["is_last"]:
+            self.tiles.version, self.tiles.sha256 = reply["version"], reply["sha256"]
+        return not reply["is_last"]
 
     def take_history(self, topic: str, reply: Fields) -> None:
         """Put the numbers in a reply to `read_history` before those that came since."""

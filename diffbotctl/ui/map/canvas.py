@@ -81,13 +81,24 @@ class MapLayer(IntEnum):
     PATH = 2
     UNCERTAINTY = 3
     SCAN = 4
-    WALL = 5
-    ROBOT = 6
-    GOAL = 7
+    MAP = 5
+    WALL = 6
+    ROBOT = 7
+    GOAL = 8
 
 
-STYLES = ("yellow", "cyan", "magenta", "blue", "bright_red", "white", "bold green", "bold magenta")
-LETTERS = ":.,~x#o+"
+STYLES = (
+    "yellow",
+    "cyan",
+    "magenta",
+    "blue",
+    "bright_red",
+    "bright_blue",
+    "white",
+    "bold green",
+    "bold magenta",
+)
+LETTERS = ":.,~x%#o+"
 
 
 class MapCanvas(CharacterCanvas):

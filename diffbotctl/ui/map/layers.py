@@ -8,7 +8,7 @@ from math import atan2, cos, hypot, pi, sin, sqrt
 from rich.text import Text
 
 from diffbotctl.geometry.footprint import arc_motion
-from diffbotctl.messages import Goal, Odometry, Path, Range, Scan
+from diffbotctl.messages import Goal, MapPose, Odometry, Path, Range, Scan
 from diffbotctl.processes.screen import RunSnapshot
 from diffbotctl.render.map_scene import Scene, SceneBeam
 from diffbotctl.render.robot_drawing import DrawingView
@@ -44,6 +44,7 @@ def overview_camera(state: MapState, width: int, height: int) -> Camera:
     odometry, goal = newest_odometry(state.snapshot), newest_message(state.snapshot, Goal)
     if odometry is not None:
         points += robot_corners(scene, odometry)
+    points += mapped_points(state)
     if goal is not None and goal.number:
         points.append((goal.x, goal.y))
     return fit_camera(points, width, height)
@@ -60,6 +61,8 @@ def draw_map(
         canvas.line((wall[0], wall[1]), (wall[2], wall[3]), MapLayer.WALL)
     for x, y, radius in scene.rounds:
         canvas.circle((x, y), radius, MapLayer.WALL)
+    for point in mapped_points(state):
+        canvas.point(point, MapLayer.MAP)
     if turtle.canvas is None:
         canvas.lines(state.trail.points, MapLayer.TRAIL)
     for line in turtle.lines:
@@ -79,6 +82,19 @@ def draw_map(
         _draw_robot(canvas, scene, odometry)
     canvas.write(0, height - 1, scale_bar(camera, width, plain))
     return canvas
+
+
+def mapped_points(state: MapState) -> list[Point]:
+    """The occupied cells of the robot's map, in odom."""
+    pose = newest_message(state.snapshot, MapPose)
+    if pose is None:
+        return []
+    x, y, heading = pose.odom
+    c, s = cos(heading), sin(heading)
+    return [
+        (c * (px - x) + s * (py - y), c * (py - y) - s * (px - x))
+        for px, py in state.tiles.occupied()
+    ]
 
 
 def robot_corners(scene: Scene, pose: Odometry) -> list[Point]:

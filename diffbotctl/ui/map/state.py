@@ -6,6 +6,7 @@ from collections import deque
 from math import hypot
 from typing import NamedTuple
 
+from diffbotctl.geometry.map_tiles import MapTiles
 from diffbotctl.geometry.trail import JUMP_MIN_M, Trail
 from diffbotctl.messages import Canvas, Pen, TurtlePose
 from diffbotctl.processes.screen import RunSnapshot
@@ -93,6 +94,7 @@ class MapState:
         self.snapshot = RunSnapshot(0, {}, 0, 0)
         self.trail = Trail(POINT_SPACING_M, TRAIL_MAX_POINTS)
         self.turtle = TurtleTrail()
+        self.tiles = MapTiles()
 
     def update(self, snapshot: RunSnapshot) -> None:
         """Take the next snapshot."""

@@ -15,6 +15,8 @@ const BEAM_HALF_ANGLE = 0.09; // rad; about 10 degrees wide, as on the dashboard
 const SCALE_MIN = 5; // px/m
 const SCALE_MAX = 5000;
 const WHEEL_WIDTH_M = 0.025;
+const TILE_CELLS = 64; // on each side, as in geometry/map_tiles.py
+const CANDIDATE_PX = 60; // a tap so near to a possible place means that place
 
 export class RunMap {
   /** `onGoal` takes x, y (m) and a heading (rad) or null. */
@@ -26,6 +28,10 @@ export class RunMap {
     this.scene = { walls: [], rounds: [], field: [], sensors: [], robot: null };
     this.trail = [];
     this.scans = {};
+    this.tiles = new Map(); // of the robot's own map: its pictures, by column and row
+    this.tileSide = 0; // m
+    this.mapNumber = 0;
+    this.onPlace = () => {}; // takes x, y (m) and heading (rad) in the robot's map
     this.state = {};
     this.camera = { x: 0, y: 0, scale: 200 };
     this.mode = "all"; // all, robot or free
@@ -60,8 +66,35 @@ export class RunMap {
     this.trail.push(...picture.trail);
     if (this.trail.length > 2 * TRAIL_MAX) this.trail.splice(0, this.trail.length - 2 * TRAIL_MAX);
     Object.assign(this.scans, picture.scans);
+    if (picture.map) this.takeTiles(picture.map);
     this.state = picture;
     this.draw();
+  }
+
+  takeTiles({ number, resolution, tiles }) {
+    if (number !== this.mapNumber) this.tiles.clear();
+    this.mapNumber = number;
+    this.tileSide = TILE_CELLS * resolution;
+    for (const [column, row, text] of tiles) {
+      this.tiles.set(`${column} ${row}`, { column, row, picture: this.tilePicture(text) });
+    }
+  }
+
+  /** Runs of cells, row after row from the lowest y on, as a picture whose first row is the top. */
+  tilePicture(text) {
+    const picture = new OffscreenCanvas(TILE_CELLS, TILE_CELLS);
+    const context = picture.getContext("2d");
+    const image = context.createImageData(TILE_CELLS, TILE_CELLS);
+    const shades = { "#": [90, 90, 200, 255], ".": [128, 128, 128, 40] };
+    let at = 0;
+    for (const [, count, cell] of text.matchAll(/(\d+)([u.#])/g)) {
+      for (const end = Math.min(at + Number(count), TILE_CELLS ** 2); at < end; at++) {
+        const [row, column] = [TILE_CELLS - 1 - Math.floor(at / TILE_CELLS), at % TILE_CELLS];
+        if (shades[cell]) image.data.set(shades[cell], 4 * (row * TILE_CELLS + column));
+      }
+    }
+    context.putImageData(image, 0, 0);
+    return picture;
   }
 
   resize() {
@@ -214,7 +247,8 @@ export class RunMap {
     this.pointers.delete(event.pointerId);
     const { draft } = this;
     this.draft = null;
-    if (draft) this.onGoal(...this.goalOf(draft));
+    if (draft && this.state.candidates?.length) this.onPlace(...this.placeOf(draft));
+    else if (draft) this.onGoal(...this.goalOf(draft));
     this.draw();
   }
 
@@ -235,6 +269,45 @@ export class RunMap {
     return [x, y, Math.atan2(start[1] - end[1], end[0] - start[0])];
   }
 
+  /** The place in the robot's map that is meant: a possible one that is near, or any other. */
+  placeOf(draft) {
+    const places = this.candidates().map((place) => ({ place, at: this.toScreen(...this.ofMap(...place)) }));
+    const away = ({ at }) => Math.hypot(at[0] - draft.start[0], at[1] - draft.start[1]);
+    const nearest = places.reduce((a, b) => (away(a) < away(b) ? a : b));
+    if (away(nearest) < CANDIDATE_PX) return nearest.place;
+    const [x, y, heading] = this.goalOf(draft);
+    const [ox, oy, turn] = this.state.odom;
+    const [c, s] = [Math.cos(turn), Math.sin(turn)];
+    return [ox + c * x - s * y, oy + s * x + c * y, turn + (heading ?? 0)];
+  }
+
+  candidates() {
+    const flat = this.state.candidates ?? [];
+    return Array.from({ length: flat.length / 3 }, (_, i) => flat.slice(3 * i, 3 * i + 3));
+  }
+
+  /** A place in the robot's map, in odom. */
+  ofMap(x, y, heading = 0) {
+    const [ox, oy, turn] = this.state.odom ?? [0, 0, 0];
+    const [c, s] = [Math.cos(turn), Math.sin(turn)];
+    return [c * (x - ox) + s * (y - oy), c * (y - oy) - s * (x - ox), heading - turn];
+  }
+
+  paintTiles() {
+    const { context, tileSide, camera } = this;
+    if (!this.tiles.size) return;
+    const turn = this.state.odom?.[2] ?? 0;
+    const side = tileSide * camera.scale;
+    context.save();
+    context.imageSmoothingEnabled = false;
+    context.translate(...this.toScreen(...this.ofMap(0, 0)));
+    context.rotate(turn); // y points down on the screen
+    for (const { column, row, picture } of this.tiles.values()) {
+      context.drawImage(picture, column * side, -(row + 1) * side, side, side);
+    }
+    context.restore();
+  }
+
   // Drawing.
 
   paint() {
@@ -249,10 +322,12 @@ export class RunMap {
     context.fillRect(0, 0, this.width, this.height);
     context.lineJoin = "round";
     const step = this.paintGrid();
+    this.paintTiles();
     for (const [x1, y1, x2, y2] of this.scene.walls) this.line([x1, y1, x2, y2], colours.wall, 3);
     for (const [x, y, radius] of this.scene.rounds) this.circle(x, y, radius, colours.wall, 3);
     this.line(this.trail, colours.trail, 2);
     this.paintGoals();
+    for (const place of this.candidates()) this.paintGoal(...this.ofMap(...place));
     const { pose } = this.state;
     if (pose) {
       for (const sensor of this.scene.sensors) this.paintSensor(pose, sensor);

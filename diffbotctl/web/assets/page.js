@@ -117,6 +117,8 @@ function showLimit() {
     `${(pad.share * speed).toFixed(2)}\u00a0m/s, ${(pad.share * turnRate).toFixed(2)}\u00a0rad/s`;
 }
 
+map.onPlace = (x, y, heading) => connection.send({ do: "place", x, y, heading });
+
 function setGoal(x, y, heading) {
   const goal = { do: "goto", x, y, heading };
   if (state.role?.driver && !state.role.is_driver) {
