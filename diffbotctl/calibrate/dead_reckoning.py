@@ -18,6 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats: TypeAlias = NDArray[np.float64]
+# In tracks. Shorter segments are dominated by the noise of the true headings, longer ones do not
+# determine the mean diameter on small squares; found by cross-validation on a real session.
+SEGMENT_LENGTH_TRACKS = 20.0
 SEGMENT_OVERLAP = 20  # segments per length, so that the position of the first does not matter
 QUANTIZATION_VARIANCE = 1 / 12  # ticks squared
 # Ticks squared, of one reversal: the edge seen backward lies elsewhere than the one seen forward,
@@ -170,6 +173,21 @@ def merged_steps(rolled: Floats, count: int = STEPS_MAX) -> Floats:
     return np.asarray(np.add.reduceat(rolled, begins, axis=0))
 
 
+def drive_segments(
+    drives: Sequence[RecordedDrive], geometry: Geometry, count_max: int, overlap: int
+) -> list[list[Segment]]:
+    """Segments of each drive; all of a drive whose end alone is known."""
+    length = SEGMENT_LENGTH_TRACKS * geometry.track
+    limit = max(count_max // len(drives), 1)
+    return [cut_segments(drive, geometry.mean, length, overlap, limit) for drive in drives]
+
+
+def flattened(groups: Sequence[Sequence[Segment]]) -> tuple[list[Segment], Floats]:
+    """All segments, and weights that discount those which overlap."""
+    segments = [segment for group in groups for segment in group]
+    return segments, np.array([segment.weight for segment in segments])
+
+
 class DeadReckoned(NamedTuple):
     """The end of a segment in the frame of its begin."""
 
@@ -221,24 +239,6 @@ def _reversals(rolled: Floats) -> NDArray[np.intp]:
     moving = np.flatnonzero(rolled)
     signs = np.sign(rolled[moving])
     return np.asarray(moving[1:][signs[1:] != signs[:-1]])
-
-
-def end_positions(rolled: Floats, geometries: Floats) -> Floats:
-    """The ends (geometries, 3) of steps (steps, 2: turns times pi of the right and left wheel).
-
-    `geometries` (geometries, 3): right and left diameter, track, in m.
-    """
-    # Single precision suffices for a search, and is several times faster.
-    steps = rolled.astype(np.float32)
-    right, left = (
-        np.outer(geometries[:, wheel].astype(np.float32), steps[:, wheel]) for wheel in (0, 1)
-    )
-    turned = (right - left) / geometries[:, 2:].astype(np.float32)
-    headings = np.cumsum(turned, axis=1)
-    middle = headings - turned / 2
-    chord = (right + left) * (0.5 - turned * turned / 48)  # the sine of a small angle
-    x, y = (chord * np.cos(middle)).sum(axis=1), (chord * np.sin(middle)).sum(axis=1)
-    return np.stack([x, y, headings[:, -1]], axis=1).astype(float)
 
 
 def end_error(drive: RecordedDrive, geometry: Geometry) -> EndError:

@@ -7,7 +7,6 @@ turns before the next counted edge.
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from collections.abc import Iterator, Mapping, Sequence
 from math import ceil, pi, sqrt
 from statistics import fmean, median, pstdev
@@ -23,8 +22,6 @@ GLITCH_MARGIN = 1.5  # times the longest bounce
 GLITCH_STEP_S = 0.0005  # glitch times are rounded up to a multiple
 GLITCH_OPEN_TIME_RATIO_MAX = 1 / 3  # of the open time at full speed; more would lose slots
 GLITCH_EDGES_MIN = 20
-HISTOGRAM_BINS_S = (0.0001, 0.0002, 0.0005, 0.001, 0.002, 0.0035)  # upper ends
-HISTOGRAM_BAR_MAX = 30  # characters
 
 SLOT_DUTY_PITCHES_MIN = 40  # two turns of a usual disc
 PITCH_TIME_RATIO_MAX = 1.8  # times the median; longer ones contain a pause or a reversal
@@ -51,7 +48,7 @@ def bounce_times(times: Sequence[int]) -> list[float]:
 
 
 def measure_glitch(edges: Sequence[RawEdge], robot: Robot) -> PartResult:
-    """Histograms of both wheels, and a longer glitch time if the present one is too short."""
+    """The bounce of both wheels, and a longer glitch time if the present one is too short."""
     result = PartResult([], [], [])
     longest = 0.0
     for wheel, side in enumerate(SIDES):
@@ -59,7 +56,10 @@ def measure_glitch(edges: Sequence[RawEdge], robot: Robot) -> PartResult:
         if len(times) < GLITCH_EDGES_MIN:
             continue
         bounces = [bounce for bounce in bounce_times(times) if bounce > 0.0]
-        result.report.extend(_histogram(side, bounces, len(times)))
+        result.report.append(
+            f"{side} encoder: {len(bounces)} of {len(times)} edges bounced, for at most "
+            f"{max(bounces, default=0.0) * 1000:.1f} ms"
+        )
         longest = max([longest, *bounces])
     left = robot.drive.left
     glitch = ceil(GLITCH_MARGIN * longest / GLITCH_STEP_S) * GLITCH_STEP_S
@@ -76,23 +76,6 @@ def measure_glitch(edges: Sequence[RawEdge], robot: Robot) -> PartResult:
         )
         result.findings.extend(Finding(f"drive.{side}.encoder.glitch", glitch) for side in SIDES)
     return result
-
-
-def _histogram(side: str, bounces: Sequence[float], edges: int) -> Iterator[str]:
-    if not bounces:
-        yield f"{side} encoder: {edges} edges, none of them bounced"
-        return
-    yield f"{side} encoder: {len(bounces)} edges bounced, for at most {max(bounces) * 1000:.1f} ms"
-    counts = [0] * (len(HISTOGRAM_BINS_S) + 1)
-    for bounce in bounces:
-        counts[bisect_right(HISTOGRAM_BINS_S, bounce)] += 1
-    low = 0.0
-    for high, count in zip((*HISTOGRAM_BINS_S, 0.0), counts, strict=True):
-        if count:
-            name = f"{low * 1000:g} to {high * 1000:g} ms" if high else f"over {low * 1000:g} ms"
-            bar = "#" * max(1, HISTOGRAM_BAR_MAX * count // max(counts))
-            yield f"  {name:<15} {count:>4} {bar}"
-        low = high
 
 
 def measure_slot_duty(edges: Sequence[RawEdge], robot: Robot) -> PartResult:

@@ -1,17 +1,13 @@
 """Wheel diameters and track from recorded drives.
 
 Clocks are aligned, wrong drives are left out, and the posterior of the geometry is computed from
-the rest. A fit that proves nothing is refused, and so are ends that another convention of their
-coordinates explains far better. Two mistakes cannot be distinguished from a correct file: counts of
-both wheels exchanged are the same as ends mirrored; and without headings, x and y exchanged in
-squares look like a wrong track taken for unequal wheels (UMBmark's two angles change places).
+the rest. A fit that proves nothing is refused.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from math import exp, expm1, hypot, inf, log, pi
+from math import exp, expm1, hypot, inf, log
 from typing import NamedTuple
 
 import numpy as np
@@ -21,14 +17,22 @@ from diffbotctl.calibrate.confidence import Confidence, confidence
 from diffbotctl.calibrate.dead_reckoning import (
     MOTION_CAPTURE,
     SEGMENT_OVERLAP,
-    Floats,
     Geometry,
     RecordedDrive,
-    Segment,
-    cut_segments,
+    drive_segments,
     end_error,
+    flattened,
 )
-from diffbotctl.calibrate.end_noise import CAMERA_NOISE, SEARCH_NOISE, TAPE_NOISE, NoiseGrid
+from diffbotctl.calibrate.end_conventions import (
+    BAD_DRIVES_RATIO_MAX,
+    CONVENTIONS,
+    HALF_WIDTH_MAX,
+    SEARCH_SEGMENTS_MAX,
+    plausible_geometry,
+    refuse_convention,
+    scale_covariance,
+)
+from diffbotctl.calibrate.end_noise import CAMERA_NOISE, TAPE_NOISE, NoiseGrid
 from diffbotctl.calibrate.geometry_posterior import (
     DIAMETER_SD,
     RATIO_SD,
@@ -38,33 +42,19 @@ from diffbotctl.calibrate.geometry_posterior import (
     Solution,
     posterior,
     solve,
-    squared_error,
 )
-from diffbotctl.calibrate.geometry_search import search
+from diffbotctl.calibrate.known_lengths import is_scale_measured, known_scale_sd
 from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, TRACK, Finding
 from diffbotctl.config.robot import Robot
-from diffbotctl.units import quantity
 
-# In tracks. Shorter segments are dominated by the noise of the true headings, longer ones do not
-# determine the mean diameter on small squares; found by cross-validation on a real session.
-SEGMENT_LENGTH_TRACKS = 20.0
 NAMES_SHOWN_MAX = 4
-MM = 1000.0
-SEARCH_SEGMENTS_MAX = 24  # of all drives, to find mistakes
+
 SEGMENTS_MAX = 600
-BAD_DRIVES_RATIO_MAX = 1 / 3
 DIAMETER_SD_MIN = 0.001  # relative: another floor, another load
-# Logarithm of the density ratio from which another convention of the ends is accepted: 1000 to 1.
-CONVENTION_LOG_RATIO_MIN = 7.0
-# Logarithm of the probability of another scale along an axis, to that of one scale for both.
-OTHER_SCALE_LOG_PRIOR = -5.0
-SCALES = (0.9, 0.94, 0.97, 1.03, 1.06, 1.1)  # of x over y
 # Relative standard deviation of all lengths that one tape measures: its class (0.05 %), and that it
 # hangs, or does not lie along the axis. No drive shows it.
 TAPE_SCALE = np.array([0.001, 0.0, 0.001])  # of mean diameter, ratio and track
-HALF_WIDTH_MAX = 0.05  # relative, of the 95 % confidence interval of each value
 SEEN_SD_RATIO = 0.5  # of the prior's; above, the drives do not determine the mean diameter
-RIVAL_LOG_RATIO_MIN = 4.0  # 55 to 1
 # Of the values that a ruler states. Moulded tyres differ by 0.5 %; that they differ by 5 % is an
 # encoder that misses edges. A tyre is at most some per cent smaller under its load; 6 % is a wrong
 # unit of length, or a wrong number of slots. Tracks are measured at the edges of wide tyres too.
@@ -77,46 +67,6 @@ UNSEEN_TRACK_LOG_MAX = 0.032
 EXCLUDED_SDS = 2.5  # of the mean diameter from that which would explain the track
 
 USUAL_SDS = (0.02, 0.08)  # of ratio and track, as users state them: decides between hypotheses
-
-
-class Convention(NamedTuple):
-    """How ends may have been noted by mistake, and what undoes it."""
-
-    text: str
-    columns: tuple[int, int, int] = (0, 1, 2)
-    factors: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    """of x, y and heading, after the columns were put in order"""
-
-
-SWAPPED = (1, 0, 2)
-CONVENTIONS = (
-    Convention(
-        "the true poses are mirrored (y is positive to the left, headings counter-clockwise), or "
-        "the counts of the left and the right wheel are exchanged",
-        factors=(1, -1, -1),
-    ),
-    Convention("x and y of the true poses are exchanged: x is ahead, y to the left", SWAPPED),
-    Convention(
-        "y of the true poses has the wrong sign: it is positive to the left", factors=(1, -1, 1)
-    ),
-    Convention("x of the true poses has the wrong sign: it is positive ahead", factors=(-1, 1, 1)),
-    Convention(
-        "the headings of the true poses have the wrong sign: counter-clockwise is positive",
-        factors=(1, 1, -1),
-    ),
-    Convention(
-        "x and y of the true poses are in millimetres, but must be in metres",
-        factors=(0.001, 0.001, 1),
-    ),
-    Convention(
-        "x and y of the true poses are in centimetres, but must be in metres",
-        factors=(0.01, 0.01, 1),
-    ),
-    Convention(
-        "the headings of the true poses are in degrees, but must be in rad",
-        factors=(1, 1, pi / 180),
-    ),
-)
 
 
 class Outlier(NamedTuple):
@@ -156,7 +106,7 @@ def fit_geometry(
     sd = DIAMETER_SD if mean_sd is None else mean_sd
     prior = GeometryPrior(stated, (sd, RATIO_SD, TRACK_SD))
     usual_prior = GeometryPrior(stated, (sd, *USUAL_SDS))
-    plain = _plausible(drives, usual_prior)
+    plain = plausible_geometry(drives, usual_prior)
     offsets = [clock_offset(drive, plain.geometry) for drive in drives]
     _refuse_other_clocks(drives, offsets)
     aligned = [
@@ -167,8 +117,8 @@ def fit_geometry(
     kept = _good_drives(aligned, plain, prior, noise)
     used = [aligned[number] for number in kept]
 
-    groups = _segments(used, stated, SEGMENTS_MAX, SEGMENT_OVERLAP)
-    segments, weights = _flatten(groups)
+    groups = drive_segments(used, stated, SEGMENTS_MAX, SEGMENT_OVERLAP)
+    segments, weights = flattened(groups)
     solution = solve(segments, weights, plain.geometry, prior, noise)
     result = posterior(segments, weights, solution.geometry, prior, noise)
     sees_diameter = bool(result.covariance[0, 0] ** 0.5 < SEEN_SD_RATIO * sd)
@@ -176,7 +126,7 @@ def fit_geometry(
     if not sees_diameter:
         result = result.with_mean(stated.mean)
     if noise is TAPE_NOISE:
-        scales = _scale_covariance(used, usual_prior, plain.geometry)
+        scales = scale_covariance(used, usual_prior, plain.geometry)
         result = result.wider(scales).wider(np.outer(TAPE_SCALE, TAPE_SCALE))
     fit = GeometryFit(
         stated,
@@ -191,20 +141,14 @@ def fit_geometry(
     _refuse_unproven(fit, prior)
     if mean_sd is None and not sees_diameter:
         _refuse_other_wheels(fit, mean_log, mean_log_sd)
-    _refuse_no_gain(segments, weights, stated, result)
     return fit
 
 
 def diameter_sd(robot: Robot) -> float | None:
     """Relative standard deviation of the mean diameter, where it was calibrated."""
-    sds = []
-    for field in (RIGHT_DIAMETER, LEFT_DIAMETER):
-        entry = robot.calibration.get(field)
-        if entry is None or entry.sd is None:
-            return None
-        sds.append(quantity(str(entry.sd), "m") / quantity(str(entry.value), "m"))
-    # Both diameters were found from the same drives, so their errors do not average out.
-    return min(max(*sds, DIAMETER_SD_MIN), DIAMETER_SD)
+    if not is_scale_measured(robot):
+        return None
+    return min(max(known_scale_sd(robot), DIAMETER_SD_MIN), DIAMETER_SD)
 
 
 def geometry_findings(fit: GeometryFit) -> list[Finding]:
@@ -225,77 +169,6 @@ def geometry_findings(fit: GeometryFit) -> list[Finding]:
         Finding(field, length, length * max(sd, own), length * own)
         for field, length, sd, own in lengths
     ]
-
-
-def _plausible(drives: Sequence[RecordedDrive], prior: GeometryPrior) -> Solution:
-    """The most likely geometry. Raises ValueError if another one, or the mirror image of the ends,
-    explains them as well."""
-    best, *others = _search(drives, prior)
-    _refuse_convention(drives, prior, best, CONVENTIONS[:1])
-    for rival in others:
-        is_as_good = _is_good(best) and best.score - rival.score < RIVAL_LOG_RATIO_MIN
-        if is_as_good and max(_log_change(best.geometry, rival.geometry)) > HALF_WIDTH_MAX:
-            raise ValueError(
-                "two geometries explain these ends equally well: a track of "
-                f"{best.geometry.track * MM:.1f} mm and one of {rival.geometry.track * MM:.1f} mm; "
-                "add shorter drives with fewer turns"
-            )
-    return best
-
-
-def _search(drives: Sequence[RecordedDrive], prior: GeometryPrior) -> list[Solution]:
-    return search(*_flatten(_segments(drives, prior.stated, SEARCH_SEGMENTS_MAX, 1)), prior)
-
-
-def _is_good(solution: Solution) -> bool:
-    """Whether it explains most ends."""
-    return float(np.mean(solution.good < 0.5)) <= BAD_DRIVES_RATIO_MAX
-
-
-def _refuse_convention(
-    drives: Sequence[RecordedDrive],
-    prior: GeometryPrior,
-    plain: Solution,
-    conventions: Sequence[Convention],
-) -> None:
-    """Raises ValueError if one of `conventions` explains the ends much better than `plain`."""
-    for text, columns, factors in conventions:
-        poses = [drive.poses[:, columns] * factors for drive in drives]
-        read = [replace(drive, poses=each) for drive, each in zip(drives, poses, strict=True)]
-        found = _search(read, prior)[0]
-        # Other units change the density of the same ends by their Jacobian.
-        known = np.isfinite([drive.poses[-1] for drive in drives]).sum(axis=0)
-        score = found.score + float(known @ np.log(np.abs(factors)))
-        if _is_good(found) and score > plain.score + CONVENTION_LOG_RATIO_MIN:
-            raise ValueError(f"these drives agree with each other only if {text}")
-
-
-def _scale_covariance(
-    drives: Sequence[RecordedDrive], prior: GeometryPrior, geometry: Geometry
-) -> Floats:
-    """(3, 3): of the logarithms of mean diameter, ratio and track, since x of the ends may have
-    another scale than y. Raises ValueError if it must.
-
-    A factor of both x and y means wheels of another size.
-    """
-    segments, weights = _flatten(_segments(drives, prior.stated, SEARCH_SEGMENTS_MAX, 1))
-    plain = solve(segments, weights, geometry, prior, SEARCH_NOISE)
-    logs, changes = [0.0], [np.zeros(3)]
-    for factor in SCALES:
-        scaled = [replace(each, motion=each.motion * (factor, 1, 1)) for each in segments]
-        solution = solve(scaled, weights, geometry, prior, SEARCH_NOISE)
-        # Other units change the density of the same ends by their Jacobian.
-        gain = solution.score - plain.score + log(factor) * float(weights.sum())
-        if gain > CONVENTION_LOG_RATIO_MIN:
-            raise ValueError(
-                f"these drives agree with each other only if {'xy'[factor > 1]} of the true poses "
-                f"is about {100 * abs(log(factor)):.0f} % too long, or {'yx'[factor > 1]} too "
-                "short: measure both with the same tape"
-            )
-        logs.append(gain + OTHER_SCALE_LOG_PRIOR)
-        changes.append(prior.offset(solution.geometry) - prior.offset(plain.geometry))
-    shares, change = np.exp(np.array(logs) - np.logaddexp.reduce(logs)), np.array(changes)
-    return np.asarray((change.T * shares) @ change)
 
 
 def _unexplained(bad: Sequence[RecordedDrive], drives: Sequence[RecordedDrive]) -> ValueError:
@@ -325,10 +198,6 @@ def _refuse_other_clocks(drives: Sequence[RecordedDrive], offsets: Sequence[floa
         )
 
 
-def _log_change(one: Geometry, other: Geometry) -> list[float]:
-    return [abs(log(first / second)) for first, second in zip(one, other, strict=True)]
-
-
 def _noise(drives: Sequence[RecordedDrive]) -> NoiseGrid:
     is_camera = all(drive.truth is MOTION_CAPTURE for drive in drives)
     return CAMERA_NOISE if is_camera else TAPE_NOISE
@@ -338,8 +207,8 @@ def _good_drives(
     drives: Sequence[RecordedDrive], rough: Solution, prior: GeometryPrior, noise: NoiseGrid
 ) -> list[int]:
     """Indices of the drives that agree. Raises ValueError if too few do."""
-    groups = _segments(drives, prior.stated, SEARCH_SEGMENTS_MAX, 1)
-    segments, weights = _flatten(groups)
+    groups = drive_segments(drives, prior.stated, SEARCH_SEGMENTS_MAX, 1)
+    segments, weights = flattened(groups)
     good = solve(segments, weights, rough.geometry, prior, noise).good
     ends = np.cumsum([len(group) for group in groups])[:-1]
     kept = [
@@ -347,7 +216,7 @@ def _good_drives(
     ]
     if len(drives) - len(kept) > BAD_DRIVES_RATIO_MAX * len(drives):
         bad = [drive for number, drive in enumerate(drives) if number not in kept]
-        _refuse_convention(drives, prior, rough, CONVENTIONS)
+        refuse_convention(drives, prior, rough, CONVENTIONS)
         raise _unexplained(bad, drives)
     return kept
 
@@ -377,7 +246,7 @@ def _refuse_other_size(fit: GeometryFit, prior: GeometryPrior) -> None:
 
 
 def _refuse_unproven(fit: GeometryFit, prior: GeometryPrior) -> None:
-    """Raises ValueError for a fit that is loose, implausible or no better than before."""
+    """Raises ValueError for a fit that is loose or implausible."""
     errors = fit.confidence
     names = {
         "right wheel diameter": errors.right,
@@ -459,30 +328,3 @@ def _refuse_other_wheels(fit: GeometryFit, mean_log: float, mean_log_sd: float) 
         "their start do not show which. Add a straight drive of a metre or more with its end, or "
         "run `diffbotctl calibrate distance` first"
     )
-
-
-def _refuse_no_gain(
-    segments: Sequence[Segment], weights: Floats, stated: Geometry, result: Posterior
-) -> None:
-    """Raises ValueError if the stated geometry explains the ends as well as the fitted one."""
-    before, after = (
-        squared_error(segments, weights, geometry, result.noise)
-        for geometry in (stated, result.geometry)
-    )
-    if after > before:
-        raise ValueError("the fit explains the ends no better than the stated geometry does")
-
-
-def _segments(
-    drives: Sequence[RecordedDrive], geometry: Geometry, count_max: int, overlap: int
-) -> list[list[Segment]]:
-    """Segments of each drive; all of a drive whose end alone is known."""
-    length = SEGMENT_LENGTH_TRACKS * geometry.track
-    limit = max(count_max // len(drives), 1)
-    return [cut_segments(drive, geometry.mean, length, overlap, limit) for drive in drives]
-
-
-def _flatten(groups: Sequence[Sequence[Segment]]) -> tuple[list[Segment], Floats]:
-    """All segments, and weights that discount those which overlap."""
-    segments = [segment for group in groups for segment in group]
-    return segments, np.array([segment.weight for segment in segments])

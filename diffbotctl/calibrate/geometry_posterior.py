@@ -189,12 +189,3 @@ def posterior(
     return Posterior(
         apply_log_step(geometry, mean), np.asarray(covariance), share, noise.expected(share)
     )
-
-
-def squared_error(
-    segments: Sequence[Segment], weights: Floats, geometry: Geometry, noise: NoiseGrid
-) -> float:
-    """Sum of the squared end errors in their standard deviations; `noise`: one combination."""
-    linear = linearize(segments, geometry)
-    solved = np.linalg.solve(linear.covariances(noise)[0], linear.residuals[..., None])[..., 0]
-    return float((linear.residuals * solved).sum(axis=1) @ weights)

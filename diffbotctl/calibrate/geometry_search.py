@@ -17,7 +17,6 @@ from diffbotctl.calibrate.dead_reckoning import (
     Floats,
     Geometry,
     Segment,
-    end_positions,
     merged_steps,
 )
 from diffbotctl.calibrate.end_noise import SEARCH_NOISE
@@ -38,6 +37,7 @@ HEADING_SD_RAD = 0.2  # of an end, within a node
 POSITION_SD_RATIO = 0.08  # of the distance rolled
 POSITION_SD_M = 0.02
 MAXIMA = 4  # of the grid, refined
+SAME_RATIO_MAX = 1e-3  # between two solutions that are one
 
 
 def search(segments: Sequence[Segment], weights: Floats, prior: GeometryPrior) -> list[Solution]:
@@ -66,14 +66,15 @@ def search(segments: Sequence[Segment], weights: Floats, prior: GeometryPrior) -
     solutions: list[Solution] = []
     for place in _maxima(scores.reshape(len(tracks), len(ratios)))[:MAXIMA]:
         solution = solve(segments, weights, nodes[place], prior, SEARCH_NOISE)
-        if not any(_agree(solution, other) for other in solutions):
+        if not any(are_near(solution, other, SAME_RATIO_MAX) for other in solutions):
             solutions.append(solution)
     return sorted(solutions, key=lambda solution: -solution.score)
 
 
-def _agree(one: Solution, other: Solution) -> bool:
+def are_near(one: Solution, other: Solution, limit: float) -> bool:
+    """Whether all lengths of both differ by less than `limit` (relative)."""
     lengths = zip(one.geometry, other.geometry, strict=True)
-    return max(abs(log(first / second)) for first, second in lengths) < 1e-3
+    return max(abs(log(first / second)) for first, second in lengths) < limit
 
 
 def _nodes(limit: float, step: float, count_max: int) -> Floats:
@@ -103,3 +104,21 @@ def _maxima(scores: Floats) -> list[int]:
     windows = np.lib.stride_tricks.sliding_window_view(padded, (3, 3))
     places = np.flatnonzero(scores >= windows.max(axis=(2, 3)))
     return sorted(places.tolist(), key=lambda place: -scores.flat[place])
+
+
+def end_positions(rolled: Floats, geometries: Floats) -> Floats:
+    """The ends (geometries, 3) of steps (steps, 2: turns times pi of the right and left wheel).
+
+    `geometries` (geometries, 3): right and left diameter, track, in m.
+    """
+    # Single precision suffices for a search, and is several times faster.
+    steps = rolled.astype(np.float32)
+    right, left = (
+        np.outer(geometries[:, wheel].astype(np.float32), steps[:, wheel]) for wheel in (0, 1)
+    )
+    turned = (right - left) / geometries[:, 2:].astype(np.float32)
+    headings = np.cumsum(turned, axis=1)
+    middle = headings - turned / 2
+    chord = (right + left) * (0.5 - turned * turned / 48)  # the sine of a small angle
+    x, y = (chord * np.cos(middle)).sum(axis=1), (chord * np.sin(middle)).sum(axis=1)
+    return np.stack([x, y, headings[:, -1]], axis=1).astype(float)

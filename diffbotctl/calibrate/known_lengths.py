@@ -10,18 +10,14 @@ from diffbotctl.units import quantity
 
 # Relative standard deviation of one wheel from the mean of both, as tyres of a kit come.
 DIFFERENCE_SD = 0.003
-MEASURED_DIFFERENCE_SD = 0.0005  # after a step that found the ratio of the wheels
 # Relative standard deviation of a mean diameter that was not measured by driving; `calibrate
 # from-log` takes the same: a ruler reads a wheel of 65 mm to 1 mm, and a tyre is smaller under its
 # load.
 UNMEASURED_SCALE_SD = 0.02
-# No tape finds the mean diameter as well. Former versions wrote less where it was not measured.
-MEASURED_SCALE_SD_MIN = 0.0002
 # Systematic error of odometry from rest to rest, in pitches of the encoder: the way before the
 # first edge and after the last one is predicted by the motor model. Of simulated drives of a metre,
 # 0.2 with fast decay or where the driver takes a voltage of its own, 0.01 where neither is so.
 REST_SD_PITCHES = 0.2
-MEAN_ONLY_METHODS = ("distance",)
 
 
 def known_track_sd(robot: Robot) -> float:
@@ -36,11 +32,9 @@ def known_track_sd(robot: Robot) -> float:
 def known_difference_sd(robot: Robot, field: str) -> float:
     """Relative standard deviation of the diameter in `field` from the mean of both wheels."""
     entry = robot.calibration.get(field)
-    if entry is None:
+    if entry is None or entry.own_sd is None:
         return DIFFERENCE_SD
-    if entry.own_sd is not None:
-        return _length(entry.own_sd) / _length(entry.value)
-    return DIFFERENCE_SD if entry.method in MEAN_ONLY_METHODS else MEASURED_DIFFERENCE_SD
+    return _length(entry.own_sd) / _length(entry.value)
 
 
 def rest_sd(robot: Robot) -> float:
@@ -53,8 +47,7 @@ def known_scale_sd(robot: Robot) -> float:
     """Relative standard deviation of the mean diameter, and so of all lengths that are measured in
     multiples of it; UNMEASURED_SCALE_SD if not measured."""
     entries = [robot.calibration.get(field) for field in (RIGHT_DIAMETER, LEFT_DIAMETER)]
-    sds = [_scale_sd(entry) for entry in entries]
-    return max(sd if sd > MEASURED_SCALE_SD_MIN else UNMEASURED_SCALE_SD for sd in sds)
+    return max(_scale_sd(entry) or UNMEASURED_SCALE_SD for entry in entries)
 
 
 def is_scale_measured(robot: Robot) -> bool:
@@ -66,13 +59,8 @@ def _scale_sd(entry: Calibrated | None) -> float:
     """Relative standard deviation of the mean diameter by the entry of one wheel; 0: none."""
     if entry is None or entry.sd is None:
         return 0.0
-    value, sd = _length(entry.value), _length(entry.sd)
-    own_sd = 0.0
-    if entry.own_sd is not None:
-        own_sd = _length(entry.own_sd)
-    elif entry.method in MEAN_ONLY_METHODS:
-        own_sd = DIFFERENCE_SD * value
-    return float(max(sd**2 - own_sd**2, 0.0) ** 0.5) / value
+    own_sd = 0.0 if entry.own_sd is None else _length(entry.own_sd)
+    return float(max(_length(entry.sd) ** 2 - own_sd**2, 0.0) ** 0.5) / _length(entry.value)
 
 
 def with_scale(length: float, own: float, scale: float) -> tuple[float, float]:

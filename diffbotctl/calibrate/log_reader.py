@@ -20,8 +20,7 @@ from diffbotctl.calibrate.dead_reckoning import (
     RecordedDrive,
 )
 from diffbotctl.calibrate.log_checks import count_fault, encoder_fault, table_fault
-from diffbotctl.calibrate.recorded_frames import read_frames
-from diffbotctl.calibrate.recorded_turns import TICK_RATIO, estimated_turns
+from diffbotctl.calibrate.recorded_frames import TICK_RATIO, estimated_turns, read_frames
 from diffbotctl.config.robot import Robot
 from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS
 from diffbotctl.messages import Encoders

@@ -1,19 +1,31 @@
-"""The frames of a board in the recording of one drive, whose start and end were measured."""
+"""The frames of a board in the recording of one drive, whose start and end were measured.
+
+The turns of its wheels are finer than its counts: odometry knows the motors, the times of the
+edges, and that a wheel which coasts past a reversal is counted in the wrong direction. Its estimate
+of a wheel's travel has about a third of the error of the count.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import pi
 from pathlib import Path
 
+import numpy as np
+
+from diffbotctl.blocks.odometry import OdometryBlock
 from diffbotctl.calibrate.csv_table import unusable_log
+from diffbotctl.calibrate.dead_reckoning import Floats
 from diffbotctl.config.robot import SIDES, Robot, field_value
 from diffbotctl.errors import ConfigurationError, RunError, join_words
 from diffbotctl.messages import Encoders
 from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.recording.run_metadata import check_replayable
 from diffbotctl.replay.recorded_run import recorded_configuration
+from diffbotctl.runs.build_graph import build_block
 from diffbotctl.time import SECOND
 
+TICK_RATIO = 0.3  # error of the estimate to that of the count
 REST_NS = SECOND // 5  # without a count, after which a wheel stands: at 5 cm/s they come as often
 
 
@@ -80,3 +92,22 @@ def _refuse_other_slots(path: Path, about: Mapping[str, str], robot: Robot) -> N
                 f"states {stated}: is it of another robot?"
             )
             raise unusable_log(path, cause)
+
+
+def estimated_turns(frames: Sequence[Encoders], robot: Robot) -> Floats:
+    """(frames, 2): turns of the right and left wheel since the first frame."""
+    block = build_block(OdometryBlock, robot, imu=None)
+    block.reset()
+    turns = np.zeros((len(frames), 2))
+    start = np.zeros(2)
+    lengths = [pi * side.wheel.diameter for side in (robot.drive.right, robot.drive.left)]
+    for number, frame in enumerate(frames):
+        block.react(frame.time, frame)
+        assert block.wheels is not None
+        left, right = block.wheels
+        if number:
+            turns[number] = (right.travel, left.travel)
+            start += (right.start_correction, left.start_correction)
+    # A better estimate of the phase at the start belongs to the first motion.
+    turns[1:2] += start
+    return np.asarray(np.cumsum(turns, axis=0) / lengths)
