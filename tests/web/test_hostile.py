@@ -26,11 +26,19 @@ def folder(tmp_path_factory):
         yield folder
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def server(folder):
+    """With `link`, the code of which no test has used so far."""
     with serving(folder) as server:
         server.link = server.next_link()
         yield server
+
+
+def entered(server):
+    """The headers of a page of a new session."""
+    headers = server.enter(server.link)
+    server.link = server.next_link()
+    return headers
 
 
 def code_of(link):
@@ -41,7 +49,7 @@ def opened(server, work):
     """Run `work(page)` on a page with a session."""
 
     async def run():
-        async with PlainPage(server, server.enter(server.link)) as page:
+        async with PlainPage(server, entered(server)) as page:
             return await work(page)
 
     return asyncio.run(run())
@@ -56,7 +64,7 @@ def test_without_a_session_there_is_no_socket(server):
 
 
 def test_a_cookie_that_another_port_of_the_machine_got_opens_no_socket(server):
-    session = server.enter(server.link)
+    session = entered(server)
     upgrade = {"Upgrade": "websocket", "Connection": "Upgrade", "Cookie": session["Cookie"]}
     assert server.request("GET", "/session", Cookie=session["Cookie"])[0] == 200
     for proof in ({}, {"Sec-WebSocket-Protocol": "guessed"}):
@@ -82,7 +90,8 @@ def test_a_code_works_once_and_a_photograph_of_it_does_not(server):
     status, text, headers = server.request("POST", "/session", code)
     assert status == 403 and "another device has used it" in text
     assert "Set-Cookie" not in headers
-    assert code_of(server.next_link()) != code  # the next device has its own
+    server.link = server.next_link()
+    assert code_of(server.link) != code  # the next device has its own
 
 
 def test_wrong_codes_of_a_client_are_limited_and_the_owner_gets_in(server):
@@ -95,7 +104,8 @@ def test_wrong_codes_of_a_client_are_limited_and_the_owner_gets_in(server):
     assert server.request("POST", "/session", "mistyped")[0] == 403
     # Also a stranger's computer behind the same router as the owner's does not keep them out.
     assert server.request("POST", "/session", code_of(server.link), source="127.0.0.2")[0] == 200
-    server.enter(server.next_link())
+    server.link = server.next_link()
+    entered(server)
 
 
 @pytest.mark.parametrize(
@@ -125,7 +135,7 @@ def test_a_client_is_an_address_or_a_network_of_ipv6(one, other, is_same):
 def test_requests_of_another_site_are_refused_in_words(server, headers, status):
     refused = server.request("POST", "/session", code_of(server.link), **headers)
     assert refused[0] == status and ("page" in refused[1] or "link" in refused[1])
-    session = server.enter(server.link)  # the code was not used up
+    session = entered(server)  # the code was not used up
     upgrade = {"Upgrade": "websocket", "Connection": "Upgrade", **session}
     assert server.request("GET", "/socket", **(upgrade | headers))[0] == status
 
@@ -144,6 +154,7 @@ def test_a_stranger_s_page_in_the_operator_s_browser_gets_nothing(server, tmp_pa
     with Browser(tmp_path / "profile") as browser:
         page = browser.open_page(server.link)
         page.until("document.getElementById('role').textContent.includes('in control')")
+        server.link = server.next_link()
         stranger = browser.open_page()  # of the origin "null", with the operator's cookies
         outcome = stranger.evaluate(
             f"fetch('{own}/session', {{method: 'POST', body: 'x', credentials: 'include'}})"
@@ -294,7 +305,7 @@ def test_a_page_that_reads_nothing_is_disconnected_and_others_go_on(server, fold
     opened(server, work)
 
 
-def test_a_server_that_is_killed_stops_a_robot_that_is_driven(server, folder):
+def test_a_server_that_is_killed_stops_a_robot_that_is_driven(folder):
     client = PlainClient(folder)
 
     async def work(page):
@@ -308,7 +319,9 @@ def test_a_server_that_is_killed_stops_a_robot_that_is_driven(server, folder):
                 press += 1
         server.process.send_signal(signal.SIGKILL)
 
-    opened(server, work)
+    with serving(folder) as server:
+        server.link = server.next_link()
+        opened(server, work)
     held = client.until(lambda status: status["held"])["held"]
     assert held["code"] == "operator_lost" and "computer 1" in held["cause"]
     client.request("resume")
