@@ -130,15 +130,23 @@ def uno(person):
     return (person.folder / "robots" / "wired.yaml").rename(person.folder / "wired.yaml")
 
 
-def test_the_parts_of_a_robot_are_asked_for_and_its_board_is_flashed(person, uno):
+def test_the_parts_of_a_robot_are_asked_for(person, uno):
+    code, output = person.types("start", answers=UNO_ANSWERS)
+    assert code == 1 and "E-NO-BOARD" in output, output
+    assert person.done() == ["simulated", "robot"]
+    robot = load_robot(str(person.folder / "robots/my_robot.yaml")).robot
+    motor = robot.drive.left.motor
+    assert (motor.driver, robot.board.type) == ("tb6612", "uno")
+    assert repr(motor) == repr(load_robot(str(uno)).robot.drive.left.motor)
+
+
+@pytest.mark.nightly
+def test_the_board_of_these_parts_is_flashed(person, uno):
     with board(image=None, robot=uno) as virtual:
         answers = f"{UNO_ANSWERS}lifted: [yes, no]\n"
         code, output = person.types("start", "--port", virtual.usb, answers=answers)
         assert code == 0 and "written and verified" in output, output
     assert person.done() == ["simulated", "robot", "board", "firmware"]
-    motor = person.robot().drive.left.motor
-    assert (motor.driver, person.robot().board.type) == ("tb6612", "uno")
-    assert repr(motor) == repr(load_robot(str(uno)).robot.drive.left.motor)
 
 
 @pytest.mark.nightly
