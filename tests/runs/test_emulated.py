@@ -1,5 +1,7 @@
 """The real firmware binary in the emulator, in lockstep with the plant, as a user runs it."""
 
+from math import degrees, hypot, pi
+
 import pytest
 
 from diffbotctl.config.load import load
@@ -23,6 +25,9 @@ def test_the_real_binary_drives_to_the_goal_and_twice_the_same():
     assert first.reached == 1 and first.ending.stopped is True
     assert first.link.damaged == 0 and first.link.lost == 0
     assert first.digest == again.digest
+    pose = first.truth.pose
+    assert hypot(pose.x - 1.0, pose.y - 0.5) < 0.03
+    assert degrees(abs(pose.heading - pi / 2)) < 4.0
 
 
 def test_falling_edges_work_like_rising_ones(tmp_path):

@@ -265,19 +265,13 @@ def test_it_follows_the_windows_size(engine, tmp_path):
         terminal.until(lambda text: "follower" not in text, "the small layout")
 
 
-@pytest.mark.parametrize(
-    ("more", "words"),
-    [({"NO_COLOR": "1"}, []), ({}, ["--ascii"]), ({"PYTHONIOENCODING": "ascii"}, [])],
-)
-def test_without_colour_or_utf_8_it_is_still_usable(engine, tmp_path, more, words):
-    with dash(tmp_path, *words, **more) as terminal:
-        if "NO_COLOR" in more:
-            cells = [cell for line in terminal.screen.buffer.values() for cell in line.values()]
-            colours = {cell.fg for cell in cells} | {cell.bg for cell in cells}
-            assert all(c == "default" or len({c[0:2], c[2:4], c[4:6]}) == 1 for c in colours), (
-                colours
-            )
-        else:
+def test_without_colour_or_utf_8_it_is_still_usable(engine, tmp_path):
+    with dash(tmp_path, NO_COLOR="1") as terminal:
+        cells = [cell for line in terminal.screen.buffer.values() for cell in line.values()]
+        colours = {cell.fg for cell in cells} | {cell.bg for cell in cells}
+        assert all(c == "default" or len({c[0:2], c[2:4], c[4:6]}) == 1 for c in colours), colours
+    for words, more in ((["--ascii"], {}), ([], {"PYTHONIOENCODING": "ascii"})):
+        with dash(tmp_path, *words, **more) as terminal:
             terminal.until(lambda text: "|--" in text, "the scale in letters")
             assert terminal.text.replace("°", "").isascii(), terminal.text
             robot_at(terminal, ">/^\\<v")
