@@ -14,9 +14,9 @@ import click
 
 from diffbotctl.cli.bag_live import record, save
 from diffbotctl.cli.bag_play import play
-from diffbotctl.cli.command import argument, group, option
+from diffbotctl.cli.command import ANY_PATH, argument, group, option
 from diffbotctl.cli.contradictions import check_span, exclusive, needs
-from diffbotctl.cli.options import FORCE, JSON, quantity_option
+from diffbotctl.cli.options import FORCE, JSON, choice_option, quantity_option
 from diffbotctl.cli.output import (
     CSV_MARK,
     check_overwrite,
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from diffbotctl.recording.fields import Series
     from diffbotctl.recording.reader import RecordingInfo
     from diffbotctl.ros2.bag_export import ExportResult
-
-recording_argument = click.argument("file", type=click.Path(path_type=Path))
 
 
 @group("Record", 3, "Recordings: record, save, info, plot, export, diff")
@@ -114,17 +112,10 @@ def export(
     file: Path,
     fields: tuple[str, ...] = argument("[FIELD]..."),
     attachment: str | None = option("Write this attached file: layout.json.", metavar="NAME"),
-    kind: str = option(
-        "--format",
-        "A table, or a folder for ROS 2.",
-        type=click.Choice(["csv", "rosbag2"]),
-        default="csv",
-        show_default=True,
-    ),
+    kind: str = choice_option(("csv", "rosbag2"), "--format", "A table, or a folder for ROS 2."),
     output: Path | None = option(
         "Write FILE.csv instead of standard output; the folder of a rosbag2.",
-        metavar="FILE",
-        type=click.Path(path_type=Path),
+        type=ANY_PATH,
     ),
     force: bool = FORCE,
     robot: str | None = option(

@@ -29,9 +29,7 @@ Ctrl-C ends the board."""
 @exclusive("--blank", ("--hex",), "a blank board has no program")
 def emulate(
     blank: bool = option("Start with the stock bootloader only."),
-    image: Path | None = option(
-        "--hex", "Run this program instead of the firmware.", metavar="FILE"
-    ),
+    image: Path | None = option("--hex", "Run this program instead of the firmware."),
     world: str | None = option("Use the walls of this pipeline.", metavar="PIPELINE"),
     seed: int = SEED,
     robot: str | None = ROBOT_OBJECT,

@@ -13,7 +13,7 @@ import click
 
 from diffbotctl.cli.choose_port import choose_board_port, choose_port
 from diffbotctl.cli.command import argument, command, option
-from diffbotctl.cli.options import ROBOT, YES, number_option, port_option
+from diffbotctl.cli.options import ROBOT, YES, choice_option, number_option, port_option
 from diffbotctl.config.lookup import folder
 
 if TYPE_CHECKING:
@@ -37,16 +37,11 @@ def flash(
     what: str = argument(type=click.Choice(["firmware"])),
     port: str = port_option("auto", only_board=True),
     robot: str | None = ROBOT,
-    programmer: str = option(
-        "The program that speaks to the bootloader.",
-        type=click.Choice(["built-in", "avrdude"]),
-        default="built-in",
-        show_default=True,
+    programmer: str = choice_option(
+        ("built-in", "avrdude"), "The program that speaks to the bootloader."
     ),
     backup: Path | None = option("First save the board's present program to FILE."),
-    image: Path | None = option(
-        "--hex", "Write this program instead of the firmware.", metavar="FILE"
-    ),
+    image: Path | None = option("--hex", "Write this program instead of the firmware."),
     yes: bool = YES,
 ) -> None:
     """Write the firmware through the board's bootloader, verify it, and send the settings.

@@ -13,7 +13,7 @@ import click
 from diffbotctl.cli.command import argument, group, option
 from diffbotctl.cli.contradictions import exclusive, refuse_before_subcommand
 from diffbotctl.cli.engine_client import WATCHER_NICENESS, attached
-from diffbotctl.cli.options import ENGINE, FOR, JSON
+from diffbotctl.cli.options import ENGINE, FOR, JSON, choice_option, number_option
 from diffbotctl.cli.output import print_json
 from diffbotctl.messages import LOG_LEVELS, LogLine
 from diffbotctl.printable import printable, write_raw
@@ -27,17 +27,9 @@ COLOURS = {"debug": "bright_black", "warning": "yellow", "error": "red"}
 @group("Look", 7, "; follow the log", invoke_without_command=True)
 @exclusive("--once", ("--for",), "the earlier lines need no time limit")
 def log(
-    level: str = option(
-        "Lowest level shown.", type=click.Choice(LOG_LEVELS), default="debug", show_default=True
-    ),
+    level: str = choice_option(LOG_LEVELS, "Lowest level shown."),
     block: str | None = option("Only lines of this block; also robot, operator or engine."),
-    last: int = option(
-        "Number of earlier lines printed first.",
-        metavar="N",
-        type=click.IntRange(0, 500),
-        default=50,
-        show_default=True,
-    ),
+    last: int = number_option(50, 0, 500, "Number of earlier lines printed first.", metavar="N"),
     once: bool = option("Print the earlier lines and end."),
     duration: float | None = FOR,
     as_json: bool = JSON,

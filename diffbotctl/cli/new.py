@@ -12,6 +12,7 @@ import click
 
 from diffbotctl.cli.command import group, option
 from diffbotctl.cli.contradictions import exclusive, needs
+from diffbotctl.cli.options import choice_option
 from diffbotctl.config.lookup import folder
 from diffbotctl.errors import Problem, UsageError, closest_match
 
@@ -222,12 +223,7 @@ def driver(name: str) -> None:
 @new.command()
 def program(
     name: str,
-    language: str = option(
-        "Language of the program.",
-        type=click.Choice(list(PROGRAM_FILES)),
-        default="python",
-        show_default=True,
-    ),
+    language: str = choice_option(list(PROGRAM_FILES), "Language of the program."),
 ) -> None:
     """Write the folder NAME: a program in another process, and a pipeline that starts it."""
     _check_word(name, "program")

@@ -105,7 +105,6 @@ def save(
         "--output",
         "--to",
         "Write a new pipeline file that includes the present one.",
-        metavar="FILE",
     ),
     force: bool = FORCE,
     engine: str | None = ENGINE,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from diffbotctl.cli.command import command, option
+from diffbotctl.cli.command import ANY_PATH, command, option
 from diffbotctl.cli.contradictions import exclusive, needs
 from diffbotctl.cli.options import FORCE, JSON, ROBOT
 from diffbotctl.cli.output import check_output, print_json, print_row, problem_record, write_output
@@ -159,8 +159,7 @@ def doctor(
     added: tuple[Path, ...] = option(
         "--with",
         "With --bundle: pack this file too: a robot, a pipeline, a recording, a log. Repeatable.",
-        metavar="FILE",
-        type=click.Path(path_type=Path),
+        type=ANY_PATH,
     ),
     force: bool = FORCE,
     root: Path = ROOT,

@@ -34,9 +34,7 @@ if TYPE_CHECKING:
 )
 def ros2(
     engine: str | None = ENGINE,
-    socket: Path | None = option(
-        "Control socket of the engine, such as a forwarded one.", metavar="FILE"
-    ),
+    socket: Path | None = option("Control socket of the engine, such as a forwarded one."),
     drive: bool = option("Let ROS nodes move the robot and set parameters."),
     check: bool = option("Report what is missing, and end."),
     python: str | None = option("Python that has rclpy; default: python3.", metavar="PATH"),

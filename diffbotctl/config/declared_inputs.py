@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any
@@ -38,16 +38,11 @@ LOST_TURNS_MAX, SCAN_TIMEOUT_MIN = 3, 0.5
 
 def read_inputs(context: CheckContext) -> None:
     """Find the message types of `inputs`, and read the neutral messages."""
-    pipeline, tree = context.pipeline, context.pipeline_value("inputs")
-    if pipeline is None or tree is None:
-        return
-    for name, value in tree.entries.items():
-        entry = pipeline.inputs.get(name)
+    for name, entry, value in _entries(context, "inputs"):
         kind_value = value.at("type")
         if not is_name(name):
-            cause = f"'{name}' is not a valid input name"
-            context.error("E-NAME", value.name_place, cause, "use lower-case letters, digits and _")
-        if entry is None or entry.type is None or entry.timeout is None or kind_value is None:
+            _refuse_name(context, name, value, "input")
+        if entry is None or None in (entry.type, entry.timeout) or kind_value is None:
             continue  # reported where it was read
         kind = message_kind(context, entry.type, kind_value)
         if kind is not None:
@@ -58,15 +53,10 @@ def read_inputs(context: CheckContext) -> None:
 
 def read_programs(context: CheckContext, files: Sequence[FilePath]) -> None:
     """Find the message types of what `programs` publish, and split their command lines."""
-    pipeline, tree = context.pipeline, context.pipeline_value("programs")
-    if pipeline is None or tree is None:
-        return
-    for name, value in tree.entries.items():
-        entry = pipeline.programs.get(name)
+    for name, entry, value in _entries(context, "programs"):
         run = value.at("run")
-        if not _is_free_name(context, name, value) or entry is None or run is None:
-            continue
-        if entry.run is None or entry.timeout is None:
+        is_free = _is_free_name(context, name, value, "program")
+        if not is_free or entry is None or None in (entry.run, entry.timeout) or run is None:
             continue  # reported where it was read
         try:
             words = tuple(shlex.split(entry.run))
@@ -74,9 +64,9 @@ def read_programs(context: CheckContext, files: Sequence[FilePath]) -> None:
             words = ()
         if not words:
             context.error("E-PROGRAM", run.place, "this is no command line", "write run: ./program")
-        outputs = _read_outputs(context, name, entry, value)
         file = lookup.file_of(run.value_place.source.name, files)
         folder = file.resolve().parent if file is not None else FilePath.cwd()
+        outputs = _program_outputs(context, name, entry, value)
         context.programs[name] = ProgramUse(
             name, words, folder, dict(entry.wires), outputs, entry.timeout
         )
@@ -84,14 +74,10 @@ def read_programs(context: CheckContext, files: Sequence[FilePath]) -> None:
 
 def read_sources(context: CheckContext) -> None:
     """Find the drivers of `sources`, and read the values of their parameters."""
-    pipeline, tree = context.pipeline, context.pipeline_value("sources")
-    if pipeline is None or tree is None:
-        return
-    for name, value in tree.entries.items():
-        entry, kind = pipeline.sources.get(name), value.at("driver")
-        if not _is_free_name(context, name, value, "source") or entry is None or kind is None:
-            continue
-        if entry.driver is None or entry.timeout is None:
+    for name, entry, value in _entries(context, "sources"):
+        kind = value.at("driver")
+        is_free = _is_free_name(context, name, value, "source")
+        if not is_free or entry is None or None in (entry.driver, entry.timeout) or kind is None:
             continue  # reported where it was read
         try:
             cls = registry.driver(entry.driver)
@@ -99,6 +85,14 @@ def read_sources(context: CheckContext) -> None:
             context.error(error.code, kind.place, str(error), error.fix)
             continue
         _add_source(context, name, cls, entry, value)
+
+
+def _entries(context: CheckContext, section: str) -> Iterator[tuple[str, Any, Value]]:
+    """Name, entry and value of everything in a section of the pipeline; None: not readable."""
+    tree = context.pipeline_value(section)
+    if context.pipeline is not None and tree is not None:
+        read = getattr(context.pipeline, section)
+        yield from ((name, read.get(name), value) for name, value in tree.entries.items())
 
 
 def _add_source(
@@ -109,48 +103,45 @@ def _add_source(
     if isinstance(parameters.data, dict):
         values = read_parameters(parameters, cls, f"{name}.with", context.problems)
     wires: dict[str, type] = {}
-    timeout = entry.timeout
     if cls.open_kinds:
-        wires = _open_outputs(context, name, cls, entry, value)
-        for wire, kind in wires.items():
-            context.inputs[wire] = InputUse(wire, kind, timeout, None, False)
+        for port, kind, type_value in _named_outputs(context, entry, value):
+            if kind in cls.open_kinds:
+                wires[f"{name}.{port}"] = kind
+                continue
+            cause = f"the driver {entry.driver} has no {type_name(kind)}"
+            names = ", ".join(map(type_name, cls.open_kinds))
+            context.error("E-SOURCE", type_value.place, cause, f"use one of {names}")
     elif entry.types:
         cause = f"the driver {entry.driver} has outputs of its own: {', '.join(outputs(cls))}"
         context.error("E-SOURCE", (value.at("out") or value).name_place, cause, "remove `out`")
     for port, out in outputs(cls).items():
         problem = type_problem(out.kind)
-        if problem is not None:
-            cause = f"{type_name(out.kind)}, at '{port}' of '{name}', is no message: {problem[0]}"
-            context.error("E-MESSAGE-TYPE", value.name_place, cause, problem[1])
+        if problem is None:
+            wires[f"{name}.{port}"] = out.kind
             continue
-        wire = f"{name}.{port}"
-        wires[wire] = out.kind
-        context.inputs[wire] = InputUse(wire, out.kind, timeout, None, False)
-    inputs = dict(entry.wires)
-    context.sources[name] = SourceUse(name, cls, values, wires, timeout, value.place, inputs)
+        cause = f"{type_name(out.kind)}, at '{port}' of '{name}', is no message: {problem[0]}"
+        context.error("E-MESSAGE-TYPE", value.name_place, cause, problem[1])
+    for wire, kind in wires.items():
+        context.inputs[wire] = InputUse(wire, kind, entry.timeout, None, False)
+    context.sources[name] = SourceUse(
+        name, cls, values, wires, entry.timeout, value.place, dict(entry.wires)
+    )
 
 
-def _open_outputs(
-    context: CheckContext, name: str, cls: type[DeviceDriver], entry: SourceEntry, value: Value
-) -> dict[str, type]:
-    """The wires on which a source with open outputs publishes, with their classes."""
-    wires: dict[str, type] = {}
+def _named_outputs(
+    context: CheckContext, entry: ProgramEntry | SourceEntry, value: Value
+) -> Iterator[tuple[str, type, Value]]:
+    """Name, message class and place of each output that `out` of a program or source names."""
     for port, written in entry.types.items():
         type_value = value.at("out", port)
         if type_value is None or written is None:
             continue
-        kind = message_kind(context, written, type_value)
         if not is_name(port):
-            cause = f"'{port}' is not a valid output name"
-            fix = "use lower-case letters, digits and _"
-            context.error("E-NAME", type_value.name_place, cause, fix)
-        elif kind is not None and kind not in cls.open_kinds:
-            cause = f"the driver {entry.driver} has no {type_name(kind)}"
-            names = ", ".join(map(type_name, cls.open_kinds))
-            context.error("E-SOURCE", type_value.place, cause, f"use one of {names}")
-        elif kind is not None:
-            wires[f"{name}.{port}"] = kind
-    return wires
+            _refuse_name(context, port, type_value, "output")
+            continue
+        kind = message_kind(context, written, type_value)
+        if kind is not None:
+            yield port, kind, type_value
 
 
 def read_lidars(context: CheckContext) -> None:
@@ -178,48 +169,41 @@ def read_lidars(context: CheckContext) -> None:
             )
 
 
-def _is_free_name(context: CheckContext, name: str, value: Value, what: str = "program") -> bool:
+def _is_free_name(context: CheckContext, name: str, value: Value, what: str) -> bool:
     """Whether a program or source may be called so; notes why not."""
     taken = [*RESERVED, *context.programs]
     for section in ("blocks",) if what == "program" else ("blocks", "programs"):
         nodes = context.pipeline_value(section)
         taken += nodes.entries if nodes is not None else ()
     if not is_name(name):
-        cause, fix = f"'{name}' is not a valid {what} name", "use lower-case letters, digits and _"
+        _refuse_name(context, name, value, what)
     elif name in taken:
-        cause, fix = f"another node is called '{name}'", f"rename the {what}"
-    else:
-        return True
-    context.error("E-NAME", value.name_place, cause, fix)
-    return False
+        cause = f"another node is called '{name}'"
+        context.error("E-NAME", value.name_place, cause, f"rename the {what}")
+    return is_name(name) and name not in taken
 
 
-def _read_outputs(
+def _refuse_name(context: CheckContext, name: str, value: Value, what: str) -> None:
+    cause = f"'{name}' is not a valid {what} name"
+    context.error("E-NAME", value.name_place, cause, "use lower-case letters, digits and _")
+
+
+def _program_outputs(
     context: CheckContext, name: str, entry: ProgramEntry, value: Value
 ) -> dict[str, type]:
     """The wires on which a program publishes, with their classes; they are inputs of the graph."""
-    outputs: dict[str, type] = {}
+    made: dict[str, type] = {}
     neutral = value.at("neutral")
-    for port, written in entry.types.items():
-        type_value = value.at("out", port)
-        if type_value is None or written is None:
-            continue
-        if not is_name(port):
-            cause = f"'{port}' is not a valid output name"
-            fix = "use lower-case letters, digits and _"
-            context.error("E-NAME", type_value.name_place, cause, fix)
-            continue
-        kind = message_kind(context, written, type_value)
-        if kind is not None:
-            wire = f"{name}.{port}"
-            outputs[wire] = kind
-            message = read_neutral(context, kind, neutral.at(port) if neutral else None)
-            context.inputs[wire] = InputUse(wire, kind, entry.timeout, message, False)
+    for port, kind, _ in _named_outputs(context, entry, value):
+        wire = f"{name}.{port}"
+        made[wire] = kind
+        message = read_neutral(context, kind, neutral.at(port) if neutral else None)
+        context.inputs[wire] = InputUse(wire, kind, entry.timeout, message, False)
     for port, unknown in (neutral.entries if neutral else {}).items():
         if port not in entry.types:
             cause = f"the program has no output '{port}'"
             context.error("E-PROGRAM", unknown.name_place, cause, "name one of its outputs")
-    return outputs
+    return made
 
 
 def message_kind(context: CheckContext, name: str, value: Value) -> type | None:
