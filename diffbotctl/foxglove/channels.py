@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
 from diffbotctl.foxglove.protocol import ENCODING, SCHEMA_ENCODING, Fields
-from diffbotctl.messages import BUILT_IN
+from diffbotctl.messages import BUILT_IN, MapUpdate
 from diffbotctl.recording.foxglove import TRAIL, ViewerMessages, schema
 from diffbotctl.recording.json_codec import message_reader
 from diffbotctl.recording.viewer_layout import viewer_layout
@@ -51,6 +51,7 @@ class RunChannels:
         kinds = {topic.wire: BUILT_IN[topic.kind] for topic in topics if topic.kind in BUILT_IN}
         self.viewers = ViewerMessages(epoch, kinds, model)
         self.readers = {wire: message_reader(kinds[wire]) for wire in self.viewers.builders}
+        self.map_wires = {wire for wire, kind in kinds.items() if kind is MapUpdate}
         self.files = {URDF: model.urdf.encode()} if model.urdf else {}
         layout = viewer_layout(kinds, self.viewers.topics, commands)
         self.files[LAYOUT] = json.dumps(layout, indent=2).encode()
@@ -68,7 +69,7 @@ class RunChannels:
         needed = {topic for topic in topics if topic not in self.viewers.topics}
         if needed != topics:
             needed |= set(self.viewers.builders)
-        return needed
+        return needed | self.map_wires  # whose tiles have to be collected
 
     def take(self, wire: str, fields: Fields) -> Iterator[ChannelMessage]:
         """The messages that one message of the run becomes."""

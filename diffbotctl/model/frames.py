@@ -14,7 +14,7 @@ from diffbotctl.config.robot import Robot
 from diffbotctl.geometry.distance_sensors import TYPES, sensor_facts
 from diffbotctl.geometry.lidars import LIDARS
 
-WORLD, GROUND, BASE = "odom", "base_footprint", "base_link"
+MAP, WORLD, GROUND, BASE = "map", "odom", "base_footprint", "base_link"
 ON_ROBOT = (*TYPES, *LIDARS)  # types of sensors that are mounted on the robot
 CASTER_SHARE = 0.8  # of the longer overhang: default position of the caster
 

@@ -7,19 +7,31 @@ messages are left out, and such a ray of a scan is 0.
 """
 
 import json
+from base64 import b64encode
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from math import cos, isfinite, sin
 from typing import Any
 
 from diffbotctl.config import lookup
+from diffbotctl.geometry.map_tiles import FREE, OCCUPIED, UNKNOWN, CellRows, MapTiles
 from diffbotctl.geometry.trail import Trail
-from diffbotctl.messages import Goal, LogLine, Odometry, Path, Range, Scan
-from diffbotctl.model.frames import BASE, GROUND, WORLD, RobotFrame
+from diffbotctl.messages import (
+    Goal,
+    LogLine,
+    MapPose,
+    MapUpdate,
+    Odometry,
+    Path,
+    Range,
+    Scan,
+)
+from diffbotctl.model.frames import BASE, GROUND, MAP, WORLD, RobotFrame
 from diffbotctl.recording import scene_update
 from diffbotctl.recording.viewer_model import ViewerModel
 from diffbotctl.time import SECOND
 
-SCHEMAS = ("FrameTransform", "PoseInFrame", "LaserScan", "Log", "SceneUpdate")
+SCHEMAS = ("FrameTransform", "PoseInFrame", "LaserScan", "Log", "SceneUpdate", "Grid")
+UINT8 = 1  # foxglove.NumericType
 LEVELS = {"debug": 1, "info": 2, "warning": 3, "error": 4}  # foxglove.LogLevel
 # Half the beam width of a Sharp sensor, about 1.5 cm at 30 cm (data sheet GP2Y0A41SK0F). With three
 # rays no viewer divides by zero to find the angle between them.
@@ -28,6 +40,9 @@ TRANSFORMS = "tf"  # topic, as ROS tools call it
 FIXED_PERIOD = 5 * SECOND  # viewers that start in the middle learn what does not change
 WALLS, ROBOT, GOAL, PATH, TRAIL = "walls", "robot", "goal", "path", "trail"  # topics of the scene
 TRAIL_PERIOD = SECOND  # each message has the whole trail
+GRID_PERIOD = 5 * SECOND  # each message has the whole map
+GRID_CELLS_MAX = 1 << 18  # of a message, 350 kB; a larger map is in its tiles alone
+CELL_BYTES = bytes.maketrans((UNKNOWN + FREE + OCCUPIED).encode(), bytes([127, 0, 255]))
 TRAIL_SPACING_M, TRAIL_MAX_POINTS = 0.02, 500
 
 _TIME = '{"sec": %d, "nsec": %d}'
@@ -93,6 +108,30 @@ def full_scan(epoch: int, scan: Scan, frame: str) -> bytes:
     return (_SCAN % (*divmod(middle, SECOND), frame, scan.start, last, ranges)).encode()
 
 
+def grid(time: int, cells: CellRows) -> bytes | None:
+    """foxglove.Grid of the robot's map: 0 free, 127 unknown, 255 occupied; None for a large one."""
+    width = len(cells.rows[0]) if cells.rows else 0
+    if not 0 < width * len(cells.rows) <= GRID_CELLS_MAX:
+        return None
+    letters = "".join(cells.rows).encode().translate(CELL_BYTES)
+    seconds, nanoseconds = divmod(time, SECOND)
+    fields = {
+        "timestamp": {"sec": seconds, "nsec": nanoseconds},
+        "frame_id": MAP,
+        "pose": {
+            "position": {"x": cells.x, "y": cells.y, "z": 0.0},
+            "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
+        },
+        "column_count": width,
+        "cell_size": {"x": cells.resolution, "y": cells.resolution},
+        "row_stride": width,
+        "cell_stride": 1,
+        "fields": [{"name": "occupancy", "offset": 0, "type": UINT8}],
+        "data": b64encode(letters).decode(),
+    }
+    return json.dumps(fields).encode()
+
+
 def log(epoch: int, line: LogLine) -> bytes:
     """foxglove.Log of one line; an unknown level becomes UNKNOWN."""
     seconds, nanoseconds = divmod(epoch + line.time, SECOND)
@@ -136,7 +175,8 @@ class ViewerMessages:
         self.places: list[tuple[int, Builder]] = []  # in an instant
         self.trail = Trail(TRAIL_SPACING_M, TRAIL_MAX_POINTS)
         self.has_moved = False  # since the last message with the trail
-        self.trail_due = self.fixed_due = 0
+        self.map_tiles = MapTiles()
+        self.trail_due = self.fixed_due = self.grid_due = 0
         for place, (wire, kind) in enumerate(wires.items(), 1):
             builder = self._builder(wire, kind)
             if builder is not None:
@@ -195,10 +235,30 @@ class ViewerMessages:
         if kind is Goal:
             self.topics[GOAL] = "SceneUpdate"
             return lambda goal: ((GOAL, scene_update.goal(epoch + goal.time, goal)),)
+        if kind is MapUpdate:
+            self.topics[f"{wire}.grid"] = "Grid"
+            return lambda update: ((f"{wire}.grid", self._grid(update)),)
+        if kind is MapPose:
+            self.topics[TRANSFORMS] = "FrameTransform"
+            return lambda pose: ((TRANSFORMS, self._map_transform(pose)),)
         if kind is Path:
             self.topics[PATH] = "SceneUpdate"
             return lambda path: ((PATH, scene_update.path(epoch + path.time, path)),)
         return None
+
+    def _grid(self, update: MapUpdate) -> bytes | None:
+        """The map with this update; None while tiles are still to come, or it is too early."""
+        self.map_tiles.take(update)
+        if not update.sha256 or update.time < self.grid_due:
+            return None
+        self.grid_due = update.time + GRID_PERIOD
+        return grid(self.epoch + update.time, self.map_tiles.rows())
+
+    def _map_transform(self, pose: MapPose) -> bytes | None:
+        x, y, heading = pose.odom
+        return frame_transform(
+            self.epoch + pose.time, RobotFrame(WORLD, MAP, x, y, heading=heading)
+        )
 
     def _odometry_builder(self, wire: str) -> Builder:
         epoch, topic = self.epoch, f"{wire}.pose"

@@ -17,7 +17,7 @@ TELEOP = "Teleop!velocity"
 RUN_LOG = "log.lines"  # the lines of all blocks; another log has those of one
 GRID_M = 10.0
 CAMERA = {"perspective": True, "distance": 3.0, "phi": 45.0, "thetaOffset": 90.0}
-DRAWN = ("FrameTransform", "LaserScan", "SceneUpdate")  # pose arrows would hide the robot
+DRAWN = ("FrameTransform", "LaserScan", "SceneUpdate", "Grid")  # pose arrows would hide the robot
 
 Fields = dict[str, Any]
 

@@ -30,9 +30,11 @@ from diffbotctl.ros2.topics import (
     DESCRIPTION,
     DIAGNOSTICS,
     FIXED_TRANSFORMS,
+    MAP,
     TRANSFORMS,
     WORLD,
     Diagnosis,
+    MapGrid,
     RosTopic,
     choose_topics,
     fixed_frames,
@@ -173,6 +175,8 @@ class BagConverter:
             "sensor_msgs/msg/Range": self._sensor,
             "sensor_msgs/msg/LaserScan": self._sensor,
             "rcl_interfaces/msg/Log": self._log,
+            "nav_msgs/msg/OccupancyGrid": self._map,
+            "geometry_msgs/msg/PoseWithCovarianceStamped": self._map_pose,
         }
         self.converts = {
             wire: makers[topic.type](wire, topic) for wire, topic in choose_topics(kinds).items()
@@ -256,6 +260,26 @@ class BagConverter:
 
     def _imu(self, wire: str, topic: RosTopic) -> Convert:
         return lambda fields, stamp: [(topic, {**_header(stamp, BASE), **conversion.imu(fields)})]
+
+    def _map(self, wire: str, topic: RosTopic) -> Convert:
+        collected = MapGrid()
+
+        def convert(fields: Fields, stamp: int) -> list[RosMessage]:
+            grid = collected.take(fields)
+            return [] if grid is None else [(topic, {**_header(stamp, MAP), **grid})]
+
+        return convert
+
+    def _map_pose(self, wire: str, topic: RosTopic) -> Convert:
+        def convert(fields: Fields, stamp: int) -> list[RosMessage]:
+            header = _header(stamp, MAP)
+            moved = {"transform": conversion.map_transform(fields), "child_frame_id": WORLD}
+            return [
+                (topic, {**header, **conversion.map_pose(fields)}),
+                (TRANSFORMS, {"transforms": [{**header, **moved}]}),
+            ]
+
+        return convert
 
     def _log(self, wire: str, topic: RosTopic) -> Convert:
         return lambda fields, stamp: [

@@ -43,6 +43,12 @@ class Bridge:
         self.publishers = RunPublishers(node, options, is_paced)
         topics = {row["topic"]: row["type"] for row in engine.request("list_topics")["topics"]}
         self.wires = self.publishers.choose_wires(topics)
+        if "MapUpdate" in topics.values():
+            grid = self.publishers.map_grid
+            while grid.take_reply(
+                engine.request("read_map", map=grid.tiles.map, since=grid.number)
+            ):
+                pass
         self.commands = RobotCommands(node, engine, options.allows_drive, options.frame_prefix)
         self.parameters = LiveParameters(node, engine, options.allows_drive)
         self.driver = VelocityDriver(

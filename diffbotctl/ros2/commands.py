@@ -13,7 +13,7 @@ from diffbotctl.client.engine_connection import EngineConnection
 from diffbotctl.control_socket.protocol import RESET_ACTIONS, Fields
 from diffbotctl.errors import RunError
 from diffbotctl.ros2.conversion import heading_of
-from diffbotctl.ros2.topics import WORLD
+from diffbotctl.ros2.topics import MAP, WORLD
 
 SET_POSE = "odometry.set_pose"
 QUEUE_DEPTH = 1
@@ -26,11 +26,13 @@ class RobotCommands:
         self, node: Any, engine: EngineConnection, allows_drive: bool, frame_prefix: str
     ) -> None:
         self.node, self.engine = node, engine
-        self.frame = frame_prefix + WORLD
+        self.frame, self.map_frame = frame_prefix + WORLD, frame_prefix + MAP
+        self.place = ""  # the action that places the robot in the map
         self.stop = node.create_service(Trigger, "stop", self._stop)
         if not allows_drive:
             return
         self.actions = {row["action"] for row in engine.request("list_actions")["actions"]}
+        self.place = next((name for name in self.actions if name.endswith(".place")), "")
         self.others = [
             node.create_service(Trigger, "resume", self._resume),
             node.create_service(Trigger, "reset", self._reset),
@@ -70,20 +72,22 @@ class RobotCommands:
         return ""
 
     def _goal(self, message: Any) -> None:
-        fields = self._pose_fields("goal_pose", message.header, message.pose)
+        fields = self._pose_fields("goal_pose", message.header, message.pose, self.frame)
         if fields is not None:
             self._complain("goal_pose", self._request("goto", **fields))
 
     def _initial_pose(self, message: Any) -> None:
-        fields = self._pose_fields("initialpose", message.header, message.pose.pose)
+        in_map = message.header.frame_id.lstrip("/") == self.map_frame and self.place
+        frame, action = (self.map_frame, self.place) if in_map else (self.frame, SET_POSE)
+        fields = self._pose_fields("initialpose", message.header, message.pose.pose, frame)
         if fields is not None:
-            complaint = self._request("call_action", action=SET_POSE, arguments=fields)
+            complaint = self._request("call_action", action=action, arguments=fields)
             self._complain("initialpose", complaint)
 
-    def _pose_fields(self, topic: str, header: Any, pose: Any) -> Fields | None:
-        """x, y and heading; None for a pose that is refused."""
-        if header.frame_id.lstrip("/") not in ("", self.frame):
-            cause = f"its frame is '{header.frame_id}'; poses are accepted in '{self.frame}'"
+    def _pose_fields(self, topic: str, header: Any, pose: Any, frame: str) -> Fields | None:
+        """x, y and heading in `frame`; None for a pose that is refused."""
+        if header.frame_id.lstrip("/") not in ("", frame):
+            cause = f"its frame is '{header.frame_id}'; poses are accepted in '{frame}'"
             self._complain(topic, cause)
             return None
         turn = pose.orientation

@@ -6,6 +6,7 @@ the definitions of nav_msgs, sensor_msgs, diagnostic_msgs and rcl_interfaces.
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Mapping
 from math import atan2, cos, inf, nan, pi, sin
 from typing import Any, NamedTuple
@@ -13,9 +14,13 @@ from typing import Any, NamedTuple
 from diffbotctl.estimation.gyro_heading import SCALE_SD
 from diffbotctl.estimation.gyro_turn import NOISE, RESOLUTION_SD
 from diffbotctl.estimation.imu_text import imu_text
+from diffbotctl.geometry.map_tiles import FREE, OCCUPIED, UNKNOWN, CellRows
 from diffbotctl.messages import Imu
 
 Fields = dict[str, Any]
+
+# From the cells of a tile to those of nav_msgs/OccupancyGrid, as bytes.
+CELL_BYTES = bytes.maketrans((UNKNOWN + FREE + OCCUPIED).encode(), bytes([255, 0, 100]))
 
 UNKNOWN_VARIANCE = 1e6  # of what a planar pose does not measure; zero would mean exact
 NOT_MEASURED = [-1.0] + [0.0] * 8  # covariance of what an IMU does not measure (REP-145)
@@ -60,6 +65,14 @@ def heading_of(x: float, y: float, z: float, w: float) -> float:
 
 def odometry(message: Fields) -> Fields:
     """nav_msgs/Odometry without header and frames."""
+    return {
+        "pose": {"pose": pose(message), "covariance": _pose_covariance(message)},
+        "twist": {"twist": twist(message), "covariance": _diagonal(*TWIST_VARIANCES)},
+    }
+
+
+def _pose_covariance(message: Fields) -> list[float]:
+    """A covariance of ROS of a pose in the plane."""
     xx, xy, xh, yy, yh, hh = (number(value) for value in message["covariance"])
     pose_covariance = _diagonal(0.0, 0.0, *[UNKNOWN_VARIANCE] * 3, 0.0)
     values = (xx, xy, xh, xy, yy, yh, xh, yh, hh)
@@ -67,10 +80,7 @@ def odometry(message: Fields) -> Fields:
         pose_covariance[index] = value
     for index in (0, 7, 35):
         pose_covariance[index] = max(pose_covariance[index], POSE_VARIANCE_MIN)
-    return {
-        "pose": {"pose": pose(message), "covariance": pose_covariance},
-        "twist": {"twist": twist(message), "covariance": _diagonal(*TWIST_VARIANCES)},
-    }
+    return pose_covariance
 
 
 def _diagonal(*variances: float) -> list[float]:
@@ -90,6 +100,31 @@ def pose(message: Fields) -> Fields:
     """geometry_msgs/Pose of x, y and heading."""
     position = {"x": number(message["x"]), "y": number(message["y"]), "z": 0.0}
     return {"position": position, "orientation": quaternion(number(message["heading"]))}
+
+
+def occupancy_grid(cells: CellRows) -> Fields:
+    """nav_msgs/OccupancyGrid without its header: -1 unknown, 0 free, 100 occupied."""
+    letters = "".join(cells.rows).encode().translate(CELL_BYTES)
+    return {
+        "info": {
+            "resolution": cells.resolution,
+            "width": len(cells.rows[0]) if cells.rows else 0,
+            "height": len(cells.rows),
+            "origin": pose({"x": cells.x, "y": cells.y, "heading": 0.0}),
+        },
+        "data": array("b", letters),
+    }
+
+
+def map_pose(message: Fields) -> Fields:
+    """geometry_msgs/PoseWithCovarianceStamped of the robot in the map."""
+    return {"pose": {"pose": pose(message), "covariance": _pose_covariance(message)}}
+
+
+def map_transform(message: Fields) -> Fields:
+    """geometry_msgs/Transform of odom in the map."""
+    x, y, heading = message["odom"]
+    return transform({"x": x, "y": y, "heading": heading})
 
 
 def transform(message: Fields) -> Fields:

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from geometry_msgs.msg import TransformStamped
-from nav_msgs.msg import Odometry
+from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
+from nav_msgs.msg import OccupancyGrid, Odometry
 from rcl_interfaces.msg import Log
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from rosgraph_msgs.msg import Clock
@@ -27,10 +27,12 @@ from diffbotctl.ros2.topics import (
     DIAGNOSTICS,
     FIXED_TRANSFORMS,
     LOG,
+    MAP,
     TRANSFORMS,
     WORLD,
     Delivery,
     Diagnosis,
+    MapGrid,
     RosTopic,
     choose_topics,
     fixed_frames,
@@ -87,6 +89,7 @@ class RunPublishers:
         self.prefix = options.frame_prefix
         self.publish: dict[str, Publish] = {}
         self.diagnosis = Diagnosis({})
+        self.map_grid = MapGrid()
         self.diagnostics = self._publisher(DiagnosticArray, DIAGNOSTICS)
         self.transforms = self._transform_publisher(TRANSFORMS, QoSProfile(depth=MANY))
         self._publish_model()
@@ -100,6 +103,8 @@ class RunPublishers:
             "Imu": self._imu,
             "Range": self._sensor,
             "Scan": self._sensor,
+            "MapUpdate": self._map,
+            "MapPose": self._map_pose,
         }
         for wire, topic in choose_topics(kinds).items():
             make = self._rosout if topic is LOG else makers[kinds[wire]]
@@ -194,6 +199,32 @@ class RunPublishers:
         def publish(fields: Fields, stamp: int) -> None:
             stamp -= conversion.scan_age(fields)
             publisher.publish(fill_header(fill(message, convert(fields, sensor)), stamp, frame))
+
+        return publish
+
+    def _map(self, wire: str, topic: RosTopic) -> Publish:
+        publisher = self._publisher(OccupancyGrid, topic)
+
+        def publish(fields: Fields, stamp: int) -> None:
+            grid = self.map_grid.take(fields)
+            if grid is not None:
+                message = fill_header(fill(OccupancyGrid(), grid), stamp, self.prefix + MAP)
+                publisher.publish(message)
+
+        return publish
+
+    def _map_pose(self, wire: str, topic: RosTopic) -> Publish:
+        publisher = self._publisher(PoseWithCovarianceStamped, topic)
+        transform = TransformStamped(child_frame_id=self.prefix + WORLD)
+        frame = self.prefix + MAP
+
+        def publish(fields: Fields, stamp: int) -> None:
+            message = fill(PoseWithCovarianceStamped(), conversion.map_pose(fields))
+            publisher.publish(fill_header(message, stamp, frame))
+            if TFMessage is not None:
+                fill(transform.transform, conversion.map_transform(fields))
+                fill_header(transform, stamp, frame)
+                self.transforms.publish(TFMessage(transforms=[transform]))
 
         return publish
 

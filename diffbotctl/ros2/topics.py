@@ -10,15 +10,18 @@ from collections.abc import Mapping
 from math import cos, sin
 from typing import Literal, NamedTuple
 
+from diffbotctl.geometry.map_tiles import MapTiles
+from diffbotctl.messages import MapUpdate
 from diffbotctl.ros2 import conversion
 from diffbotctl.ros2.conversion import DiagnosticEntry, Fields
 from diffbotctl.ros2.options import ModelFrame
 from diffbotctl.time import SECOND
 
-WORLD, GROUND, BASE = "odom", "base_footprint", "base_link"
+MAP, WORLD, GROUND, BASE = "map", "odom", "base_footprint", "base_link"
 LOG_WIRE = "log"
 DIAGNOSED = ("Stop", "Link", "GoalState", "Battery", "Imu")
 DIAGNOSTICS_PERIOD = SECOND
+MAP_PERIOD = 2 * SECOND  # of the run; each message has the whole map
 
 Delivery = Literal["reliable", "best_effort", "latched"]
 
@@ -43,6 +46,8 @@ FIRST_WIRE = {
     "Encoders": RosTopic("joint_states", "sensor_msgs/msg/JointState"),
     "Battery": RosTopic("battery_state", "sensor_msgs/msg/BatteryState"),
     "Imu": RosTopic("imu", "sensor_msgs/msg/Imu", "best_effort"),
+    "MapUpdate": RosTopic("map", "nav_msgs/msg/OccupancyGrid", "latched"),
+    "MapPose": RosTopic("pose", "geometry_msgs/msg/PoseWithCovarianceStamped"),
 }
 EACH_WIRE = {
     "Range": RosTopic("range", "sensor_msgs/msg/Range", "best_effort"),
@@ -93,6 +98,33 @@ class Diagnosis:
             return []
         self.due = now + DIAGNOSTICS_PERIOD
         return conversion.diagnostics(self.newest)
+
+
+class MapGrid:
+    """Collects the tiles of the map, and decides when to publish it as a whole."""
+
+    def __init__(self) -> None:
+        self.tiles = MapTiles()
+        self.number = 0  # of the last reply to `read_map`
+        self.published = (0, 0)  # map and version
+        self.due = 0
+
+    def take(self, fields: Fields) -> Fields | None:
+        """Take a MapUpdate; nav_msgs/OccupancyGrid without its header when one is due."""
+        update = MapUpdate(**fields)
+        self.tiles.take(update)
+        version = update.map, update.version
+        if not update.sha256 or update.time < self.due or version == self.published:
+            return None
+        self.due, self.published = update.time + MAP_PERIOD, version
+        return conversion.occupancy_grid(self.tiles.rows())
+
+    def take_reply(self, reply: Fields) -> bool:
+        """Take a reply to `read_map`; False when it was the last."""
+        names = ("map", "resolution", "places", "tiles")
+        self.tiles.take(MapUpdate(0, "starting", **{name: reply[name] for name in names}))
+        self.number = reply["number"]
+        return not reply["is_last"]
 
 
 def robot_frame(frames: tuple[ModelFrame, ...]) -> str:

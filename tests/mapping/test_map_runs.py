@@ -8,6 +8,8 @@ import sys
 from itertools import pairwise
 
 import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
 
 from diffbotctl.config.load import load
 from diffbotctl.drivers.map_store import stored_maps
@@ -17,6 +19,7 @@ from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.replay.recorded_run import read_run
 from diffbotctl.replay.replay import ReplayOptions, replay_run
 from diffbotctl.replay.resimulate import resimulate, why_not_resimulable
+from diffbotctl.ros2.bag_export import export_bag
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
 
@@ -96,6 +99,39 @@ def test_a_replay_with_changed_parameters_computes_the_map_again(drive, tmp_path
     resimulate(run, options._replace(record=tmp_path / "again.mcap", until=3_000_000_000))
     assert messages(tmp_path / "again.mcap", MapUpdate)[-1].resolution == 0.1
     assert [stored.name for stored in stored_maps()] == ["autosave"]  # of the run itself
+
+
+def test_a_rosbag_has_the_grid_and_the_frames(drive, tmp_path):
+    path, _ = drive
+    export_bag(path, tmp_path / "bag", None, False)
+    (file,) = (tmp_path / "bag").glob("*.mcap")
+    with file.open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        read = [(channel, each) for _, channel, _, each in reader.iter_decoded_messages()]
+    grids = [(channel, each) for channel, each in read if channel.topic == "/map"]
+    channel, grid = grids[-1]
+    assert "durability: transient_local" in channel.metadata["offered_qos_profiles"] or (
+        "durability: 1" in channel.metadata["offered_qos_profiles"]
+    )
+    assert (grid.header.frame_id, len(grid.data)) == ("map", grid.info.width * grid.info.height)
+    assert set(grid.data) == {-1, 0, 100}
+    # The wall at y = 1.2 m, above the first room, is where it is.
+    column = round((-0.8 - grid.info.origin.position.x) / grid.info.resolution)
+    rows = [grid.data[row * grid.info.width + column] for row in range(grid.info.height)]
+    ys = [
+        grid.info.origin.position.y + (row + 0.5) * grid.info.resolution
+        for row, cell in enumerate(rows)
+        if cell == 100
+    ]
+    assert any(abs(y - 1.2) < 0.06 for y in ys)
+    frames = {
+        (each.header.frame_id, each.child_frame_id)
+        for channel, message in read
+        if channel.topic == "/tf"
+        for each in message.transforms
+    }
+    assert {("map", "odom"), ("odom", "base_footprint")} <= frames
+    assert any(channel.topic == "/pose" for channel, _ in read)
 
 
 def test_a_process_that_dies_is_started_again_and_stops_nothing(pipeline, tmp_path):
