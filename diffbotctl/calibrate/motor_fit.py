@@ -73,37 +73,6 @@ def line_slope(times: Floats, positions: Floats) -> float:
     return float(np.polyfit(times - times[0], positions, 1)[0])
 
 
-class SpeedDutyLine(NamedTuple):
-    """duty = static + slope * speed, for one wheel; duty 0 to 1, speed in rad/s."""
-
-    static: float
-    slope: float
-    static_sd: float
-    slope_sd: float
-    points: tuple[tuple[float, float], ...] = ()
-    """(duty, rad/s)"""
-
-    def curve(self) -> FittedMotor:
-        """The line as the curve of a motor whose battery does not sag."""
-        sd = self.rated * self.slope_sd / self.slope
-        return FittedMotor(self.static, self.rated, self.static_sd, sd)
-
-    def slope_above(self, static: float) -> tuple[float, float]:
-        """Duty per rad/s above `static` that fits the points best, and its standard deviation."""
-        if static == self.static or len(self.points) < SPEED_POINTS_MIN:
-            return self.slope, self.slope_sd
-        duty, speed = np.array(self.points).T
-        slope = float(speed @ (duty - static) / (speed @ speed))
-        residuals = duty - static - slope * speed
-        variance = float(residuals @ residuals) / (len(duty) - 1) / float(speed @ speed)
-        return slope, variance**0.5
-
-    @property
-    def rated(self) -> float:
-        """Speed at full duty, rad/s."""
-        return (1.0 - self.static) / self.slope
-
-
 class StepResponse(NamedTuple):
     """One step between two duties: the frames around it, and the time (s) at which it occurred."""
 
@@ -112,14 +81,17 @@ class StepResponse(NamedTuple):
     is_up: bool
 
 
-def fit_line(points: Sequence[tuple[float, float]]) -> SpeedDutyLine:
-    """The feed-forward line through points (duty, speed) by least squares; signs are ignored.
+Points = Sequence[tuple[float, float]]
+"""(duty, rad/s)"""
+
+
+def fit_line(points: Points) -> FittedMotor:
+    """The line from speed to duty by least squares, as the curve of a motor whose battery does not
+    sag; signs are ignored.
 
     Raises ValueError if fewer than three points have a speed.
     """
-    duty, speed = np.abs(np.array(points, dtype=float)).reshape(-1, 2).T
-    turning = speed > 0.0
-    duty, speed = duty[turning], speed[turning]
+    duty, speed = _turning(points)
     if len(duty) < SPEED_POINTS_MIN:
         raise ValueError("it turned at fewer than three of the duties")
     matrix = np.stack([np.ones_like(speed), speed], axis=1)
@@ -128,6 +100,21 @@ def fit_line(points: Sequence[tuple[float, float]]) -> SpeedDutyLine:
         raise ValueError("its speed did not increase with the duty")
     residuals = duty - matrix @ (static, slope)
     variance = float(residuals @ residuals) / (len(duty) - 2)
-    sd = np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)) * variance)
-    kept = tuple(zip(duty.tolist(), speed.tolist(), strict=True))
-    return SpeedDutyLine(float(static), float(slope), float(sd[0]), float(sd[1]), kept)
+    static_sd, slope_sd = np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)) * variance)
+    rated = (1.0 - float(static)) / float(slope)
+    return FittedMotor(float(static), rated, float(static_sd), rated * float(slope_sd / slope))
+
+
+def slope_above(points: Points, static: float) -> tuple[float, float]:
+    """Duty per rad/s above `static` that fits the points best, and its standard deviation."""
+    duty, speed = _turning(points)
+    slope = float(speed @ (duty - static) / (speed @ speed))
+    residuals = duty - static - slope * speed
+    variance = float(residuals @ residuals) / max(len(duty) - 1, 1) / float(speed @ speed)
+    return slope, variance**0.5
+
+
+def _turning(points: Points) -> tuple[Floats, Floats]:
+    """Duties and speeds, without signs, of the points at which the wheel turned."""
+    duty, speed = np.abs(np.array(points, dtype=float)).reshape(-1, 2).T
+    return duty[speed > 0.0], speed[speed > 0.0]

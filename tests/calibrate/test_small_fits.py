@@ -60,8 +60,7 @@ def test_repeats_that_agree_perfectly_are_not_assumed_to_be_perfect():
 def test_a_line_through_exact_points_is_found_again():
     # duty = 0.1 + 0.08 speed; the wheel that did not turn shows nothing
     fit = motor_fit.fit_line([(0.05, 0.0), (0.3, 2.5), (0.5, 5.0), (0.9, 10.0), (-0.9, -10.0)])
-    assert (fit.static, fit.slope) == pytest.approx((0.1, 0.08))
-    assert fit.rated == pytest.approx(11.25)  # (1 - 0.1) / 0.08
+    assert (fit.static, fit.rated) == pytest.approx((0.1, 11.25))  # (1 - 0.1) / 0.08
 
 
 @pytest.mark.parametrize(

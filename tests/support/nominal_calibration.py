@@ -121,12 +121,13 @@ def _motors(plant: SimulatedRobot, rng: Random) -> dict[str, MotorFit]:
         fitted_lag = LagFit(min(lag, LAG_MAX), 0.0, LAG_ERROR * lag)
         rows = points[side] if len(points[side]) >= SPEED_POINTS_MIN else WEAK_MOTOR
         line = fit_line(rows)
-        lines = dict.fromkeys(DIRECTIONS, line)
         duty = plant.motors[number].start
         # Its draw does not advance `rng`: the other errors stay as they are without it.
         duty += BREAKAWAY_RESOLUTION * Random(f"breakaway {duty}").uniform(-0.5, 0.5)
         start = dict.fromkeys(DIRECTIONS, duty)
-        motors[side] = MotorFit(start, lines, line, fitted_lag, curves.get(side) or line.curve())
+        motors[side] = MotorFit(
+            start, rows, dict.fromkeys(DIRECTIONS, line), fitted_lag, curves.get(side) or line
+        )
     return motors
 
 

@@ -25,7 +25,7 @@ from diffbotctl.calibrate.motor_experiments import (
     measure_speeds,
     record_steps,
 )
-from diffbotctl.calibrate.motor_fit import SpeedDutyLine, StepResponse, fit_line
+from diffbotctl.calibrate.motor_fit import Points, StepResponse, fit_line, slope_above
 from diffbotctl.calibrate.motor_lag import SAME_LAG, LagFit, fit_lags
 from diffbotctl.calibrate.result import Finding
 from diffbotctl.calibrate.session import RATED_SPEED_RATIO_MAX, RobotSession, drive_sides
@@ -50,10 +50,9 @@ class MotorFit(NamedTuple):
 
     breakaway: dict[str, float]
     """duty at which it starts, by direction"""
-    lines: dict[str, SpeedDutyLine]
-    """by direction"""
-    line: SpeedDutyLine
-    """for both directions, under the load of both motors"""
+    points: Points
+    lines: dict[str, FittedMotor]
+    """by direction, under the load of both motors"""
     lag: LagFit
     curve: FittedMotor
     """for both directions, at the battery's voltage at rest"""
@@ -61,7 +60,7 @@ class MotorFit(NamedTuple):
     @property
     def full_speed(self) -> float:
         """Speed at full duty under the load of both motors, rad/s."""
-        return self.line.rated if self.curve.loaded is None else self.curve.loaded
+        return self.curve.loaded or fit_line(self.points).rated
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,14 +147,14 @@ def _fit_motor(
     curve: FittedMotor | None,
 ) -> MotorFit:
     """Raises RunError if the wheel did not follow the duties."""
-    points = {direction: speeds[side, direction] for direction in DIRECTIONS}
+    points = [row for direction in DIRECTIONS for row in speeds[side, direction]]
     try:
-        lines = {direction: fit_line(points[direction]) for direction in DIRECTIONS}
-        line = fit_line([*points["forward"], *points["backward"]])
+        lines = {direction: fit_line(speeds[side, direction]) for direction in DIRECTIONS}
+        curve = curve or fit_line(points)
     except ValueError as error:
         raise _unusable_wheel(side, error) from error
     starts = {name: breakaway[side, name] for name in DIRECTIONS}
-    return MotorFit(starts, lines, line, lag, curve or line.curve())
+    return MotorFit(starts, points, lines, lag, curve)
 
 
 class FeedForward(NamedTuple):
@@ -174,10 +173,10 @@ def _feed_forward(motor: MotorFit, top: float) -> FeedForward:
     With fast decay a line through the speeds at all duties would start the wheel with no duty at
     all, and at low speeds its slope would be several times too large.
     """
-    line, curve = motor.line, motor.curve
+    curve = motor.curve
     static = min(max(curve.static, 0.0), STATIC_DUTY_MAX)
     if curve.decay != "fast":
-        return FeedForward(static, curve.static_sd, *line.slope_above(static))
+        return FeedForward(static, curve.static_sd, *slope_above(motor.points, static))
     top = min(top, SPEED_LIMIT_RATIO * curve.rated)
     slope = (curve.law().duty(top) - static) / top
     slope_sd = hypot(curve.static_sd / top, slope * curve.rated_sd / curve.rated)
