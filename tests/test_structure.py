@@ -123,6 +123,12 @@ def tree_of(path):
     return ast.parse(path.read_text())
 
 
+@cache
+def nodes_of(path):
+    """All nodes of a file."""
+    return list(ast.walk(tree_of(path)))
+
+
 def module_name(path):
     parts = path.relative_to(ROOT).with_suffix("").parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
@@ -135,13 +141,13 @@ def short_name(path):
     return str(path.relative_to(ROOT / "diffbotctl").with_suffix(""))
 
 
-def import_nodes(tree):
-    return [node for node in ast.walk(tree) if isinstance(node, ast.Import | ast.ImportFrom)]
+def import_nodes(nodes):
+    return [node for node in nodes if isinstance(node, ast.Import | ast.ImportFrom)]
 
 
 def imports(path):
     """Names that a file imports (`module` or `module.name`), with their lines."""
-    for node in import_nodes(tree_of(path)):
+    for node in import_nodes(nodes_of(path)):
         if isinstance(node, ast.ImportFrom):
             assert not node.level, f"{path}:{node.lineno} write the import from `diffbotctl` on"
         prefix = f"{node.module}." if isinstance(node, ast.ImportFrom) else ""
@@ -335,7 +341,7 @@ STATE_TEXTS = {"cli/engines": "a sentence such as `stopped by guard`, and a key 
 def test_states_are_enumerations_or_literals():
     """A field or argument of this name that is annotated `str` may be misspelt unseen."""
     for path in SOURCES:
-        for node in ast.walk(tree_of(path)):
+        for node in nodes_of(path):
             if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
                 name, annotation = node.target.id, node.annotation
             elif isinstance(node, ast.arg) and node.annotation is not None:
@@ -350,8 +356,8 @@ def test_states_are_enumerations_or_literals():
             )
 
 
-def assigned_names(tree):
-    for node in ast.walk(tree):
+def assigned_names(path):
+    for node in nodes_of(path):
         if isinstance(node, ast.Assign | ast.AnnAssign):
             for target in node.targets if isinstance(node, ast.Assign) else [node.target]:
                 if isinstance(target, ast.Name):
@@ -362,7 +368,7 @@ def test_constants_name_their_quantity():
     vague = [
         f"{place(path, node.lineno)} {name}"
         for path in SOURCES
-        for name, node in assigned_names(tree_of(path))
+        for name, node in assigned_names(path)
         if name.lstrip("_") in VAGUE_CONSTANTS
     ]
     assert not vague, (
@@ -373,7 +379,7 @@ def test_constants_name_their_quantity():
 
 def test_units_of_time_are_defined_once():
     for path in SOURCES:
-        for name, node in assigned_names(tree_of(path)):
+        for name, node in assigned_names(path):
             assert name not in ("SECOND", "MILLISECOND", "MICROSECOND", "NEVER") or (
                 short_name(path) == "time"
             ), f"{place(path, node.lineno)} defines {name} again; import it from diffbotctl.time"
@@ -382,7 +388,7 @@ def test_units_of_time_are_defined_once():
 def declared_parameters():
     """Names of `name = Param(...)` in class bodies, with their places."""
     for path in SOURCES:
-        for owner in ast.walk(tree_of(path)):
+        for owner in nodes_of(path):
             for node in owner.body if isinstance(owner, ast.ClassDef) else ():
                 if (
                     isinstance(node, ast.Assign)
@@ -395,8 +401,8 @@ def declared_parameters():
 
 def test_declared_parameters_are_read():
     read = set()
-    for tree in map(tree_of, SOURCES):
-        for node in ast.walk(tree):
+    for path in SOURCES:
+        for node in nodes_of(path):
             if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Load):
                 read.add(node.attr)
             elif (
@@ -422,9 +428,9 @@ def function_imports():
         lines = path.read_text().splitlines()
         inside = {
             node
-            for function in ast.walk(tree_of(path))
+            for function in nodes_of(path)
             if isinstance(function, FUNCTIONS)
-            for node in import_nodes(function)
+            for node in import_nodes(ast.walk(function))
         }
         has_reason = False
         last_line = 0
@@ -527,7 +533,8 @@ def test_a_run_on_a_real_port_imports_neither_plant_nor_emulator(robot, tmp_path
 def test_proof_and_tests_share_only_the_support(folder):
     other = {"prove": "tests", "tests": "prove"}[folder]
     for path in sorted((ROOT / folder).rglob("*.py")):
-        for node in import_nodes(ast.parse(path.read_text())):
+        text = path.read_text()
+        for node in import_nodes(ast.walk(ast.parse(text))) if other in text else ():
             names = (
                 [node.module] if isinstance(node, ast.ImportFrom) else [a.name for a in node.names]
             )
