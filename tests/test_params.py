@@ -2,7 +2,7 @@
 
 import pytest
 
-from diffbotctl.params import Param, Section, declared
+from diffbotctl.params import Count, Number, Param, Section, declared
 
 
 class Bounded(Section):
@@ -32,3 +32,25 @@ def test_least_and_most_still_work_and_warn():
 def test_a_declaration_is_frozen():
     with pytest.raises(AttributeError):
         declared(Bounded)["share"].unit = "m"
+
+
+@pytest.mark.parametrize(
+    ("interval", "bounds"),
+    [
+        ("[0, 0.5)", {"below": 0.5, "minimum": 0.0}),
+        ("(0, inf)", {"above": 0.0}),
+        ("(-inf, 2]", {"maximum": 2.0}),
+        ("[-2, 1e3]", {"minimum": -2.0, "maximum": 1000.0}),
+        ("", {}),
+    ],
+)
+def test_an_interval_gives_the_bounds_of_a_number(interval, bounds):
+    declared = Number("m", interval, None, "A length.")
+    assert declared.bounds == bounds and declared.none and declared.default is None
+    assert Number("m", interval, 1.0, "A length.").none is False
+
+
+def test_the_bounds_of_a_count_are_whole_numbers():
+    declared = Count("[1, 40)", 5, "How many.")
+    assert declared.bounds == {"minimum": 1, "below": 40} and declared.kind is int
+    assert all(type(bound) is int for bound in declared.bounds.values())

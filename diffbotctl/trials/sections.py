@@ -7,7 +7,7 @@ from typing import Literal, get_args
 from diffbotctl.config.configuration import GoalEntry, WorldEntry
 from diffbotctl.config.faults import FaultEntry
 from diffbotctl.messages import GoalEnd, StopCode
-from diffbotctl.params import Choice, Param, Section
+from diffbotctl.params import REQUIRED, Choice, Count, Number, Param, Section
 
 TrialPort = Literal["sim", "emulated"]
 Unsure = Literal["never", "allowed", "required"]
@@ -26,64 +26,35 @@ class StopExpectation(Section):
         help="Code of the stop, or how the goal ends; none: any.",
     )
     cause = Param(str, default="", help="A part of the text of the cause.")
-    within = Param(
-        float, unit="s", above=0.0, default=2.0, help="Time from the first fault to the stop."
-    )
+    within = Number("s", "(0, inf)", 2.0, "Time from the first fault to the stop.")
 
 
 class Expectation(Section):
     """What is expected of a run; what is not stated is not judged."""
 
-    reach: float | None = Param(
-        float,
-        unit="s",
-        above=0.0,
-        none=True,
-        default=None,
-        help="All goals are reached within this time.",
-    )
+    reach = Number("s", "(0, inf)", None, "All goals are reached within this time.")
     unsure: Unsure = Choice(
         Unsure,
-        default="never",
-        help="Whether a goal may, or has to, be reached with a warning that the pose is uncertain.",
+        "never",
+        "Whether a goal may, or has to, be reached with a warning that the pose is uncertain.",
     )
     stop: StopExpectation | None = Param(
         StopExpectation, none=True, default=None, help="The robot stops, and states why."
     )
-    time: float | None = Param(
-        float, unit="s", above=0.0, none=True, default=None, help="The run ends within this time."
+    time = Number("s", "(0, inf)", None, "The run ends within this time.")
+    error = Number("m", "(0, inf)", None, "Largest true distance from the last goal at the end.")
+    heading_error = Number("rad", "(0, inf)", None, "Largest true error of the heading at the end.")
+    farther = Number(
+        "m",
+        "(0, inf)",
+        None,
+        "The robot is never farther from its goal than at the start by more than this.",
     )
-    error: float | None = Param(
-        float,
-        unit="m",
-        above=0.0,
-        none=True,
-        default=None,
-        help="Largest true distance from the last goal at the end.",
-    )
-    heading_error: float | None = Param(
-        float,
-        unit="rad",
-        above=0.0,
-        none=True,
-        default=None,
-        help="Largest true error of the heading at the end.",
-    )
-    farther: float | None = Param(
-        float,
-        unit="m",
-        above=0.0,
-        none=True,
-        default=None,
-        help="The robot is never farther from its goal than at the start by more than this.",
-    )
-    clearance: float | None = Param(
-        float,
-        unit="m",
-        above=0.0,
-        none=True,
-        default=None,
-        help="The outline is never nearer to a wall or an obstacle. Contact always fails.",
+    clearance = Number(
+        "m",
+        "(0, inf)",
+        None,
+        "The outline is never nearer to a wall or an obstacle. Contact always fails.",
     )
 
 
@@ -102,8 +73,8 @@ class RandomRobots(Section):
     Those that `check` refuses for this pipeline are left out. They are not calibrated.
     """
 
-    count = Param(int, minimum=1, maximum=1000, help="How many.")
-    seed = Param(int, default=1, minimum=0, help="Another seed draws other robots.")
+    count = Count("[1, 1000]", REQUIRED, "How many.")
+    seed = Count("[0, inf)", 1, "Another seed draws other robots.")
 
 
 class Trials(Section):
@@ -115,9 +86,7 @@ class Trials(Section):
     settings = Param(
         list[str], key="set", default=[], help="Changes of the files, as those of --set."
     )
-    port: TrialPort = Choice(
-        TrialPort, default="sim", help="Simulated robot, or one with an emulated board."
-    )
+    port: TrialPort = Choice(TrialPort, "sim", "Simulated robot, or one with an emulated board.")
     robots = Param(
         list[str], default=[], help="Names or paths of robots; without any, that of the pipeline."
     )
@@ -132,24 +101,14 @@ class Trials(Section):
         default=[],
         help="Each is the goal of a run; none: all goals of the pipeline are driven to in a run.",
     )
-    seeds = Param(
-        int, default=10, minimum=1, maximum=100_000, help="Runs of each robot, world and goal."
-    )
-    first_seed = Param(int, default=0, minimum=0, help="Seed of the first of them.")
-    time_limit = Param(
-        float,
-        unit="s",
-        default=120.0,
-        above=0.0,
-        maximum=3600.0,
-        help="Simulated time after which a run is ended.",
-    )
-    processor_time = Param(
-        float,
-        unit="s",
-        default=60.0,
-        minimum=1.0,
-        help="Time of a processor after which a run is ended: one of its blocks does not return.",
+    seeds = Count("[1, 100000]", 10, "Runs of each robot, world and goal.")
+    first_seed = Count("[0, inf)", 0, "Seed of the first of them.")
+    time_limit = Number("s", "(0, 3600]", 120.0, "Simulated time after which a run is ended.")
+    processor_time = Number(
+        "s",
+        "[1, inf)",
+        60.0,
+        "Time of a processor after which a run is ended: one of its blocks does not return.",
     )
     expect = Param(Expectation, default=Expectation(), help="What is expected of every run.")
     cases = Param(dict[str, CaseEntry], default={}, help="Cases by name; none: one without faults.")

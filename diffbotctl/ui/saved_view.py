@@ -11,7 +11,7 @@ from diffbotctl.config.editor_schemas import modeline
 from diffbotctl.config.section_reader import read_section
 from diffbotctl.config.yaml_tree import Value
 from diffbotctl.errors import ConfigurationError, Problem, Source
-from diffbotctl.params import Choice, Param, Section
+from diffbotctl.params import REQUIRED, Choice, Number, Param, Section
 
 ScreenPanel = Literal["map", "plots", "parameters", "blocks", "log"]
 SCREEN_PANELS: tuple[ScreenPanel, ...] = get_args(ScreenPanel)  # in the order of their keys
@@ -28,27 +28,21 @@ class PlotsView(Section):
         default=[],
         help="Names such as odometry.odometry.x; empty: the speeds of the wheels.",
     )
-    span = Param(
-        float,
-        unit="s",
-        minimum=PLOT_SPAN_MIN_S,
-        maximum=PLOT_SPAN_MAX_S,
-        default=PLOT_SPAN_S,
-        help="The past that the plots show.",
+    span = Number(
+        "s", f"[{PLOT_SPAN_MIN_S}, {PLOT_SPAN_MAX_S}]", PLOT_SPAN_S, "The past that the plots show."
     )
 
 
 class MapSection(Section):
     """The part of the map that is shown."""
 
-    x = Param(float, unit="m", default=0.0, help="Middle of the map, in odom.")
-    y = Param(float, unit="m", default=0.0, help="Middle of the map, in odom.")
-    width = Param(
-        float,
-        unit="m",
-        minimum=MAP_WIDTH_MIN_M,
-        maximum=MAP_WIDTH_MAX_M,
-        help="Length from the left to the right edge.",
+    x = Number("m", "", 0.0, "Middle of the map, in odom.")
+    y = Number("m", "", 0.0, "Middle of the map, in odom.")
+    width = Number(
+        "m",
+        f"[{MAP_WIDTH_MIN_M}, {MAP_WIDTH_MAX_M}]",
+        REQUIRED,
+        "Length from the left to the right edge.",
     )
     follow = Param(bool, default=False, help="Keep the robot in the middle, in place of x and y.")
 
@@ -58,9 +52,7 @@ class SavedView(Section):
 
     format = Param(int, choices=(1,), help="Version of the file format.")
     kind = Param(str, choices=("view",), help="Kind of file.")
-    panel: ScreenPanel = Choice(
-        ScreenPanel, default="map", help="What a small screen shows beside the values."
-    )
+    panel: ScreenPanel = Choice(ScreenPanel, "map", "What a small screen shows beside the values.")
     plots = Param(PlotsView, default=PlotsView(), help="What is plotted.")
     map: MapSection | None = Param(
         MapSection, none=True, default=None, help="Part of the map; absent: all is kept in view."
