@@ -51,6 +51,9 @@ PULSES_SHOW_LOG = 1.0  # log of the ratio of likelihoods by the pulses; above it
 EDGES_MIN = 12.0  # that are explained
 COMPARE_S = 0.2  # of driving
 AGES = 1, 2, 3, 4, 6, 8, 12  # comparisons that a change may lie back
+# Comparisons that show a ratio which lasts, and the log of the ratio of likelihoods by the pulses
+# below which they are whole.
+RECENT, WHOLE_LOG = 6, -3.0
 COMPARISONS_MIN = 2  # in a row
 PROBABILITY_MIN = 0.04  # below it no fault is considered
 LASTING_MIN = 0.15  # what was as likely remains until the pose is set, which keeps what was lost
@@ -106,6 +109,8 @@ class EncoderFaults:
         self.compared = 0.0  # s of driving
         self.comparisons = 0  # in a row, with a fault
         self.present = self.lasting = NONE
+        self.whole = [0, 0]
+        """comparisons in a row in which the pulses of each encoder were whole"""
         self.states: deque[State] = deque(maxlen=AGES[-1])
         self.mismatch = CountMismatch(is_linear)
 
@@ -117,6 +122,7 @@ class EncoderFaults:
     def restart(self) -> None:
         """The wheels begin with new sums."""
         self.compared, self.comparisons, self.present = 0.0, 0, NONE
+        self.whole = [0, 0]
         self.states.clear()
 
     def pose_is_set(self) -> None:
@@ -148,6 +154,21 @@ class EncoderFaults:
         if self.may_have_wrong_slots and self.possible.of_both:
             self.mismatch.compare(*now.pairs[0])
         self._take(self._possible(found))
+        self._refute(now, found)
+
+    def _refute(self, now: State, found: Probabilities) -> None:
+        """Drop what seemed to be a fault of one encoder and is the motor: its pulses were whole
+        for the last second, in which the ratio was as unusual."""
+        for index, ratio in enumerate(self.pulse_log_ratios):
+            self.whole[index] = self.whole[index] + 1 if ratio < WHOLE_LOG else 0
+        if max(self.whole) <= RECENT or len(self.states) <= RECENT:
+            return
+        logs = [_logs(pair) for pair in now.since(self.states[-1 - RECENT])]
+        if any(each is None or _is_usual(each) for each in logs):
+            return
+        for index, comparisons in enumerate(2 * self.whole):
+            if comparisons > RECENT:
+                self.lasting[index] = min(self.lasting[index], found[index])
 
     def _take(self, found: Probabilities) -> None:
         is_likely = sum(found, 0.0) > PROBABILITY_MIN
@@ -166,7 +187,9 @@ class EncoderFaults:
         left, right = (exp(value) for value in self.pulse_log_ratios)
         share = WRONG_SLOTS_SHARE if self.may_have_wrong_slots and not is_change else 0.0
         both = (1.0 - WRONG_SLOTS_SHARE) * left * right + share
-        likelihoods = (left, right, 1.0, 1.0, both)
+        # Edges of a bouncing pin come in pairs, and where both edges are counted, the level
+        # after one of them is as often the other one: whole pulses show neither.
+        likelihoods = (left, right, min(left, 1.0), min(right, 1.0), both)
         found = [each * likely for each, likely in zip(faults, likelihoods, strict=True)]
         return _normalized(found, 1.0 - sum(faults, 0.0))
 
@@ -202,14 +225,16 @@ class State(NamedTuple):
 
     def change(self, before: State) -> Probabilities:
         """Probabilities of faults that have begun since then."""
+        pairs = zip(before.pairs, self.since(before), strict=True)
+        return min((change_probabilities(then, now) for then, now in pairs), key=sum)
+
+    def since(self, before: State) -> list[WholePair]:
+        """What was added to the sums since then."""
         left, right = self.left_driven - before.left_driven, self.right_driven - before.right_driven
-        changes = [
-            change_probabilities(
-                then, (_since(now[0], then[0], left), _since(now[1], then[1], right))
-            )
+        return [
+            (_since(now[0], then[0], left), _since(now[1], then[1], right))
             for now, then in zip(self.pairs, before.pairs, strict=True)
         ]
-        return min(changes, key=sum)
 
 
 class Residual(NamedTuple):

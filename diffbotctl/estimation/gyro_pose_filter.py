@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 from diffbotctl.estimation.geometry_deviation import GeometryDeviation, PoseDeviation
 from diffbotctl.estimation.gyro_turn import TurnStep
 from diffbotctl.estimation.pose_filter import Correction, PoseFilter, WheelTravel, arc
-from diffbotctl.estimation.turn_fusion import TurnFusion
+from diffbotctl.estimation.turn_fusion import BIAS, TurnFusion
 from diffbotctl.messages import Odometry
 
 # A failure is noticed within this time, in which the turn was wrong. The wheels' turn replaces it;
@@ -67,7 +67,7 @@ class GyroPoseFilter(PoseFilter):
         self._is_calibrated = is_calibrated
         self._opposed_turn = AXIS_TURN if is_calibrated else SIGN_TURN
         self.step: TurnStep | None = None
-        self.fusion = TurnFusion(geometry, scale_sd)
+        self.fusion = TurnFusion(geometry, scale_sd, is_calibrated)
         self._turned = self._random_variance = self._scale_turn_sd = 0.0  # of the fusion, so far
         self._of_scale = self._of_slide = PoseDeviation()
         self.slid_turn = 0.0
@@ -98,7 +98,7 @@ class GyroPoseFilter(PoseFilter):
         self.slid_turn = 0.0
         self._moments.clear()
         self._compared = None
-        self._start_fusion(self.fusion.covariance[3][3], 0.0)
+        self._start_fusion(self.fusion.covariance[BIAS][BIAS], 0.0)
 
     def zeroed(self, error: float, variance: float) -> None:
         """The bias was measured at rest: it was wrong by `error` (rad/s)."""
@@ -199,6 +199,8 @@ class GyroPoseFilter(PoseFilter):
 
     def _correction(self, left: float, right: float) -> Correction:
         ahead, turn = super()._correction(left, right)
+        if self.step is not None:
+            self.fusion.by_wheels += turn
         return ahead, turn if self.step is None else 0.0
 
     def _roll(self, left: float, right: float, left_variance: float, right_variance: float) -> None:
@@ -217,10 +219,12 @@ class GyroPoseFilter(PoseFilter):
         direction = cos(middle), sin(middle)
         self._propagate_turn(ahead, 0.25 * (left_variance + right_variance), direction)
         of_track, of_left, of_right = self.unit_effects
+        # Turns that are right by the wheels have the errors of their geometry.
+        wider = turn * track if fusion.wheels_are_reference else 0.0
         self.unit_effects = (
-            of_track.advanced(0.0, 0.0, ahead, track, direction),
-            of_left.advanced(0.0, left, ahead, track, direction),
-            of_right.advanced(0.0, right, ahead, track, direction),
+            of_track.advanced(-wider, 0.0, ahead, track, direction),
+            of_left.advanced(0.5 * wider, left, ahead, track, direction),
+            of_right.advanced(0.5 * wider, right, ahead, track, direction),
         )
         half = 0.5 * turn * track
         self.x, self.y, self.heading = arc(

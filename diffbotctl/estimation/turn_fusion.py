@@ -2,9 +2,11 @@
 
 Two measurements of one turn: that of the wheels is wrong by a share of the turn (track), a share of
 the way (the ratio of the diameters) and what the wheels slip; that of the gyro by a share of the
-turn (its scale) and by its bias. A Kalman filter with these errors as states and the difference of
-both turns as the measurement gives each the weight of its variance: a calibrated gyro decides,
-beside one that is known to 3 % a ruler does. Angles in rad, times in s.
+turn (its scale) and by its bias. Their difference is the measurement of a Kalman filter with these
+errors as states. It shows the errors of track and scale only together, so that they are one state,
+of which each has the share of its prior variance. A scale that was not calibrated and is less well
+known than the track is measured against it: the heading is then never worse than by the wheels
+alone, whatever the true track is. Angles in rad, times in s.
 """
 
 from __future__ import annotations
@@ -15,7 +17,8 @@ from math import radians, sqrt
 from diffbotctl.estimation.geometry_deviation import GeometryDeviation
 from diffbotctl.estimation.gyro_turn import BIAS_WALK, TurnStep
 
-TRACK, RATIO, SCALE, BIAS, WHEELS, GYRO = 0, 1, 2, 3, 4, 5
+SCALE, RATIO, BIAS, WHEELS, GYRO = 0, 1, 2, 3, 4
+STATES = 5
 # Standard deviations, and rad, of the difference of both turns, for wheels that slide: tyres scrub.
 OUTLIER_SDS, OUTLIER_MIN = 5.0, radians(2.0)
 # rad in a frame; while both turns differ by more, wheels that have begun to slide slide on.
@@ -23,38 +26,50 @@ SLIDING_TURN_MIN, SLIDING_RATIO = radians(0.3), 3.0
 
 
 class TurnFusion:
-    """Errors of both turns since `start`: of the track, the ratio of the diameters and the scale,
-    relative; of the bias (rad/s); and what both have added to the turns (rad)."""
+    """Errors of both turns since `start`: of the scale against the track and of the ratio of the
+    diameters, relative; of the bias (rad/s); and what both have added to the turns (rad)."""
 
-    def __init__(self, geometry: Sequence[GeometryDeviation], scale_sd: float) -> None:
+    def __init__(
+        self, geometry: Sequence[GeometryDeviation], scale_sd: float, is_calibrated: bool
+    ) -> None:
         """`geometry`: the independent errors of track and diameters; `scale_sd`: of the gyro."""
         self.by_wheels = self.path = self.by_gyro = 0.0  # rad, ways over the track, rad
-        self.errors = [0.0] * 6
-        self.covariance = [[0.0] * 6 for _ in range(6)]
+        self.errors = [0.0] * STATES
+        self.covariance = [[0.0] * STATES for _ in range(STATES)]
         self.is_sliding = False
-        for state, variance in (
-            (TRACK, sum(((0.5 * (e.left + e.right) - e.track) ** 2 for e in geometry), 0.0)),
-            (RATIO, sum(((e.right - e.left) ** 2 for e in geometry), 0.0)),
-            (SCALE, scale_sd * scale_sd),
-        ):
+        track = sum(((0.5 * (e.left + e.right) - e.track) ** 2 for e in geometry), 0.0)
+        scale = scale_sd * scale_sd
+        self.wheels_are_reference = not is_calibrated and track < scale
+        """whether turns are right by the wheels, but for the errors of their geometry"""
+        if self.wheels_are_reference:
+            track = 0.0
+        total = track + scale
+        self.scale_share = scale / total if total else 0.0
+        """of the gyro's scale, in the error of both"""
+        self.hidden_variance = self.scale_share * track
+        """of the scale, when that error is known exactly"""
+        ratio = sum(((e.right - e.left) ** 2 for e in geometry), 0.0)
+        for state, variance in ((SCALE, total), (RATIO, ratio)):
             self.covariance[state][state] = variance
 
     @property
     def turn(self) -> float:
         """Since the start: that of the gyro, whose scale and bias the wheels have corrected. The
         wheels' own also has the errors of their places within a slot."""
-        return self.by_gyro * (1.0 - self.errors[SCALE]) - self.errors[GYRO]
+        return self.by_gyro * (1.0 - self.scale_share * self.errors[SCALE]) - self.errors[GYRO]
 
     @property
     def scale_sd(self) -> float:
         """Standard deviation of `turn` by the scale, which the geometry has corrected; with the
         sign of the turn."""
-        return self.by_gyro * sqrt(max(self.covariance[SCALE][SCALE], 0.0))
+        shown = self.scale_share * self.scale_share * max(self.covariance[SCALE][SCALE], 0.0)
+        return self.by_gyro * sqrt(self.hidden_variance + shown)
 
     @property
     def variance(self) -> float:
         """Of `turn`."""
-        return self._variance((0.0, 0.0, self.by_gyro, 0.0, 0.0, 1.0))
+        row = (self.scale_share * self.by_gyro, 0.0, 0.0, 0.0, 1.0)
+        return self._variance(row) + self.hidden_variance * self.by_gyro * self.by_gyro
 
     def start(self, bias_variance: float, wheels_variance: float = 0.0) -> None:
         """Measure turns from here, where the bias is known with this variance, and the wheels' turn
@@ -87,7 +102,7 @@ class TurnFusion:
         """Take the difference of both turns, with the variance of the wheels' places, of which this
         frame is worth `weight` independent ones. Returns by what the wheels have turned too far,
         where they slide; otherwise 0."""
-        row = (self.by_wheels, self.path, -self.by_gyro, 0.0, 1.0, -1.0)
+        row = (-self.by_gyro, self.path, 0.0, 1.0, -1.0)
         innovation = self.by_wheels - self.by_gyro - _product(row, self.errors)
         known = self._variance(row)
         slid = 0.0
@@ -101,7 +116,7 @@ class TurnFusion:
 
     def bias_measured(self, error: float, variance: float) -> None:
         """The robot stands, and the bias was wrong by `error` (rad/s), known with this variance."""
-        row = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0)
+        row = (0.0, 0.0, 1.0, 0.0, 0.0)
         total = self.covariance[BIAS][BIAS] + variance
         if total > 0.0:
             self._update(row, error - self.errors[BIAS], total)
@@ -112,7 +127,7 @@ class TurnFusion:
         self.errors[state] = 0.0
         for row in self.covariance:
             row[state] = 0.0
-        self.covariance[state] = [0.0] * 6
+        self.covariance[state] = [0.0] * STATES
         self.covariance[state][state] = variance
 
     def _variance(self, row: Sequence[float]) -> float:

@@ -141,6 +141,19 @@ def test_pulses_of_half_a_pitch_refute_a_missing_pulse():
     assert refuted < 0.5 * Drive(1.0, 0.5).faults.probability
 
 
+@pytest.mark.parametrize(("left", "right"), [(1.0, 0.5), (2.0, 1.0)])
+def test_whole_pulses_beside_a_ratio_that_stays_are_those_of_an_unequal_motor(left, right):
+    drive = Drive(left, right)
+    assert drive.faults.probability > 0.15
+    drive.faults.pulse_log_ratios = (-4.0, -4.0)
+    drive.go_on(left, right, 2.0)
+    assert drive.faults.probability < PROBABILITY_MIN and not drive.right.lost_text
+    ended = Drive(left, right)
+    ended.faults.pulse_log_ratios = (-4.0, -4.0)
+    ended.go_on(1.0, 1.0, 4.0)  # a fault that ended has whole pulses too, but other edges
+    assert ended.faults.probability > 0.1
+
+
 def test_a_fault_that_begins_is_found_within_two_seconds():
     drive = Drive(1.0, 1.0, seconds=6.0)
     assert drive.faults.probability == 0.0

@@ -83,6 +83,31 @@ def test_the_wheels_decide_beside_a_gyro_of_unknown_scale():
     assert pose.heading == pytest.approx(0.2 / TRACK, rel=6e-3)
 
 
+@pytest.mark.parametrize("error", [0.0, 0.04])
+def test_a_scale_that_is_not_calibrated_leaves_the_heading_to_wheels_that_are_known_better(error):
+    """1.6 rad at 0.6 rad/s; the gyro measures 3 % too much, the track is wrong by `error`."""
+    pose = GyroPoseFilter(TRACK, SLIP, (GeometryDeviation(track=0.02),), 0.03)
+    wheels = Wheel(-0.001, variance=0.0), Wheel(0.001, variance=0.0)
+    for _ in range(100):
+        pose.step = TurnStep(1.03 / (1.0 + error) * 0.002 / TRACK, 1e-10, 0.025)
+        pose.move(*wheels)
+    assert pose.heading == pytest.approx(0.2 / TRACK, rel=6e-3)
+    message = pose.message(0, *wheels)
+    assert message.geometry_heading_sd == pytest.approx(0.02 * pose.heading, rel=0.1)
+
+
+def test_a_better_estimate_of_where_a_wheel_began_is_no_error_of_the_gyro():
+    """The first edges show that the right wheel has travelled 5 mm more: 2.3 deg."""
+    pose = GyroPoseFilter(TRACK, SLIP, (GeometryDeviation(track=0.02),), 0.03)
+    turn, late = 0.002 / TRACK, 0.005
+    for number in range(100):
+        pose.step = TurnStep(turn + (late / TRACK if number == 10 else 0.0), 1e-10, 0.025)
+        start = late if number == 10 else 0.0
+        pose.move(Wheel(-0.001), Wheel(0.001, start_correction=start))
+    assert pose.fusion.errors[0] == pytest.approx(0.0, abs=1e-3)
+    assert pose.heading == pytest.approx(100 * turn + late / TRACK, rel=2e-3)
+
+
 def test_straight_ahead_the_gyro_corrects_unequal_wheels():
     """The right wheel is 0.5 % larger: 2.3 deg a metre by the wheels alone."""
     pose = GyroPoseFilter(TRACK, SLIP, (GeometryDeviation(right=0.005),), 0.03)
