@@ -27,7 +27,7 @@ from diffbotctl.estimation.pose_filter import PoseFilter
 from diffbotctl.estimation.slot_errors import LEARNABLE_SLOTS_MAX
 from diffbotctl.estimation.timestamp_filter import TimestampFilter
 from diffbotctl.estimation.wheel_frame import Levels, wheel_frames
-from diffbotctl.estimation.wheel_odometer import WheelOdometer, share_response
+from diffbotctl.estimation.wheel_odometer import WheelOdometer
 from diffbotctl.estimation.wheel_side import LinkTiming, SideConfig
 from diffbotctl.messages import Encoders, Imu, Odometry
 from diffbotctl.params import FromRobot, Param
@@ -208,8 +208,6 @@ class OdometryBlock(Block):
         frames = wheel_frames(encoders, since, self._counted_levels(encoders))
         left.update(frames[0])
         right.update(frames[1])
-        if isinstance(left, WheelOdometer) and isinstance(right, WheelOdometer):
-            share_response(left, right)
         if isinstance(left, EncoderWheel) and isinstance(right, EncoderWheel):
             self.encoder_faults.possible = self._possible_faults()
             self.encoder_faults.update(left, right)

@@ -76,9 +76,9 @@ def true_values(plant: SimulatedRobot) -> dict[str, float]:
     """Actual values by field path, in SI.
 
     `rated` is the speed at full duty with the full battery voltage at the motor; `friction` the
-    duty at which friction just stops a wheel that turns, `breakaway` that at which one begins to.
-    Where the driver takes a voltage of its own and shorts the motors between two pulses, `friction`
-    is that of the line through the speeds at LINE_DUTIES: at less duty the speed falls steeply.
+    duty at which friction just stops a wheel that turns. Where the driver takes a voltage of its
+    own and shorts the motors between two pulses, it is that of the line through the speeds at
+    LINE_DUTIES: at less duty the speed falls steeply.
     """
     chassis = plant.chassis
     values = {
@@ -102,7 +102,6 @@ def true_values(plant: SimulatedRobot) -> dict[str, float]:
             f"drive.{side}.motor.rated": motor.speed,
             f"drive.{side}.motor.lag": motor.lag,
             f"drive.{side}.motor.friction": motor.keep,
-            f"drive.{side}.motor.breakaway": motor.start,
             **_shorted_truth(plant, side),
             f"drive.{side}.encoder.slots": slots,
             f"drive.{side}.encoder.open_share": 1 - open_share
@@ -113,7 +112,7 @@ def true_values(plant: SimulatedRobot) -> dict[str, float]:
 
 
 def _shorted_truth(plant: SimulatedRobot, side: str) -> dict[str, float]:
-    """Friction, breakaway and lag of a motor that is shorted between its pulses, by its torque;
+    """Friction and lag of a motor that is shorted between its pulses, by its torque;
     empty where the plant has no torques, or the driver opens there."""
     drive = plant.drive
     if not isinstance(drive, TorqueDrive) or not plant.parameters.shorted_between:
@@ -133,7 +132,6 @@ def _shorted_truth(plant: SimulatedRobot, side: str) -> dict[str, float]:
     path = f"drive.{side}.motor"
     return {
         f"{path}.friction": low - slow * (high - low) / (fast - slow),
-        f"{path}.breakaway": _root(lambda duty: torque(duty, 0.0) - motor.static),
         f"{path}.lag": motor.speed / motor.acceleration * 2 * DIFFERENCE / change,
     }
 

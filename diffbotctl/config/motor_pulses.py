@@ -17,9 +17,7 @@ from diffbotctl.errors import join_words
 from diffbotctl.links.diffbot_frames import DriverCode
 
 # What a calibration finds that another kind of pulses changes.
-DEPENDS_ON_PULSES = re.compile(
-    r"drive\.(left|right)\.motor\.(lag|decay|friction|breakaway|loop\.\w+)"
-)
+DEPENDS_ON_PULSES = re.compile(r"drive\.(left|right)\.motor\.(lag|decay|friction|loop\.\w+)")
 
 
 class MotorPulses(NamedTuple):

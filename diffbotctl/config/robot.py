@@ -194,9 +194,6 @@ class MotorSection(Section):
         None,
         "Duty at which friction just stops a turning wheel; none: as loop.static.",
     )
-    breakaway = Number(
-        "1", "[0, 1]", None, "Duty at which a standing wheel begins to turn; none: unknown."
-    )
     loop = Param(SpeedLoopSection, default=SpeedLoopSection(), help="Speed loop of the wheel.")
     bridge_share = 0.0
     """share of the full battery's voltage that the driver's transistors take from a shorted motor;

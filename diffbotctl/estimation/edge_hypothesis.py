@@ -150,7 +150,7 @@ class EdgeHypothesis:
             self._end_frame(time, changes)
             return self._update_bounds(abs(motion.speed) > motion.priors.creep, False)
         if motion.speed == 0.0 and frame.drive * self.edge_direction > 0.0:
-            motion.release(frame.drive, frame.duty, (time - begin) * 1e-9)
+            motion.release(frame.drive, (time - begin) * 1e-9)
         window = 0.0 if has_edge else abs(motion.speed) * (time - begin) * 1e-9
         branches = []
         for hypothesis in self._pass_edges(steps, window):

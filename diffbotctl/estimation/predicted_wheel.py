@@ -27,7 +27,7 @@ from __future__ import annotations
 from copy import copy
 from enum import IntEnum
 from math import exp, inf, log, sqrt
-from typing import NamedTuple, Self
+from typing import Self
 
 from diffbotctl.control.motor_curve import LAG_DUTY, VISCOUS
 from diffbotctl.estimation.slot_errors import SlotErrors, Slots, TransitionRows
@@ -40,12 +40,6 @@ SUSPECT_NOISE = 4.0  # times the usual variance, above which faults of the encod
 # sudden change, which may have been one of the gain or of the encoder.
 UNUSUAL_OFFSET_SDS = 2.0
 RELEASED_RATIO = 0.5  # of the drive's speed, of a wheel that friction was taken to hold
-# Ratio of the duty at which a wheel begins to turn to the measured one: it differs with the place
-# of the gear's teeth and with the load.
-BREAKAWAY_MIN, BREAKAWAY_MAX = 0.95, 1.05
-# Mean acceleration since the first moment at which a wheel may have begun to turn, over that at the
-# last one: the duty has risen meanwhile.
-STARTING_RATIO = 0.5
 ELAPSED_MIN = 0.005  # s; a motion does not change faster
 # Edges since a wheel was at rest, before which its motion changes suddenly with a higher
 # probability, one in 4.5 (minus its log): friction lets it go at a duty that differs from start to
@@ -86,21 +80,6 @@ class MotorKind(IntEnum):
     UNUSUAL_FREE_WHEELING = 3
 
 
-class Response(NamedTuple):
-    """What the motors of both wheels have in common, being of the same type."""
-
-    is_free_wheeling: bool
-    is_dry: bool | None
-    """braked by dry friction when coasting; None: not yet known"""
-
-
-RESPONSES = {
-    (is_free_wheeling, is_dry): Response(is_free_wheeling, is_dry)
-    for is_free_wheeling in (False, True)
-    for is_dry in (None, False, True)
-}
-
-
 class PredictedWheel:
     """State and covariance of one wheel, with the slot errors of its disc, and their prediction."""
 
@@ -112,7 +91,6 @@ class PredictedWheel:
         "edges_since_rest",
         "elapsed",
         "gain",
-        "held_time",
         "is_driven",
         "is_dry",
         "is_free_wheeling",
@@ -145,7 +123,6 @@ class PredictedWheel:
         self.coasting_noise = max(self.coasting_noise, self._coasting_noise_min)
         self.is_driven = True  # in the last prediction
         self.elapsed = 0.0  # s, since the last measurement
-        self.held_time = 0.0  # s, in which it may have begun to turn
         self.edges_since_rest = 0  # or since its drive has reversed
         self.disc: Slots = SlotErrors(
             slots, priors.slot, priors.open_share, priors.open_share_error
@@ -176,11 +153,6 @@ class PredictedWheel:
     def _coasting_noise_min(self) -> float:
         """Least factor of the noise's variance while nothing drives it."""
         return SHORTED_NOISE if self.is_free_wheeling and self.priors.brakes else 1.0
-
-    @property
-    def response(self) -> Response:
-        """How its motor responds to its duty."""
-        return RESPONSES[self.is_free_wheeling, self.is_dry]
 
     @property
     def travel(self) -> float:
@@ -291,12 +263,9 @@ class PredictedWheel:
         sign = (drive > 0.0) - (drive < 0.0)
         if self.gain * drive * sign + self.offset <= 0.0:  # friction never drives the wheel
             drive, sign = 0.0, 0
-        if self.speed == 0.0:
-            if self._is_held(span, drive, abs(duty)):
-                self.elapsed += span
-                return
-            if self.held_time:
-                self._start(drive, abs(duty))
+        if self.speed == 0.0 and not drive:
+            self.elapsed += span
+            return
         speed = self.speed
         if not duty and self.priors.shorted_speed and self.is_free_wheeling:
             span -= self._brake_shorted(span)
@@ -312,44 +281,6 @@ class PredictedWheel:
         self._move(span, drive, sign, response, is_driven=drive != 0.0)
         if not drive and abs(self.speed) < self.priors.creep:
             self._stop(response[0])
-
-    def _is_held(self, span: float, drive: float, duty: float) -> bool:
-        """Whether friction holds a standing wheel for the next `span` seconds."""
-        if not drive:
-            self.held_time = 0.0
-            return True
-        breakaway = self.priors.breakaway
-        if breakaway is None:
-            return False
-        ratio = duty * self.gain / breakaway if breakaway else BREAKAWAY_MAX
-        if ratio < BREAKAWAY_MIN:
-            self.held_time = 0.0
-            return True
-        if ratio < BREAKAWAY_MAX:
-            self.held_time += span
-            return True
-        return False
-
-    def _start(self, drive: float, duty: float) -> None:
-        """Let a wheel turn that has begun to at any time within `held_time`, with a constant
-        acceleration a.
-
-        With the time t since then uniform in 0 to T, its speed a t and its travel a t**2 / 2 have
-        the means a T / 2 and a T**2 / 6, the variances (a T)**2 / 12 and (a T**2)**2 / 45, and the
-        covariance a**2 T**3 / 24.
-        """
-        time, self.held_time = self.held_time, 0.0
-        lag, factor = self._response(duty)
-        direction = 1 if drive > 0.0 else -1
-        driving = max(self.gain * abs(drive) + self.offset, 0.0)
-        change = direction * STARTING_RATIO * factor * driving / lag * time
-        self.speed = 0.5 * change
-        self.z += change * time / 6.0
-        covariance = list(self.covariance)
-        covariance[Z_Z] += (change * time) ** 2 / 45.0
-        covariance[Z_SPEED] += change * change * time / 24.0
-        covariance[DIAGONAL[1]] += change * change / 12.0
-        self.covariance = tuple(covariance)
 
     def _response(self, duty: float) -> tuple[float, float]:
         """Lag (s) at a duty, and factor of the speed at which the motor settles."""
@@ -469,7 +400,7 @@ class PredictedWheel:
     def _stop(self, time: float) -> None:
         """Friction stops the wheel; the distance until then is as uncertain as the speed was, over
         `time` seconds."""
-        self.speed = self.held_time = 0.0
+        self.speed = 0.0
         self.edges_since_rest = 0
         covariance = list(self.covariance)
         covariance[Z_Z] += self.speed_variance * time * time
@@ -536,13 +467,9 @@ class PredictedWheel:
             ff,
         )
 
-    def release(self, drive: float, duty: float, elapsed: float) -> None:
-        """Let a wheel turn that was taken for standing under `drive` (pitches/s) at a `duty` and
-        has passed an edge within `elapsed` seconds: the drive exceeds its friction."""
-        if self.held_time:
-            self._start(drive, abs(duty))
-        elif self.priors.breakaway is not None:  # its friction is not the measured one
-            self.priors = self.priors._replace(breakaway=None)
+    def release(self, drive: float, elapsed: float) -> None:
+        """Let a wheel turn that was taken for standing under `drive` (pitches/s) and has passed an
+        edge within `elapsed` seconds: the drive exceeds its friction."""
         settled = self.gain * abs(drive) + self.offset
         rise = max(RELEASED_RATIO * self.gain * abs(drive) - settled, 0.0)
         self.offset += rise

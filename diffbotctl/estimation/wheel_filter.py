@@ -6,7 +6,7 @@ from math import exp, inf
 
 from diffbotctl.estimation.disc_alignment import DiscAlignment
 from diffbotctl.estimation.edge_hypothesis import EdgeHypothesis, prune, update_all
-from diffbotctl.estimation.predicted_wheel import MotorKind, Response
+from diffbotctl.estimation.predicted_wheel import MotorKind
 from diffbotctl.estimation.slot_errors import LEARNABLE_SLOTS_MAX, EdgeErrors, KnownSlotErrors
 from diffbotctl.estimation.wheel_frame import WheelFrame
 from diffbotctl.estimation.wheel_kalman import WheelKalman
@@ -123,24 +123,6 @@ class WheelFilter:
         if self.alignment is not None:
             self.alignment.update(frame)
             self._adopt_alignment(self.alignment)
-
-    def response_log_likelihoods(self) -> dict[Response, float]:
-        """Of the best hypothesis with each response of the motor, relative to the best of all."""
-        top = max(hypothesis.motion.log_likelihood for hypothesis in self.hypotheses)
-        best: dict[Response, float] = {}
-        for hypothesis in self.hypotheses:
-            motion = hypothesis.motion
-            difference = motion.log_likelihood - top
-            if difference > best.get(motion.response, -inf):
-                best[motion.response] = difference
-        return best
-
-    def select_response(self, response: Response) -> None:
-        """Move the best hypothesis with this response to the front, if there is one."""
-        for index, hypothesis in enumerate(self.hypotheses):
-            if hypothesis.motion.response == response:
-                self.hypotheses.insert(0, self.hypotheses.pop(index))
-                return
 
     def _adopt_alignment(self, alignment: DiscAlignment) -> None:
         """Adopt the measured slot errors once their rotation is known."""

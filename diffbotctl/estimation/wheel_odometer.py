@@ -7,10 +7,10 @@ from math import copysign, pi
 from diffbotctl.control.motor_curve import settled_speed
 from diffbotctl.control.speed_loop import speed_gains
 from diffbotctl.estimation.explained_edges import ExplainedEdges
-from diffbotctl.estimation.predicted_wheel import Response, no_load_speed
+from diffbotctl.estimation.predicted_wheel import no_load_speed
 from diffbotctl.estimation.slot_errors import EdgeErrors, SlotEstimate
 from diffbotctl.estimation.unexplained_edges import EdgeGaps, UndrivenEdges
-from diffbotctl.estimation.wheel_filter import LOG_RATIO_MAX, WheelFilter
+from diffbotctl.estimation.wheel_filter import WheelFilter
 from diffbotctl.estimation.wheel_frame import (
     BoardFrame,
     CountSign,
@@ -27,8 +27,6 @@ from diffbotctl.estimation.wheel_side import (
 )
 
 UNIFORM_VARIANCE = 1.0 / 12.0  # pitches2; of a place within a slot
-DRY = Response(is_free_wheeling=False, is_dry=True)
-DRY_LOG_COST = 1.0  # natural log of the ratio of motors that coast with their lag to such
 # Pitches, for each reversal: how a motor that free-wheels between the pulses breaks loose depends
 # on load and battery more than its model knows, and decides which of two edges was the first one.
 FREE_WHEELING_REVERSAL_SD = 0.15
@@ -56,7 +54,6 @@ class WheelOdometer:
             lag=motor.lag,
             friction=friction,
             dead_band=self.static,
-            breakaway=motor.breakaway,
             brakes=brakes,
             shorted_speed=motor.bridge_share * no_load_speed(motor.rated + friction)
             if brakes
@@ -208,24 +205,6 @@ class WheelOdometer:
         self.start_correction = start_shift * self.pitch
         self.travel = (motion.travel - self.reported_travel - start_shift) * self.pitch
         self.reported_travel, self.reported_start = motion.travel, motion.start
-
-
-def share_response(left: WheelOdometer, right: WheelOdometer) -> None:
-    """Decide for both wheels together how their motors respond: they are of the same type."""
-    hypotheses = left.filter.hypotheses + right.filter.hypotheses
-    if len(hypotheses) == 2 or len({one.motion.response for one in hypotheses}) == 1:
-        return
-    likely = left.filter.response_log_likelihoods(), right.filter.response_log_likelihoods()
-    best = max(
-        {**likely[0], **likely[1]},
-        key=lambda response: (
-            likely[0].get(response, -LOG_RATIO_MAX)
-            + likely[1].get(response, -LOG_RATIO_MAX)
-            - (DRY_LOG_COST if response == DRY else 0.0)
-        ),
-    )
-    left.filter.select_response(best)
-    right.filter.select_response(best)
 
 
 def known_edges(encoder: EncoderConfig, priors: Priors) -> EdgeErrors | None:

@@ -28,7 +28,6 @@ class Priors(NamedTuple):
     offset: float = 0.22  # rad/s
     friction: float = 1.16  # rad/s; value: speed lost to the dead band of a typical motor
     dead_band: float = 0.1  # duty; value: that which only overcomes the friction
-    breakaway: float | None = None  # duty; value: that which a standing wheel takes to turn
     creep: float = 0.094  # rad/s; value: without drive, friction stops a slower wheel
     model_noise: float = 0.28  # rad/s per square root of a second; noise of the speed
     offset_drift: float = 0.016  # rad/s per square root of a second; random walk of the offset
@@ -71,14 +70,13 @@ class Priors(NamedTuple):
 
 class MotorConfig(MotorSettings, Protocol):
     """The motor section of a side; `lag` in s, `idle` coast or brake, `decay` slow, fast or None,
-    `friction` and `breakaway` duties or None, `bridge_share` a share of the full battery's
+    `friction` a duty or None, `bridge_share` a share of the full battery's
     voltage, `is_shorted` whether the driver shorts the windings between two pulses."""
 
     lag: float
     idle: str
     decay: str | None
     friction: float | None
-    breakaway: float | None
     bridge_share: float
     is_shorted: bool
 

@@ -41,28 +41,3 @@ def test_a_wheel_that_was_taken_for_standing_is_followed_when_its_edges_come():
     for frame in range(100, 110):
         hypothesis.update(WheelFrame(frame * FRAME, frame, None, 50.0, 0, 0.4))
     assert motion.speed == pytest.approx(50.0, rel=0.3)  # an edge in 20 ms
-
-
-def test_a_wheel_that_static_friction_should_hold_is_followed_when_its_edges_come():
-    """Its friction was measured as a duty of 0.5, and it turns at 0.4."""
-    priors = Priors(lag=LAG, breakaway=0.5)
-    hypothesis = EdgeHypothesis(WheelKalman(priors, SLOTS), 0, 0)
-    for frame in range(1, 30):
-        hypothesis.update(WheelFrame(frame * FRAME, 0, None, 50.0, 0, 0.4))
-    assert hypothesis.motion.speed == 0.0
-    for frame in range(30, 50):
-        hypothesis.update(WheelFrame(frame * FRAME, frame - 29, None, 50.0, 0, 0.4))
-    assert hypothesis.motion.speed == pytest.approx(50.0, rel=0.3)  # an edge in 20 ms
-
-
-def test_an_edge_at_a_duty_that_should_not_move_the_wheel_disproves_the_measured_one():
-    """From then on it is not held, whatever was measured: with a breakaway five times too high, a
-    robot that stopped and started again claimed its goal with an error of 35 deg."""
-    hypothesis = EdgeHypothesis(WheelKalman(Priors(lag=LAG, breakaway=0.5), SLOTS), 0, 0)
-    assert hypothesis.motion.priors.breakaway == 0.5
-    for frame in range(1, 20):
-        hypothesis.update(WheelFrame(frame * FRAME, max(frame - 10, 0), None, 50.0, 0, 0.4))
-    hypothesis.motion.speed = 0.0  # it rests
-    before = hypothesis.motion.z
-    hypothesis.motion.predict(0.1, 50.0, 0.4)
-    assert hypothesis.motion.z > before

@@ -2,8 +2,6 @@
 
 from itertools import pairwise
 from math import copysign
-from random import Random
-from statistics import fmean, pvariance
 
 import pytest
 
@@ -157,49 +155,3 @@ def test_with_unknown_friction_the_coasting_travel_lies_in_the_middle():
         travels.append(motion.coasting_travel)
     assert travels[1] == pytest.approx(0.5 * (travels[0] + travels[2]))
     assert travels[0] < travels[2] == pytest.approx(LAG * 20.0)
-
-
-def held(kind, breakaway):
-    """A standing wheel whose friction lets go at the duty `breakaway`."""
-    return WheelKalman(priors()._replace(breakaway=breakaway), SLOTS, kind)
-
-
-def drive_at(duty):
-    return settled_speed(duty, STATIC, RATED) * PITCHES_PER_RAD
-
-
-@pytest.mark.parametrize("kind", MotorKind)
-def test_static_friction_holds_a_standing_wheel_until_the_measured_duty(kind):
-    """Measured: 0.25. At 0.2, which sliding friction would let turn, it stands; at 0.3 it starts at
-    once, and no later than one whose static friction is not known."""
-    motion, free = held(kind, 0.25), held(kind, None)
-    before = motion.z, motion.variance
-    motion.predict(0.4, drive_at(0.2), 0.2)
-    assert (motion.z, motion.variance, motion.speed) == (*before, 0.0)
-    for wheel in (motion, free):
-        wheel.predict(0.1, drive_at(0.3), 0.3)
-    assert motion.z == free.z and motion.variance == free.variance
-    motion.predict(0.1, drive_at(0.2), 0.2)
-    assert motion.speed > 0.0, "sliding friction, which is less, holds a wheel that turns"
-
-
-def test_a_wheel_that_may_have_begun_to_turn_did_so_at_any_time_since():
-    """For 0.1 s within 5 % of the duty 0.25 at which it starts. In the mean of that time, it is
-    accelerated by half of what drives it at the end; 20,000 starts drawn at random."""
-    motion = held(MotorKind.LINEAR, 0.25)
-    variance = motion.covariance[0]
-    motion.predict(0.1, drive_at(0.25), 0.25)
-    assert motion.speed == 0.0
-    motion.predict(0.0, drive_at(0.3), 0.3)
-    acceleration = 0.5 * drive_at(0.3) / LAG
-    rng = Random(1)
-    times = [rng.uniform(0.0, 0.1) for _ in range(20_000)]
-    speeds = [acceleration * time for time in times]
-    travels = [0.5 * acceleration * time * time for time in times]
-    assert motion.speed == pytest.approx(fmean(speeds), rel=0.02)
-    assert motion.travel == pytest.approx(fmean(travels), rel=0.03)
-    assert motion.speed_variance == pytest.approx(pvariance(speeds), rel=0.03)
-    assert motion.covariance[0] - variance == pytest.approx(pvariance(travels), rel=0.04)
-    mean = fmean(speeds) * fmean(travels)
-    both = fmean(a * b for a, b in zip(speeds, travels, strict=True)) - mean
-    assert motion.covariance[1] == pytest.approx(both, rel=0.03)

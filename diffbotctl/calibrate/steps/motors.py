@@ -9,8 +9,6 @@ from typing import NamedTuple
 
 from diffbotctl.calibrate.motor_curve import FittedMotor, fit_curves
 from diffbotctl.calibrate.motor_experiments import (
-    BREAKAWAY_DUTY_MAX,
-    BREAKAWAY_RESOLUTION,
     CM,
     DIRECTIONS,
     DUTY_LEVELS,
@@ -42,7 +40,6 @@ DIRECTION_DIFFERENCE_MAX = 0.15  # of the rated speed; more is a fault of gear o
 COMMAND_JITTER_MIN_S = 0.005  # standard deviation, for a board that does not report the time
 BATTERY_LISTEN_TIME_S = 1.0
 DEAD_TIME_SD_MIN_S = 0.002
-BREAKAWAY_SD_RATIO = 0.03  # it depends on where the teeth of the gear stand
 
 
 class MotorFit(NamedTuple):
@@ -208,7 +205,6 @@ def motor_findings(robot: Robot, motors: dict[str, MotorFit]) -> list[Finding]:
             Finding(f"{path}.loop.speed", line.slope, line.slope_sd),
             Finding(f"{path}.loop.proportional", proportional),
             Finding(f"{path}.loop.integral", integral),
-            *_breakaway_findings(path, motor.breakaway),
         ]
         if curve.decay is not None:
             findings += [
@@ -223,17 +219,6 @@ def motor_findings(robot: Robot, motors: dict[str, MotorFit]) -> list[Finding]:
     if limit < robot.limits.speed:
         findings.append(Finding("limits.speed", limit))
     return findings
-
-
-def _breakaway_findings(path: str, duties: Mapping[str, float]) -> list[Finding]:
-    """The duty at which a wheel begins to turn, the mean of both directions; none where one of them
-    lies beyond the duties that were tried."""
-    forward, backward = (duties[direction] for direction in DIRECTIONS)
-    if max(forward, backward) > BREAKAWAY_DUTY_MAX - BREAKAWAY_RESOLUTION:
-        return []
-    duty = 0.5 * (forward + backward)
-    sd = hypot(0.5 * (forward - backward), BREAKAWAY_RESOLUTION, BREAKAWAY_SD_RATIO * duty)
-    return [Finding(f"{path}.breakaway", duty, sd)]
 
 
 def _delay_findings(nominal: Robot, motors: dict[str, MotorFit]) -> list[Finding]:

@@ -43,8 +43,6 @@ GLITCH_WARNED_RATIO, GLITCH_REFUSED_RATIO = 0.5, 0.7
 # Beyond what the wheels reach; a smaller excess has no effect, a larger one is a wrong unit.
 TURN_RATE_RATIO_MAX = 3.0
 RATED_SPEED_MAX_RAD_S = 60.0  # 573 rpm; a value in rpm without its unit is usually larger
-# Static friction exceeds sliding friction by up to two thirds; with a margin for the measurement.
-BREAKAWAY_RATIO_MIN, BREAKAWAY_RATIO_MAX, BREAKAWAY_EXCESS_MAX = 0.6, 2.5, 0.05  # of it; a duty
 TYRE_WIDTH_TOLERANCE_M = 0.002  # reading error of a ruler across two soft tyres
 # Uncertainty that remains when the board reports edge times, relative to a slot's: uneven slots and
 # the unmodelled part of the motor (from 300 simulated robots).
@@ -216,29 +214,6 @@ def check_speed(context: CheckContext) -> None:
     fix = f"{slower}correct drive.motor.rated"
     place = context.error_place("limits.speed", *_rated_and_diameters())
     context.error("E-LIMIT-SPEED", place, cause, fix)
-
-
-@check()
-def check_breakaway(context: CheckContext) -> None:
-    """Warn of a breakaway duty that does not go with the friction of the turning wheel."""
-    for side in SIDES:
-        motor = f"drive.{side}.motor"
-        measured = context.values(f"{motor}.breakaway")
-        turning = context.values(f"{motor}.friction") or context.values(f"{motor}.loop.static")
-        if measured is None or turning is None:
-            continue
-        breakaway, keeping = *measured, *turning
-        if breakaway >= BREAKAWAY_RATIO_MIN * keeping and (
-            breakaway <= BREAKAWAY_RATIO_MAX * keeping + BREAKAWAY_EXCESS_MAX
-        ):
-            continue
-        cause = (
-            f"the {side} wheel begins to turn at a duty of {breakaway:.3g}, while {keeping:.3g} "
-            "keeps it turning: that is not how friction behaves"
-        )
-        place = context.error_place(f"{motor}.breakaway", f"{motor}.friction")
-        fix = "measure both with `diffbotctl calibrate motors`, or remove `breakaway`"
-        context.warn("W-MOTOR-BREAKAWAY", place, cause, fix)
 
 
 @check("limits.turn_rate", "drive.track")
