@@ -59,6 +59,11 @@ class WallEntry(Section):
 
     start = Param(tuple[float, float], key="from", unit="m", help="One end: [x, y].")
     end = Param(tuple[float, float], key="to", unit="m", help="The other end: [x, y].")
+    glass = Param(
+        bool,
+        default=False,
+        help="Light passes through, but for rays within 15 degrees of its normal.",
+    )
 
 
 class ObstacleEntry(Section):
@@ -66,6 +71,15 @@ class ObstacleEntry(Section):
 
     at = Param(tuple[float, float], unit="m", help="Centre: [x, y].")
     radius = Number("m", "(0, inf)", REQUIRED, "Radius.")
+    path = Param(
+        list[tuple[float, float]],
+        unit="m",
+        default=[],
+        help="Points [x, y] to which it moves, as a chair that is put elsewhere or a person.",
+    )
+    begin = Number("s", "[0, inf)", 0.0, "When it begins to move.")
+    speed = Number("m/s", "(0, 5]", 0.8, "How fast it moves.")
+    repeat = Param(bool, default=False, help="Move back to `at` from the last point, and so on.")
 
 
 class WorldEntry(Section):

@@ -108,7 +108,9 @@ class EchoSensor:
         return self._stuck
 
     def _measured(self, world: World, pose: Pose) -> float:
-        nearest = min(world.distance(pose.x, pose.y, pose.heading + ray) for ray in RAYS)
+        nearest = min(
+            world.distance(pose.x, pose.y, pose.heading + ray, is_light=False) for ray in RAYS
+        )
         if nearest == inf:
             return inf
         return max(nearest + self._rng.gauss(0.0, self._spread), 0.0)
@@ -275,7 +277,8 @@ class RangeSensors:
         """Let every Sharp sensor measure that is due."""
         for mounting, sensor in self.sharps:
             if sensor.due <= now:
-                sensor.measure(self.world.distance(*_sensor_pose(mounting, pose)))
+                world = self.world.at(now / SECOND)
+                sensor.measure(world.distance(*_sensor_pose(mounting, pose)))
         self.next_sharp = self._next_sharp()
 
     def take_turn(self, now: int, pose: Pose) -> tuple[str, Message]:
@@ -285,7 +288,8 @@ class RangeSensors:
         self._turn = (self._turn + 1) % len(self.further)
         if name in self.echoes:
             mounting, echo = self.echoes[name]
-            return name, echo.reading(now, self.world, _sensor_pose(mounting, pose))
+            world = self.world.at(now / SECOND)
+            return name, echo.reading(now, world, _sensor_pose(mounting, pose))
         sharp = next(sharp for mounting, sharp in self.sharps if mounting.name == name)
         return name, Volts(now, self._output(name, sharp, now))
 
@@ -299,7 +303,8 @@ class RangeSensors:
         scans = []
         for mounting, scanner in self.scanners:
             if scanner.due <= now:
-                scan = scanner.sweep(now, self.world, _sensor_pose(mounting, pose))
+                world = self.world.at(now / SECOND)
+                scan = scanner.sweep(now, world, _sensor_pose(mounting, pose))
                 if scan is not None and not scanner.is_blocked:
                     scans.append((mounting.name, scan))
         self.next_scan = self._next_scan()

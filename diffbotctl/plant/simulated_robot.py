@@ -116,7 +116,7 @@ class SimulatedRobot:
     @property
     def world(self) -> World:
         """The obstacles around it now."""
-        return self._sensors.world
+        return self._sensors.world.at(self.now / SECOND)
 
     @property
     def has_contact(self) -> bool:

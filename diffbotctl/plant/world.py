@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from math import asin, atan2, cos, hypot, inf, pi, remainder, sin, sqrt
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+from math import asin, atan2, cos, hypot, inf, pi, radians, remainder, sin, sqrt
 from typing import NamedTuple
 
 from diffbotctl.config.configuration import WorldEntry
 
+GLASS_COSINE = cos(radians(15))  # of the angle to the normal at which glass returns a ray
 PARALLEL_MAX = 1e-12  # m; a wall at this distance from a parallel ray is seen end-on: not at all
 
 
@@ -28,6 +30,31 @@ class Pillar(NamedTuple):
     radius: float
 
 
+class MovingPillar(NamedTuple):
+    """A round obstacle that moves along `points` from `begin` (s) on, at `speed` (m/s)."""
+
+    radius: float
+    points: tuple[tuple[float, float], ...]
+    begin: float
+    speed: float
+    repeats: bool
+
+    def at(self, time: float) -> Pillar:
+        """Where it is at `time` (s)."""
+        way = max(0.0, time - self.begin) * self.speed
+        legs = list(pairwise((*self.points, self.points[0]) if self.repeats else self.points))
+        lengths = [hypot(x2 - x1, y2 - y1) for (x1, y1), (x2, y2) in legs]
+        whole = sum(lengths, 0.0)
+        if self.repeats and whole > 0.0:
+            way %= whole
+        for ((x1, y1), (x2, y2)), length in zip(legs, lengths, strict=True):
+            if way < length:
+                share = way / length
+                return Pillar(x1 + share * (x2 - x1), y1 + share * (y2 - y1), self.radius)
+            way -= length
+        return Pillar(*self.points[0 if self.repeats else -1], self.radius)
+
+
 class World:
     """The obstacles that distance sensors detect and the field that limits the robot."""
 
@@ -36,8 +63,15 @@ class World:
         walls: Sequence[Wall] = (),
         pillars: Sequence[Pillar] = (),
         field: tuple[float, float] | None = None,
+        glass: Iterable[Wall] = (),
+        moving: Sequence[MovingPillar] = (),
     ) -> None:
-        """`field`: width and depth, from (0, 0), of a walled field that the robot cannot leave."""
+        """`field`: width and depth, from (0, 0), of a walled field that the robot cannot leave.
+
+        `glass`: those of `walls` through which light passes.
+        """
+        self.glass = frozenset(glass)
+        self.moving = tuple(moving)
         self.pillars = tuple(pillars)
         self.field = field
         self.walls = tuple(walls)
@@ -52,20 +86,34 @@ class World:
 
     def with_pillars(self, pillars: Sequence[Pillar]) -> World:
         """The same with further round obstacles."""
-        world = World(self.walls, [*self.pillars, *pillars])
+        world = World(self.walls, [*self.pillars, *pillars], None, self.glass, self.moving)
         world.field = self.field  # whose walls are among them already
+        return world
+
+    def at(self, time: float) -> World:
+        """The same at `time` (s), with what moves where it is then."""
+        if not self.moving:
+            return self
+        pillars = [*self.pillars, *(each.at(time) for each in self.moving)]
+        world = World(self.walls, pillars, None, self.glass)
+        world.field = self.field
         return world
 
     @property
     def empty(self) -> bool:
         """True without any obstacle."""
-        return not self.walls and not self.pillars
+        return not self.walls and not self.pillars and not self.moving
 
-    def distance(self, x: float, y: float, bearing: float) -> float:
-        """Distance (m) along `bearing` (rad) from (x, y) to the nearest obstacle; inf if clear."""
+    def distance(self, x: float, y: float, bearing: float, is_light: bool = True) -> float:
+        """Distance (m) along `bearing` (rad) from (x, y) to the nearest obstacle; inf if clear.
+
+        `is_light`: glass is met only near its normal; sound is reflected by it as by any wall.
+        """
         c, s = cos(bearing), sin(bearing)
         nearest = inf
         for wall in self.walls:
+            if is_light and self.glass and wall in self.glass and _passes(c, s, wall):
+                continue
             nearest = min(nearest, to_wall(x, y, c, s, wall))
         for pillar in self.pillars:
             nearest = min(nearest, to_pillar(x, y, c, s, pillar))
@@ -75,7 +123,7 @@ class World:
         """The obstacles that rays from (x, y) within `half` of `bearing` (rad) may meet."""
         walls = [wall for wall in self.walls if _wall_offset(x, y, bearing, wall) <= half]
         pillars = [each for each in self.pillars if _pillar_offset(x, y, bearing, each) <= half]
-        return World(walls, pillars)
+        return World(walls, pillars, None, self.glass)
 
     def kept(self, x: float, y: float) -> tuple[float, float]:
         """(x, y), or the nearest point inside the field."""
@@ -87,8 +135,20 @@ class World:
 def build_world(entry: WorldEntry) -> World:
     """Walls and obstacles of a pipeline file."""
     walls = [Wall(*wall.start, *wall.end) for wall in entry.walls]
-    pillars = [Pillar(*obstacle.at, obstacle.radius) for obstacle in entry.obstacles]
-    return World(walls, pillars, entry.field)
+    glass = [wall for wall, written in zip(walls, entry.walls, strict=True) if written.glass]
+    pillars = [Pillar(*each.at, each.radius) for each in entry.obstacles if not each.path]
+    moving = [
+        MovingPillar(each.radius, (each.at, *each.path), each.begin, each.speed, each.repeat)
+        for each in entry.obstacles
+        if each.path
+    ]
+    return World(walls, pillars, entry.field, glass, moving)
+
+
+def _passes(c: float, s: float, wall: Wall) -> bool:
+    """Whether light along the unit vector (c, s) passes through a wall of glass."""
+    along_x, along_y = wall.x2 - wall.x1, wall.y2 - wall.y1
+    return abs(c * along_y - s * along_x) < GLASS_COSINE * hypot(along_x, along_y)
 
 
 def _wall_offset(x: float, y: float, bearing: float, wall: Wall) -> float:
