@@ -18,6 +18,7 @@ REFERENCE_SCANS = 80  # the last keyframes, which a scan is matched with
 DRAWN_SCANS = 4  # of a grid that is drawn again, in one step
 MOVED = 0.5  # cells; when a submap moved further, the grid is drawn again,
 DRAWN_SHARE = 20  # and at most this often for each keyframe
+JUMP = np.diag([0.05, 0.05, 0.02]) ** 2  # of a pose where the robot was found again
 DRIFT = (0.005, 0.02, 0.002, 0.006, 0.01)  # m; m a metre; rad; rad a metre; rad a rad
 
 
@@ -27,9 +28,9 @@ class MapBuilder:
     def __init__(self, resolution: float, first: Array) -> None:
         """`first`: the first pose, in map and in tracking alike."""
         self.submaps = Submaps(first)
-        self.changed = False
-        """whether the grid has changed since it was last set to False"""
-        self.builder = GridBuilder(resolution)
+        self.redrawn: GridBuilder | None = None
+        """the grid after loops were closed; whoever takes it sets it to None"""
+        self._resolution = resolution
         self._anchor = np.array(first, float)  # of the newest submap, in tracking
         self._last = np.array(first, float)  # keyframe, in tracking
         self._since_anchor = np.zeros((3, 3))  # covariance, in the frame of the last keyframe
@@ -82,8 +83,21 @@ class MapBuilder:
         self._recent.append((surface, tracked.copy()))
         surfaces = [each for each, _ in self._recent]
         self.field = MatchField(joined(surfaces, np.array([pose for _, pose in self._recent])))
-        self.builder.insert(scan, self.in_map(tracked))
-        self.changed = True
+
+    def jump(self, pose: Array) -> Array:
+        """Go on at another `pose` in map. Returns it in tracking."""
+        submaps = self.submaps
+        tracked = compose(self._anchor, between(submaps.graph.poses[-1], pose))
+        poses = submaps.poses()
+        order = np.argsort(np.hypot(*(poses - pose)[:, :2].T), kind="stable")[:REFERENCE_SCANS]
+        in_tracking = compose(tracked, between(pose, poses[order]))
+        surfaces = [submaps.keyframes[i].surface for i in order]
+        self._recent = deque(zip(surfaces, in_tracking, strict=True), maxlen=REFERENCE_SCANS)
+        self.field = MatchField(joined(surfaces, in_tracking))
+        self._last = tracked
+        self._since_anchor = JUMP.copy()
+        self._count = SUBMAP_SCANS
+        return tracked
 
     def step(self) -> bool:
         """Do a part of the waiting work. Returns whether there was any."""
@@ -118,19 +132,18 @@ class MapBuilder:
         moved = np.hypot(*(graph.poses[: len(self._drawn)] - self._drawn)[:, :2].T).max()
         since = len(self.submaps.keyframes) - self._keyframes_drawn
         is_due = DRAWN_SHARE * since >= len(self.submaps.keyframes)
-        if is_due and moved > MOVED * self.builder.resolution:
+        if is_due and moved > MOVED * self._resolution:
             yield from self._redraw()
 
     def _redraw(self) -> Generator[None]:
         drawn = self.submaps.graph.poses.copy()
-        builder = GridBuilder(self.builder.resolution)
+        builder = GridBuilder(self._resolution)
         index = 0
         while index < len(self.submaps.keyframes):
             for i in range(index, min(index + DRAWN_SCANS, len(self.submaps.keyframes))):
                 builder.insert(self.submaps.keyframes[i].scan, self.submaps.pose(i))
             index += DRAWN_SCANS
             yield
-        self.builder = builder
+        self.redrawn = builder
         self._keyframes_drawn = len(self.submaps.keyframes)
         self._drawn = np.vstack([drawn, self.submaps.graph.poses[len(drawn) :]])
-        self.changed = True

@@ -12,13 +12,24 @@ import numpy as np
 
 from diffbotctl.mapping.lidar_scan import MappedScan, SurfacePoints, surface_points
 from diffbotctl.mapping.map_builder import MapBuilder
+from diffbotctl.mapping.match_field import MatchField
 from diffbotctl.mapping.occupancy_grid import GridBuilder, OccupancyGrid
-from diffbotctl.mapping.plane_pose import Array, compose, inverse, rotated_covariance
+from diffbotctl.mapping.place_search import FIXES_WITHOUT_PLACE, PlaceSearch
+from diffbotctl.mapping.plane_pose import Array, between, compose, inverse, rotated_covariance
 from diffbotctl.mapping.scan_map import Map
+from diffbotctl.mapping.scan_match import explained
 from diffbotctl.mapping.scan_tracker import FLOOR, ScanTracker
 
 STEP_PERIOD = 0.05  # s, of the time from scan to scan, for one step of the waiting work
 STEPS_MAX = 60  # for one scan
+SEARCH_STEPS = 3  # of the search for the robot's place, for each scan
+FOUND = np.diag([0.10, 0.10, 0.05]) ** 2  # covariance of a place that was found
+UNKNOWN = np.diag([50.0, 50.0, np.pi]) ** 2
+EXPLAINED_MIN, CONTRADICTED_MAX = 0.5, 0.25  # shares of the points of a scan that fits the map
+MISMATCHES_MAX = 8  # scans in a row
+LOOK_PERIOD = 1.0  # s, between looks from one place
+LOOKS_MAX = 6  # from one place
+CHANGED_MIN = 0.02  # share of the rays that pass through what has moved
 
 
 class MapperState(StrEnum):
@@ -78,39 +89,46 @@ class Mapper:
 
     def __init__(self, parameters: MapperParameters, saved: Map | None = None) -> None:
         self.parameters = parameters
-        self._saved = saved
-        self._state = MapperState.MAPPING if saved is None else MapperState.SEARCHING
-        self._tracker = ScanTracker(np.zeros(3), np.zeros((3, 3)))
+        self._saved = saved if saved is not None and len(saved.scans) else None
+        self._tracker = ScanTracker(np.zeros(3), UNKNOWN)
         self._builder: MapBuilder | None = None
+        self._drawn = GridBuilder(parameters.resolution)
+        self._field: MatchField | None = None
+        self._search: PlaceSearch | None = None
+        self._state = MapperState.MAPPING
         self._last: MappedScan | None = None
+        self._looked: tuple[float, Array, int] | None = None  # time, pose, looks from there
+        self._mismatches = 0
         self._grid: OccupancyGrid | None = None
         self._version = 0
-        if saved is not None:
-            self._grid = saved.grid()
+        if self._saved is not None:
+            self._drawn, self._field = self._saved.drawn(), self._saved.field()
+            self._search = PlaceSearch(self._field, self._saved.poses)
+            self._state = MapperState.SEARCHING
 
     def add(self, scan: MappedScan) -> Correction:
         """The pose at `scan`, and the map with it. A scan that is not newer changes nothing."""
         last = self._last
         if last is not None and scan.time <= last.time:
-            return self._correction(last, changed_map=False, fit=0.0)
+            return self._correction(last, False, 0.0)
         scan = self._in_range(scan)
         surface = surface_points(scan.points, scan.origin)
-        self._last = scan
-        fit = 1.0
-        if self._builder is None:
-            self._tracker = ScanTracker(scan.odometry, np.zeros((3, 3)))
-            self._builder = MapBuilder(self.parameters.resolution, scan.odometry)
-            self._keep(scan, surface)
-        elif last is not None:
+        changed, fit = False, 0.0
+        if last is not None:
             self._tracker.predict(last, scan)
-            if self._builder.field is not None:
-                fit = self._tracker.correct(self._builder.field, surface)
-            if self._is_keyframe():
-                self._keep(scan, surface)
-            self.work(round((scan.time - last.time) / STEP_PERIOD))
-        changed, self._builder.changed = self._builder.changed, False
-        if changed:
-            self._grid = None
+        if self._search is not None:
+            self._search_place(self._search, scan, surface)
+        elif self._saved is None and self._builder is None:
+            self._builder = MapBuilder(self.parameters.resolution, scan.odometry)
+            self._tracker = ScanTracker(scan.odometry, np.zeros((3, 3)))
+            changed = self._look(scan, surface)
+        else:
+            fit = self._follow(scan, surface)
+            changed = self._search is None and self._is_look(scan) and self._look(scan, surface)
+        self._last = scan
+        if self._search is None:
+            self.work(round((scan.time - last.time) / STEP_PERIOD) if last is not None else 1)
+        changed |= self._revised()
         return self._correction(scan, changed, fit)
 
     def work(self, steps: int) -> bool:
@@ -122,15 +140,22 @@ class Mapper:
         return self._builder is not None and all(self._builder.step() for _ in range(steps))
 
     def answer(self, pose: Array, covariance: Array) -> None:
-        """The robot's pose in map at the last scan, as the user states it (3, and 3 x 3)."""
-        self._tracker = ScanTracker(pose, covariance)
-        self._state = MapperState.LOCALISED
+        """The robot's pose in map at the last scan, as the user states it (3, and 3 x 3).
+
+        The best place within 3 sigma is taken, or, where nothing fits, `pose` itself.
+        """
+        pose, covariance = np.array(pose, float), np.array(covariance, float)
+        if self._search is not None:
+            better = self._search.near(pose, 3 * np.sqrt(np.diag(covariance)))
+            if better is not None:
+                pose, covariance = better, FOUND
+        self._place(pose, rotated_covariance(covariance, -float(pose[2])))
 
     def grid(self) -> OccupancyGrid:
         """The map up to the last scan that changed it."""
-        if self._grid is None and self._builder is not None:
-            self._grid = self._builder.builder.grid(self._version)
-        return self._grid or GridBuilder(self.parameters.resolution).grid(0)
+        if self._grid is None:
+            self._grid = self._drawn.grid(self._version)
+        return self._grid
 
     def map(self) -> Map:
         """What there is to save."""
@@ -146,26 +171,87 @@ class Mapper:
         distance = np.hypot(*(scan.points - scan.origin).T)
         return scan._replace(points=scan.points[distance < self.parameters.range_max])
 
-    def _is_keyframe(self) -> bool:
-        if self._saved is not None or self._builder is None:
-            return False
-        motion = self._builder.motion(self._tracker.pose)
-        return bool(
+    def _search_place(self, search: PlaceSearch, scan: MappedScan, surface: SurfacePoints) -> None:
+        search.add(scan, surface)
+        for _ in range(SEARCH_STEPS):
+            if not search.step():
+                break
+        if search.found is not None:
+            self._place(search.found, FOUND)
+        elif len(search.places()):
+            self._state = MapperState.AMBIGUOUS
+        elif search.failed >= FIXES_WITHOUT_PLACE:
+            self._state = MapperState.LOST
+
+    def _place(self, pose: Array, covariance: Array) -> None:
+        """The robot is at `pose` in map."""
+        self._search, self._mismatches = None, 0
+        self._state = MapperState.LOCALISED
+        if self._saved is None and self._builder is not None:
+            self._state = MapperState.MAPPING
+            pose = self._builder.jump(pose)
+        self._tracker = ScanTracker(pose, covariance)
+
+    def _follow(self, scan: MappedScan, surface: SurfacePoints) -> float:
+        """Match the scan with the map, and notice when it does not fit. Returns the fit."""
+        field = self._field if self._builder is None else self._builder.field
+        assert field is not None
+        fit = self._tracker.correct(field, surface)
+        is_wrong = (
+            len(surface.points) > 0
+            and explained(field, surface, self._tracker.pose) < EXPLAINED_MIN
+            and self._drawn.contradicted(scan, self._pose()[0]) > CONTRADICTED_MAX
+        )
+        self._mismatches = self._mismatches + 1 if is_wrong else 0
+        if self._mismatches >= MISMATCHES_MAX:
+            known = self.map()
+            self._search = PlaceSearch(self._field or known.field(), known.poses)
+            self._state = MapperState.LOST
+        return fit
+
+    def _is_look(self, scan: MappedScan) -> bool:
+        """Whether the scan is from a new place, or shows that something has moved."""
+        if self._mismatches or self._looked is None:
+            return not self._mismatches
+        time, pose, looks = self._looked
+        motion = between(pose, self._tracker.pose)
+        if (
             np.hypot(motion[0], motion[1]) > self.parameters.keyframe_distance
             or abs(motion[2]) > self.parameters.keyframe_turn
-        )
+        ):
+            return True
+        is_due = scan.time - time >= LOOK_PERIOD and looks < LOOKS_MAX
+        return is_due and self._drawn.contradicted(scan, self._pose()[0]) > CHANGED_MIN
 
-    def _keep(self, scan: MappedScan, surface: SurfacePoints) -> None:
-        assert self._builder is not None
-        self._builder.add(scan, surface, self._tracker.pose, self._tracker.covariance)
-        self._tracker.covariance = FLOOR.copy()
+    def _look(self, scan: MappedScan, surface: SurfacePoints) -> bool:
+        """Draw the scan, and keep it where a map is being built."""
+        pose, looks = self._tracker.pose, 1
+        if self._looked is not None and not np.hypot(*(pose - self._looked[1])[:2]) > 0.02:
+            looks = self._looked[2] + 1
+        self._looked = scan.time, pose.copy(), looks
+        if self._builder is not None:
+            self._builder.add(scan, surface, pose, self._tracker.covariance)
+            self._tracker.covariance = FLOOR.copy()
+        self._drawn.insert(scan, self._pose()[0])
+        self._grid = None
+        return True
+
+    def _revised(self) -> bool:
+        """Take the grid that was drawn again after a loop was closed."""
+        if self._builder is None or self._builder.redrawn is None:
+            return False
+        self._drawn, self._builder.redrawn = self._builder.redrawn, None
+        self._grid = None
+        return True
 
     def _pose(self) -> tuple[Array, Array]:
         """Of the robot in map, and its covariance along the axes of map."""
         pose, covariance = self._tracker.pose, self._tracker.covariance
-        if self._saved is None and self._builder is not None:
+        if self._builder is not None:
             covariance = self._builder.covariance(pose, covariance)
             pose = self._builder.in_map(pose)
+        if self._search is not None:
+            covariance = UNKNOWN
         return pose, rotated_covariance(covariance, float(pose[2]))
 
     def _correction(self, scan: MappedScan, changed_map: bool, fit: float) -> Correction:
@@ -180,6 +266,6 @@ class Mapper:
             state=self._state,
             changed_map=changed_map,
             pose=pose,
-            places=np.zeros((0, 3)),
+            places=np.zeros((0, 3)) if self._search is None else self._search.places(),
             fit=fit,
         )

@@ -17,7 +17,8 @@ from diffbotctl.mapping.plane_pose import Array, transformed
 
 LOG_ODDS = 0.75  # of one unit
 HIT, MISS = 3, -2
-HIGHEST, LOWEST = 6, -20  # five misses turn the most certain wall into free space
+HIGHEST, LOWEST = 6, -9  # five misses turn the most certain wall into free space
+CLEARANCE = 0.2  # m before its end, where a ray may touch the cells of what it meets
 GROWTH = 40  # cells, by which the grid grows beyond what it must hold
 CELLS_MAX = 16_000_000  # of one grid: 200 m x 200 m at 5 cm
 
@@ -103,6 +104,23 @@ class GridBuilder:
         change = change.reshape(rows, columns)
         self.odds[part] = np.clip(self.odds[part] + change, LOWEST, HIGHEST)
         self.seen[part] |= change != 0
+
+    def contradicted(self, scan: MappedScan, pose: Array) -> float:
+        """Share of the rays of `scan`, seen from `pose`, that pass through occupied cells."""
+        if not len(scan.points) or not self.odds.size:
+            return 0.0
+        source = transformed(np.array([scan.origin]), pose)[0]
+        ray = transformed(scan.points, pose) - source
+        length = np.hypot(*ray.T)
+        along = self.resolution * np.arange(int(length.max() / self.resolution) + 1)
+        before = along[None, :] < (length - CLEARANCE)[:, None]
+        share = np.where(before, along[None, :], 0.0) / np.maximum(length, 1e-9)[:, None]
+        place = np.floor((source + ray[:, None, :] * share[..., None]) / self.resolution)
+        column, row = (place - self.low).astype(np.int64).transpose(2, 0, 1)
+        rows, columns = self.odds.shape
+        inside = before & (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+        index = np.where(inside, row * columns + column, 0)
+        return float(((self.odds.reshape(-1)[index] >= HIT) & inside).any(1).mean())
 
     def grid(self, version: int) -> OccupancyGrid:
         """The grid with a probability for each cell: 50 where free and occupied balance."""
