@@ -17,7 +17,7 @@ from diffbotctl.mapping.plane_pose import Array, rotated, wrapped
 
 TURN_STEP = 0.0175  # rad
 BATCH = 1024  # candidates that are divided at once
-STEP_LOOKUPS = 1_000_000  # of the raster, in one step: about 10 ms
+STEP_LOOKUPS = 500_000  # of the raster, in one step: about 10 ms
 APART = (0.6, 0.3)  # m and rad; a pose nearer to another one belongs to the same peak
 Index = NDArray[np.int64]
 

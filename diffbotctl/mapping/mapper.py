@@ -103,7 +103,7 @@ class Mapper:
         self._version = 0
         if self._saved is not None:
             self._drawn, self._field = self._saved.drawn(), self._saved.field()
-            self._search = PlaceSearch(self._field, self._saved.poses)
+            self._search = PlaceSearch(self._field, self._drawn, self._saved.poses)
             self._state = MapperState.SEARCHING
 
     def add(self, scan: MappedScan) -> Correction:
@@ -205,7 +205,7 @@ class Mapper:
         self._mismatches = self._mismatches + 1 if is_wrong else 0
         if self._mismatches >= MISMATCHES_MAX:
             known = self.map()
-            self._search = PlaceSearch(self._field or known.field(), known.poses)
+            self._search = PlaceSearch(self._field or known.field(), self._drawn, known.poses)
             self._state = MapperState.LOST
         return fit
 

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Generator
+from typing import NamedTuple
 
 import numpy as np
 
 from diffbotctl.mapping.branch_and_bound import Peak, Window, best_pose
 from diffbotctl.mapping.lidar_scan import MappedScan, SurfacePoints
 from diffbotctl.mapping.match_field import MatchField
+from diffbotctl.mapping.occupancy_grid import GridBuilder
 from diffbotctl.mapping.plane_pose import Array, between, compose, transformed, wrapped
 from diffbotctl.mapping.scan_match import explained, refine
 from diffbotctl.mapping.submaps import thinned
@@ -27,6 +29,8 @@ SCANS_MERGED = 10
 SPACING = (0.04, 0.08)  # m, rad; between scans that are merged
 MOVED = (0.12, 0.25)  # m, rad; from one fix to the next one
 AGREEMENT = (0.20, 0.10)  # m, rad; of two fixes with the odometry between them
+MISFIT_SCALE = 0.07  # misfit that must hold for a metre
+TURN_ARM = 0.3  # m a rad
 EXPLAINED_MIN = 0.7  # share of a scan's points that lie at points of the map
 FIXES_WITHOUT_PLACE = 4  # after so many the map does not fit
 WEAK_PRIOR = np.diag([0.1, 0.1, 0.05]) ** 2
@@ -34,19 +38,40 @@ HINT_REACH = (3.0, 3.0, np.pi)  # m, m, rad, around what a user states
 EDGE = 1.0  # m around the poses of the map
 
 
+class Place(NamedTuple):
+    """A pose in map that fits."""
+
+    pose: Array
+    """at the last fix"""
+    fixes: int
+    """that agree, in a row"""
+    travelled: float
+    """m, from the first to the last of them; a turn counts as TURN_ARM a radian"""
+    misfit: float
+    """share of the points that the map does not explain, mean of these fixes"""
+
+    def is_proven(self) -> bool:
+        """Whether it is right, given that no other place fits.
+
+        In another building some room fits by three quarters; the worse the fit, the further must it
+        hold.
+        """
+        return self.fixes > 1 and self.travelled > (self.misfit / MISFIT_SCALE) ** 2
+
+
 class PlaceSearch:
     """Fixes of the robot's place in a map, one after the other as it moves."""
 
-    def __init__(self, field: MatchField, poses: Array) -> None:
-        """`field`: of the whole map, in map; `poses`: where a robot has been in it."""
-        self.field = field
+    def __init__(self, field: MatchField, drawn: GridBuilder, poses: Array) -> None:
+        """`field`, `drawn`: of the whole map, in map; `poses`: where a robot has been in it."""
+        self.field, self._drawn = field, drawn
         low, high = poses[:, :2].min(0), poses[:, :2].max(0)
         middle = 0.5 * (low + high)
         self._window = Window(np.array([*middle, 0.0]), 0.5 * float((high - low).max()) + EDGE, 4.0)
         self._recent: deque[tuple[MappedScan, SurfacePoints]] = deque(maxlen=SCANS_MERGED)
         self._work: Generator[None] | None = None
         self._fixed_at: Array | None = None  # odometry at the last fix
-        self._places: list[tuple[Array, int]] = []  # at the last fix, and the fixes that agree
+        self._places: list[Place] = []  # at the last fix
         self._was_unique = False
         self.failed = 0
         """fixes in a row without a place that agrees with the one before"""
@@ -86,7 +111,7 @@ class PlaceSearch:
 
     def places(self) -> Array:
         """K x 3: poses in map at the last scan of the places that fit alike; often none."""
-        agreed = [pose for pose, count in self._places if count > 1]
+        agreed = [each.pose for each in self._places if each.fixes > 1]
         if len(agreed) < 2 or self._fixed_at is None:
             return np.zeros((0, 3))
         motion = between(self._fixed_at, self._recent[-1][0].odometry)
@@ -119,28 +144,29 @@ class PlaceSearch:
         places = []
         for pose in poses:
             fit = refine(self.field, surface, pose, pose, WEAK_PRIOR)
-            if explained(self.field, surface, fit.pose) > EXPLAINED_MIN:
-                places.append((fit.pose, 1 + self._agreeing(fit.pose, scan)))
+            share = explained(self.field, surface, fit.pose)
+            if share > EXPLAINED_MIN:
+                misfit = 1 - share + 0.5 * self._drawn.contradicted(scan, fit.pose)
+                places.append(self._continued(fit.pose, scan, misfit))
             yield
         is_unique = len(poses) == 1 and len(places) == 1
-        self.failed = 0 if any(count > 1 for _, count in places) else self.failed + 1
-        if is_unique and self._was_unique and places[0][1] > 1:
+        self.failed = 0 if any(each.fixes > 1 for each in places) else self.failed + 1
+        if is_unique and self._was_unique and places[0].is_proven():
             motion = between(scan.odometry, self._recent[-1][0].odometry)
-            self.found = compose(places[0][0], motion)
+            self.found = compose(places[0].pose, motion)
         self._places, self._was_unique = places, is_unique
         self._fixed_at = scan.odometry
 
-    def _agreeing(self, pose: Array, scan: MappedScan) -> int:
-        """Fixes before this one that agree with `pose` at `scan`."""
-        if self._fixed_at is None:
-            return 0
-        motion = between(self._fixed_at, scan.odometry)
-        counts = [
-            count
-            for before, count in self._places
-            if not _apart(compose(before, motion), pose, AGREEMENT)
-        ]
-        return max(counts, default=0)
+    def _continued(self, pose: Array, scan: MappedScan, misfit: float) -> Place:
+        """The place with the fixes before this one that agree with `pose` at `scan`."""
+        if self._fixed_at is not None:
+            motion = between(self._fixed_at, scan.odometry)
+            way = float(np.hypot(motion[0], motion[1]) + TURN_ARM * abs(motion[2]))
+            for each in sorted(self._places, key=lambda place: -place.fixes):
+                if not _apart(compose(each.pose, motion), pose, AGREEMENT):
+                    mean = (each.misfit * each.fixes + misfit) / (each.fixes + 1)
+                    return Place(pose, each.fixes + 1, each.travelled + way, mean)
+        return Place(pose, 1, 0.0, misfit)
 
 
 def _apart(first: Array, second: Array, limits: tuple[float, float]) -> bool:
