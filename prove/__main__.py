@@ -46,6 +46,7 @@ from tests.support.trials import (
     foreign_logs,
     from_log,
     host_freeze,
+    maps,
     page_losses,
     radio,
     restarts,
@@ -186,19 +187,23 @@ def optiodom(folders: list[Path], seed: int) -> Iterator[Row]:
 
 def main() -> int:
     """Print all rows. Returns the exit code."""
-    names = [*(each.name for each in SECTIONS), "optiodom"]
+    names = [*(each.name for each in SECTIONS), "optiodom", "maps"]
     parser = arguments("python -m prove", __doc__, names)
     parser.add_argument(
         "--optiodom", type=Path, nargs="*", default=[], help="folders of the OptiOdom data set"
+    )
+    parser.add_argument(
+        "--slam", type=Path, nargs="*", default=[], help="folders of recorded scans of lidars"
     )
     options = parser.parse_args()
     # A background shell may have had them ignored, and every program started here would be, too.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
     data = Section("optiodom", partial(optiodom, options.optiodom))
+    scans = Section("maps", partial(maps.rows, options.slam))
     with tempfile.TemporaryDirectory() as state:
         os.environ["XDG_STATE_HOME"] = state  # keep the user's own black-box files
-        return prove("prove", [*SECTIONS, data], options)
+        return prove("prove", [*SECTIONS, data, scans], options)
 
 
 if __name__ == "__main__":

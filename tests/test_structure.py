@@ -89,7 +89,7 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "geometry": 760,
     "learn": 735,
     "links": 4_310,
-    "mapping": 2_000,
+    "mapping": 2_150,
     "model": 300,
     "parts": 50,
     "plant": 4_140,

@@ -19,6 +19,7 @@ from diffbotctl.mapping.plane_pose import Array, between, compose, inverse, rota
 from diffbotctl.mapping.scan_map import Map
 from diffbotctl.mapping.scan_match import explained
 from diffbotctl.mapping.scan_tracker import FLOOR, ScanTracker
+from diffbotctl.mapping.submaps import Submaps
 
 STEP_PERIOD = 0.05  # s, of the time from scan to scan, for one step of the waiting work
 STEPS_MAX = 60  # for one scan
@@ -150,6 +151,12 @@ class Mapper:
             if better is not None:
                 pose, covariance = better, FOUND
         self._place(pose, rotated_covariance(covariance, -float(pose[2])))
+
+    @property
+    def submaps(self) -> Submaps:
+        """What the map is built from; a mapper that only finds its place has none."""
+        assert self._builder is not None
+        return self._builder.submaps
 
     def grid(self) -> OccupancyGrid:
         """The map up to the last scan that changed it."""

@@ -120,7 +120,7 @@ class GridBuilder:
         rows, columns = self.odds.shape
         inside = before & (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
         index = np.where(inside, row * columns + column, 0)
-        return float(((self.odds.reshape(-1)[index] >= HIT) & inside).any(1).mean())
+        return float(((self.odds.reshape(-1)[index] > 0) & inside).any(1).mean())
 
     def grid(self, version: int) -> OccupancyGrid:
         """The grid with a probability for each cell: 50 where free and occupied balance."""

@@ -38,7 +38,7 @@ HINT_REACH = (3.0, 3.0, np.pi)  # m, m, rad, around what a user states
 EDGE = 1.0  # m around the poses of the map
 
 
-class Place(NamedTuple):
+class PlaceCandidate(NamedTuple):
     """A pose in map that fits."""
 
     pose: Array
@@ -71,7 +71,7 @@ class PlaceSearch:
         self._recent: deque[tuple[MappedScan, SurfacePoints]] = deque(maxlen=SCANS_MERGED)
         self._work: Generator[None] | None = None
         self._fixed_at: Array | None = None  # odometry at the last fix
-        self._places: list[Place] = []  # at the last fix
+        self._places: list[PlaceCandidate] = []  # at the last fix
         self._was_unique = False
         self.failed = 0
         """fixes in a row without a place that agrees with the one before"""
@@ -157,7 +157,7 @@ class PlaceSearch:
         self._places, self._was_unique = places, is_unique
         self._fixed_at = scan.odometry
 
-    def _continued(self, pose: Array, scan: MappedScan, misfit: float) -> Place:
+    def _continued(self, pose: Array, scan: MappedScan, misfit: float) -> PlaceCandidate:
         """The place with the fixes before this one that agree with `pose` at `scan`."""
         if self._fixed_at is not None:
             motion = between(self._fixed_at, scan.odometry)
@@ -165,8 +165,8 @@ class PlaceSearch:
             for each in sorted(self._places, key=lambda place: -place.fixes):
                 if not _apart(compose(each.pose, motion), pose, AGREEMENT):
                     mean = (each.misfit * each.fixes + misfit) / (each.fixes + 1)
-                    return Place(pose, each.fixes + 1, each.travelled + way, mean)
-        return Place(pose, 1, 0.0, misfit)
+                    return PlaceCandidate(pose, each.fixes + 1, each.travelled + way, mean)
+        return PlaceCandidate(pose, 1, 0.0, misfit)
 
 
 def _apart(first: Array, second: Array, limits: tuple[float, float]) -> bool:

@@ -22,6 +22,7 @@ POINT_SIGMA = 0.03  # m, of a point beside the line through the points of the ma
 INDEPENDENT = 0.3  # share of the points whose errors are independent of their neighbours'
 ITERATIONS = 12
 GATE_FIRST, GATE_LAST = 0.25, 0.10  # m; points further from their line are not used
+FEATURELESS = 0.02  # ratio of information along the walls and across them
 SEARCH_MAX = (0.5, 0.35)  # m, rad
 
 
@@ -97,9 +98,11 @@ def refine(
         slope = np.column_stack([normal, lever])
         weight = INDEPENDENT / POINT_SIGMA**2 / (1 + (distance / (1.5 * POINT_SIGMA)) ** 2)
         information = (slope * weight[:, None]).T @ slope
+        seen = _seen(information)
+        information = seen @ information @ seen
         deviation = pose - prior
         deviation[2] = wrapped(deviation[2])
-        pull = -(slope * weight[:, None]).T @ distance - weight_prior @ deviation
+        pull = -seen @ (slope * weight[:, None]).T @ distance - weight_prior @ deviation
         step = np.linalg.solve(information + weight_prior, pull)
         pose = pose + step
         overlap = len(used) / max(1, len(scan.points))
@@ -108,6 +111,19 @@ def refine(
             break
     pose[2] = wrapped(pose[2])
     return ScanFit(pose, information, overlap)
+
+
+def _seen(information: Array) -> Array:
+    """Projection that removes the direction of x and y in which the scan has no features.
+
+    Along a corridor only noise of the directions of surfaces is left, and does not average out
+    (Zhang, Kaess and Singh 2016, "On degeneracy of optimization-based state estimation problems").
+    """
+    values, vectors = np.linalg.eigh(information[:2, :2])
+    projection = np.eye(3)
+    if values[0] < FEATURELESS * values[1]:
+        projection[:2, :2] -= np.outer(vectors[:, 0], vectors[:, 0])
+    return projection
 
 
 def match(field: MatchField, scan: SurfacePoints, prior: Array, covariance: Array) -> ScanFit:

@@ -90,7 +90,9 @@ class Robot:
         self.number += 1
         distance = distances(self.walls, self.pose, self.bearings)
         seen = distance < self.reach
-        distance = distance + self.random.normal(0.0, self.noise, len(distance))
+        distance = np.where(seen, distance, 0.0) + self.random.normal(
+            0.0, self.noise, len(distance)
+        )
         ray = np.c_[np.cos(self.bearings), np.sin(self.bearings)]
         return MappedScan(
             self.number,
