@@ -1,6 +1,6 @@
 """Where in a map the robot is, when nothing is known: searched in the whole map, in steps.
 
-How well a scan fits says nothing about whether the place is right: rooms look alike. A place is
+How well a scan fits does not show whether the place is right: rooms look alike. A place is
 accepted when no other one fits nearly as well, twice, with a motion between that agrees with the
 odometry.
 """

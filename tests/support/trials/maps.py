@@ -18,6 +18,7 @@ EVERY_SCAN = MapperParameters(range_max=20.0, keyframe_distance=0.0)
 MEAN_MAX, SPREAD_MAX, WORST_MAX, TURN_MAX = 0.025, 0.025, 0.2, 0.4  # m, m, m, degrees
 SHORT_REACH, SHORT_MEAN_MAX = 3.5, 0.05  # m
 FALSE_CLOSURES = 58
+FIRST_SUBMAPS = 10  # without false closures
 FALSE_SIGMA = (0.03, 0.03, 0.008)
 LAG, URG_REACH, CELLS_MAX = 0.14, 4.0, 24_900  # s, m
 
@@ -79,7 +80,7 @@ def _false_closures(folder: Path, seed: int) -> Row:
         mapper.add(scan)
         graph = mapper.submaps.graph
         newest = len(graph.poses) - 1
-        if newest > 25 and len(injected) < min(FALSE_CLOSURES, newest - 25):
+        if len(injected) < min(FALSE_CLOSURES, newest - FIRST_SUBMAPS):
             motion = np.array([*random.uniform(-5, 5, 2), random.uniform(-3, 3)])
             first = int(random.integers(newest - 3))
             edge = PoseEdge(first, newest - 1, motion, np.diag(FALSE_SIGMA) ** 2, True)
