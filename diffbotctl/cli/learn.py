@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,6 +14,7 @@ from diffbotctl.cli.command import argument, group, option
 from diffbotctl.cli.contradictions import exclusive
 from diffbotctl.cli.options import JSON
 from diffbotctl.cli.output import print_json
+from diffbotctl.printable import keep_lines
 
 if TYPE_CHECKING:
     from diffbotctl.learn.check import LessonVerdict
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
     from diffbotctl.learn.lesson import Lesson
 
 LOOK_PERIOD_S = 0.3  # between two looks at the files, with --watch
+TEXT_COLUMNS_MAX = 100  # of the text of a lesson, on a wider terminal
 LESSON = argument("[LESSON]")
 
 
@@ -137,6 +140,7 @@ def reset(name: str | None = LESSON) -> None:
 @learn.command()
 def solution(name: str | None = LESSON) -> None:
     """Show one solution of a lesson."""
+    keep_lines(sys.stdout)  # code, which a person may copy
     lesson = _lesson(name)
     files = [lesson.source("solution") / file for file in lesson.section.files]
     for path in files:
@@ -186,10 +190,11 @@ def next_of(known: list[Lesson], folder: LearnerFolder) -> Lesson:
 
 
 def _show(lesson: Lesson, path: Path) -> None:
-    from rich.console import Console
     from rich.markdown import Markdown
 
-    console = Console(width=min(Console().width, 100))
+    from diffbotctl.ui.console import PrintableConsole
+
+    console = PrintableConsole(width=min(PrintableConsole().width, TEXT_COLUMNS_MAX))
     console.print(Markdown(lesson.text))
     click.echo(f"\nYour folder: {path}")
     click.echo(f"Your files:  {', '.join(lesson.section.files)}")

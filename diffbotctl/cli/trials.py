@@ -16,6 +16,7 @@ from diffbotctl.cli.options import FORCE, JSON, SETS, YES
 from diffbotctl.cli.output import check_output, open_output, print_json
 from diffbotctl.cli.program_consent import allowed_programs, with_code_consent
 from diffbotctl.errors import Problem, RunError, UsageError
+from diffbotctl.printable import write_raw
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -242,7 +243,7 @@ class _Session:
         )
         if self.is_terminal:
             text = "\r\x1b[K" if is_last else f"\r\x1b[K{text[:79]}"
-            sys.stderr.write(text)
+            write_raw(sys.stderr, text)
             sys.stderr.flush()
         elif not is_last:
             print(text, file=sys.stderr, flush=True)
