@@ -107,7 +107,7 @@ def test_messages_are_the_expected_ones(file):
     assert answer(file) == expected(file)
 
 
-ELSEWHERE = ("E-BLUETOOTH", "E-BOARD", "E-CALIBRATE", "E-FLASH", "E-PORT", "W-PORT")
+ELSEWHERE = ("E-BLUETOOTH", "E-BOARD", "E-CALIBRATE", "E-FLASH", "E-MAP", "E-PORT", "W-PORT")
 
 
 @pytest.mark.parametrize("code", sorted(code for code in code_texts() if code[:2] in ("E-", "W-")))
