@@ -27,7 +27,8 @@ SEARCH_STEPS = 3  # of the search for the robot's place, for each scan
 FOUND = np.diag([0.10, 0.10, 0.05]) ** 2  # covariance of a place that was found
 UNKNOWN = np.diag([50.0, 50.0, np.pi]) ** 2
 EXPLAINED_MIN, CONTRADICTED_MAX = 0.5, 0.25  # shares of the points of a scan that fits the map
-MISMATCHES_MAX = 8  # scans in a row
+MISMATCHES_MAX = 8  # scans in a row,
+MISMATCH_WAY = 1.0  # m: and so near; scans far apart may each show something new
 LOOK_PERIOD = 1.0  # s, between looks from one place
 LOOKS_MAX = 6  # from one place
 CHANGED_MIN = 0.02  # share of the rays that pass through what has moved
@@ -100,6 +101,7 @@ class Mapper:
         self._last: MappedScan | None = None
         self._looked: tuple[float, Array, int] | None = None  # time, pose, looks from there
         self._mismatches = 0
+        self._fitted = np.zeros(3)  # odometry at the first mismatch
         self._grid: OccupancyGrid | None = None
         self._version = 0
         if self._saved is not None:
@@ -209,6 +211,8 @@ class Mapper:
             and explained(field, surface, self._tracker.pose) < EXPLAINED_MIN
             and self._drawn.contradicted(scan, self._pose()[0]) > CONTRADICTED_MAX
         )
+        if not self._mismatches or np.hypot(*(scan.odometry - self._fitted)[:2]) > MISMATCH_WAY:
+            self._mismatches, self._fitted = 0, scan.odometry
         self._mismatches = self._mismatches + 1 if is_wrong else 0
         if self._mismatches >= MISMATCHES_MAX:
             known = self.map()
