@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from linecache import getlines
 from typing import Literal
@@ -139,6 +139,17 @@ def place_in_code(error: BaseException, file: str) -> Place | None:
             found = Place(lines, line or trace.tb_lineno, (begin or 0) + 1, length)
         trace = trace.tb_next
     return found
+
+
+def place_of_function(function: Callable[..., object], file: str) -> Place | None:
+    """Where a function is defined in the Python file `file`; None if it is not."""
+    code = getattr(function, "__code__", None)
+    if code is None or code.co_filename != file:
+        return None
+    lines = Source(file, "".join(getlines(file)))
+    text = getlines(file)[code.co_firstlineno - 1 :][:1]
+    indent = len(text[0]) - len(text[0].lstrip()) if text else 0
+    return Place(lines, code.co_firstlineno, indent + 1)
 
 
 def closest_match(word: str, words: Iterable[str], cutoff: float = 0.6) -> str | None:

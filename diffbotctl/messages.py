@@ -18,7 +18,7 @@ class Field(NamedTuple):
     """
 
     unit: str
-    help: str
+    help: str = ""
     minimum: float = -inf
     maximum: float = inf
 

@@ -153,8 +153,8 @@ def solution(name: str | None = LESSON) -> None:
 @learn.command("class")
 def class_table(folders: tuple[Path, ...] = argument(required=True)) -> None:
     """Show which lessons have passed in the FOLDERS of several learners."""
-    from diffbotctl.learn.course import lessons
-    from diffbotctl.learn.learner_folder import FOLDER, LearnerFolder
+    from diffbotctl.learn.course import FOLDER, lessons
+    from diffbotctl.learn.learner_folder import LearnerFolder
 
     known = lessons()
     names = [folder.resolve().name for folder in folders]
@@ -218,12 +218,13 @@ def _print_verdict(lesson: Lesson, folder: LearnerFolder, verdict: LessonVerdict
     found = verdict.finding
     click.echo(f"{lesson.name}: not yet.\n")
     click.echo(verdict.advice or found.seen)
-    if verdict.pipeline and found.code not in ("error", "missing"):
+    run = verdict.run
+    if run is not None and verdict.pipeline and found.code not in ("error", "missing"):
         words = ["diffbotctl", "run", str(folder.checked(lesson) / verdict.pipeline)]
-        words += ["--seed", str(verdict.seed)]
-        for each in verdict.sets:
+        words += ["--seed", str(run.seed), "--dash"] if run.has_robot else ["--for", "5s"]
+        for each in run.sets:
             words += ["--set", each]
-        click.echo(f"\nThe same run, to look at:\n    {shlex.join(words)} --dash")
+        click.echo(f"\nThe same run, to look at:\n    {shlex.join(words)}")
     click.echo("\nA hint: diffbotctl learn hint")
 
 

@@ -11,6 +11,7 @@ from typing import Any, NoReturn
 Fields = dict[str, Any]
 
 PROTOCOL = 2
+QUOTED_BYTES = 60  # of a line that is refused
 LINE_MAX_BYTES = 64 << 10  # the longest sensible request has a few hundred
 DRIVE_LEASE_S = 0.3  # age at which a command to drive is refused, if it states when it was made
 # The actions that together put everything back to the start, as far as a run has them.
@@ -89,11 +90,17 @@ def parse_line(line: bytes) -> Fields:
             "E-PROTOCOL", "this line is not JSON: nested too deeply", EXAMPLE
         ) from None
     except ValueError as error:
-        cause = f"this line is not JSON: {str(error)[:80]}"
+        cause = f"this line is not JSON: {_quoted(line)}: {str(error)[:80]}"
         raise RefusalError("E-PROTOCOL", cause, EXAMPLE) from None
     if not isinstance(fields, dict):
-        raise RefusalError("E-PROTOCOL", "this line is not a JSON object", EXAMPLE)
+        raise RefusalError(
+            "E-PROTOCOL", f"this line is not a JSON object: {_quoted(line)}", EXAMPLE
+        )
     return fields
+
+
+def _quoted(line: bytes) -> str:
+    return ascii(line[:QUOTED_BYTES].decode(errors="replace").rstrip())
 
 
 def _refuse_constant(name: str) -> NoReturn:

@@ -19,8 +19,9 @@ from diffbotctl.engine.event_log import event_logger
 from diffbotctl.engine.instant_monitor import InstantLimits, InstantMonitor
 from diffbotctl.engine.live_changes import ChangeError
 from diffbotctl.engine.output_check import OWN_PACKAGE, OutputError, checked
-from diffbotctl.errors import Problem, RunError, place_in_code
+from diffbotctl.errors import Problem, RunError, join_words, place_in_code, place_of_function
 from diffbotctl.graph import Graph, Sink
+from diffbotctl.message_types import type_name
 from diffbotctl.messages import LogLine
 from diffbotctl.time import NEVER, SECOND
 
@@ -264,7 +265,7 @@ class Engine:
         problem = block_problem(name, type(block), error)
         fix = problem.fix
         if isinstance(error, OutputError):
-            problem = replace(problem, code="E-BLOCK-OUTPUT", cause=str(error))
+            problem = replace(problem, code="E-BLOCK-OUTPUT")
             fix = "correct what `react` returns"
         if self.robot is not None:  # a replay has none
             fix = f"the robot was stopped; {fix}"
@@ -309,17 +310,24 @@ class Engine:
 
 def block_problem(name: str, kind: type, error: BaseException) -> Problem:
     """What the block `name` of this class raised, at its line in a file of the user's."""
-    cause = f"it raised {type(error).__name__}: {error}"
+    is_output = isinstance(error, OutputError)
+    cause = str(error) if is_output else f"it raised {type(error).__name__}: {error}"
     place = None
     if not kind.__module__.startswith(OWN_PACKAGE):
         file = getattr(sys.modules.get(kind.__module__), "__file__", None) or ""
         place = place_in_code(error, file)
+        if place is None and is_output:
+            place = place_of_function(kind.react, file)  # type: ignore[attr-defined]
     if place is None:
         fix = "run it again with --debug to see where in the block"
         return Problem("E-BLOCK-RAISED", f"block {name}", cause, fix)
     fix = "correct the block"
     if isinstance(error, AttributeError) and isinstance(error.obj, kind):
         fix = f"create `self.{error.name}` in `def reset(self):`"
+    elif isinstance(error, AttributeError) and hasattr(error.obj, "_fields"):
+        known = type_name(type(error.obj))
+        fix = f"the fields of {known} are {join_words(error.obj._fields, 'and')}"
+        fix += f"; `diffbotctl types {known}` explains them"
     return Problem("E-BLOCK-RAISED", place, f"block {name}: {cause}", fix)
 
 

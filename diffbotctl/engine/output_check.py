@@ -61,7 +61,7 @@ def check_message(port: str, kind: type, message: Any) -> Any:
     """Check a message for the output `port`; the same with plain numbers. Raises OutputError."""
     plain: dict[str, Any] = {}
     if not isinstance(message, kind):
-        raise OutputError(f"output {port}: {_describe(message)} instead of a {type_name(kind)}")
+        raise OutputError(f"output {port}: {_describe(message)} instead of a {_signature(kind)}")
     for name, (hint, field) in _fields(kind).items():
         value = getattr(message, name)
         if type(value) is not hint and not _fits(value, hint):
@@ -77,6 +77,10 @@ def check_message(port: str, kind: type, message: Any) -> Any:
         return message
     values = [plain.get(name, getattr(message, name)) for name in _fields(kind)]
     return type(message)(*values)
+
+
+def _signature(kind: type) -> str:
+    return f"{type_name(kind)}({', '.join(_fields(kind))})"
 
 
 def _plain(port: str, value: Any) -> Any:

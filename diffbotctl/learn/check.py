@@ -23,13 +23,12 @@ ENDLESS, MISSING = "endless", "missing"
 
 
 class LessonVerdict(NamedTuple):
-    """The finding of a check; of the run that failed, its pipeline, seed and drawn values."""
+    """The finding of a check; of the run that failed, its pipeline, and the run's finding."""
 
     finding: LessonFinding
     advice: str = ""
     pipeline: str = ""
-    seed: int = 0
-    sets: tuple[str, ...] = ()
+    run: LessonRunFinding | None = None
 
     @property
     def passed(self) -> bool:
@@ -120,4 +119,4 @@ def _findings(child: LimitedChild[list[LessonRunFinding]], failures: int) -> lis
 def _verdict(lesson: Lesson, found: LessonRunFinding, pipeline: str = "") -> LessonVerdict:
     advice = lesson.section.findings.get(found.finding.code, "")
     advice = advice.replace("{seen}", found.finding.seen)
-    return LessonVerdict(found.finding, advice, pipeline, found.seed, found.sets)
+    return LessonVerdict(found.finding, advice, pipeline, found)

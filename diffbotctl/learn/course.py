@@ -1,4 +1,4 @@
-"""The lessons in their order: of diffbotctl, of other packages, and of the present folder."""
+"""The lessons in their order: of diffbotctl, of other packages, and of the learner's home."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from diffbotctl.learn.lesson import CHECK_FILE, Lesson
 
 ENTRY_POINTS = "diffbotctl.lessons"
 LESSONS = Path("lessons")  # the shipped folder, and that of a teacher in the present folder
+FOLDER = Path("learn")  # of a learner
+PROGRESS = "progress.json"  # in it
 ORDER = (
     "talker",
     "parameters",
@@ -30,6 +32,13 @@ ORDER = (
 )
 
 
+def home() -> Path:
+    """The nearest folder upwards that has a learner's folder; the present one for none."""
+    here = Path.cwd()
+    above = (each for each in (here, *here.parents) if (each / FOLDER / PROGRESS).exists())
+    return next(above, here)
+
+
 def lessons() -> list[Lesson]:
     """All lessons in order."""
     found = [Lesson(lookup.folder(LESSONS.name) / name) for name in ORDER]
@@ -37,8 +46,10 @@ def lessons() -> list[Lesson]:
         spec = find_spec(entry.value)
         for folder in spec.submodule_search_locations or () if spec else ():
             found += _lessons_in(Path(folder))
-    known = {lesson.name for lesson in found}
-    return found + [lesson for lesson in _lessons_in(LESSONS) if lesson.name not in known]
+    for taught in (LESSONS, home() / LESSONS):
+        known = {lesson.name for lesson in found}
+        found += [lesson for lesson in _lessons_in(taught) if lesson.name not in known]
+    return found
 
 
 def _lessons_in(folder: Path) -> list[Lesson]:

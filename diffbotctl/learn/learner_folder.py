@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import time
 from pathlib import Path
 from typing import NamedTuple
 
-from diffbotctl.learn.course import lessons
+from diffbotctl.learn.course import FOLDER, PROGRESS, home, lessons
 from diffbotctl.learn.lesson import Lesson
 
-FOLDER = Path("learn")  # in the present folder
-PROGRESS = "progress.json"
-CHECKED = "checked"  # below it
+CHECKED = "checked"  # below the learner's folder
 
 
 class LessonProgress(NamedTuple):
@@ -24,10 +23,10 @@ class LessonProgress(NamedTuple):
 
 
 class LearnerFolder:
-    """The lessons of one learner in `root`."""
+    """The lessons of one learner in `root`; None: in the nearest folder upwards that has them."""
 
-    def __init__(self, root: Path = FOLDER) -> None:
-        self.root = root
+    def __init__(self, root: Path | None = None) -> None:
+        self.root = root or Path(os.path.relpath(home() / FOLDER))
 
     def of(self, lesson: Lesson) -> Path:
         """The learner's folder of a lesson."""
@@ -50,6 +49,7 @@ class LearnerFolder:
             if not path.exists():
                 path.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(source, path)
+        self.note(lesson, self.progress(lesson))  # by which the folder is found from below
         return self.of(lesson)
 
     def reset(self, lesson: Lesson) -> Path | None:

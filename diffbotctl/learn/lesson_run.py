@@ -7,6 +7,7 @@ import runpy
 import subprocess
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -16,9 +17,9 @@ from diffbotctl.config.code_files import CodeFile
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.config.load import load
 from diffbotctl.errors import ConfigurationError, Problem, UserError
-from diffbotctl.graph import Sink
+from diffbotctl.graph import LOG, Sink
 from diffbotctl.learn.lesson import Draw, RunEntry
-from diffbotctl.messages import Text
+from diffbotctl.messages import LogLine, Text
 from diffbotctl.params import declared
 from diffbotctl.programs.driver import ProgramsDriver
 from diffbotctl.recording.reader import RecordingReader
@@ -58,11 +59,12 @@ def drawn_sets(draws: Mapping[str, Draw], seed: int) -> list[str]:
 
 
 class LessonRunFinding(NamedTuple):
-    """The finding of the run with `seed`, and the values that were drawn for it."""
+    """The finding of the run with `seed`, the values drawn for it, and whether it has a robot."""
 
     finding: LessonFinding
     seed: int = 0
     sets: tuple[str, ...] = ()
+    has_robot: bool = False
 
 
 def judge(
@@ -82,7 +84,7 @@ def judge(
     for seed in range(first, first + entry.count):
         sets = (*entry.settings, *drawn_sets(entry.draw, seed))
         finding = _judged(entry, folder, names, sets, seed)
-        found.append(LessonRunFinding(finding, seed, sets))
+        found.append(LessonRunFinding(finding, seed, sets, _has_robot(entry, sets)))
         if sum(each.finding.code != PASSED for each in found) > failures:
             break
     return found
@@ -135,6 +137,12 @@ def _loaded(pipeline: str, sets: tuple[str, ...]) -> Configuration:
     return load(f"./{pipeline}", None, sets)
 
 
+def _has_robot(entry: RunEntry, sets: tuple[str, ...]) -> bool:
+    with suppress(ConfigurationError):
+        return bool(entry.pipeline) and _loaded(entry.pipeline, sets).robot is not None
+    return False
+
+
 def _run(entry: RunEntry, sets: tuple[str, ...], seed: int) -> LessonFinding:
     configuration = _loaded(entry.pipeline, sets)
     options = RunOptions(
@@ -160,15 +168,16 @@ def _run(entry: RunEntry, sets: tuple[str, ...], seed: int) -> LessonFinding:
             if unfit is not None:
                 return unfit
     result = run.go()
-    return run.finding or _without_finding(result, entry)
+    return run.finding or _without_finding(result, entry, run.complaint)
 
 
-def _without_finding(result: RunResult, entry: RunEntry) -> LessonFinding:
-    """Of a run that ended before its judge had seen enough."""
+def _without_finding(result: RunResult, entry: RunEntry, complaint: str) -> LessonFinding:
+    """Of a run that ended before its judge had seen enough; `complaint`: an error in its log."""
     if result.failure is not None:
         raise result.failure
     if result.ending.cause.startswith("time limit"):
-        return LessonFinding(SILENT, f"nothing more happened until {entry.time:g} s")
+        seen = f"nothing more happened until {entry.time:g} s"
+        return LessonFinding(SILENT, f"{seen}: {complaint}" if complaint else seen)
     return LessonFinding(SILENT, f"the run ended: {result.ending.cause}")
 
 
@@ -178,10 +187,10 @@ def _problems_text(error: UserError, names: Sequence[str]) -> str:
 
 
 def _problem_text(problem: Problem, names: Sequence[str]) -> str:
-    """A problem in the learner's files as it is; of the lesson's own pipeline what it lacks."""
+    """A problem in the learner's files, without the judge in its fix; else what they lack."""
     if problem.file in names:
-        return problem.render()
-    return f"what the lesson connects does not fit: {problem.cause}"
+        return replace(problem, fix="" if JUDGE in problem.fix else problem.fix).render()
+    return f"{', '.join(names)}: {problem.cause}"
 
 
 class _Change(NamedTuple):
@@ -194,9 +203,13 @@ class _Change(NamedTuple):
 
 
 class LessonRun(Run):
-    """A run that ends as soon as its judge states a finding."""
+    """A run that ends as soon as its judge states a finding.
+
+    `complaint`: the first error in its log, such as why a program was ended.
+    """
 
     finding: LessonFinding | None = None
+    complaint = ""
 
     def __init__(self, configuration: Configuration, options: RunOptions) -> None:
         self._changes: list[_Change] = []
@@ -215,6 +228,7 @@ class LessonRun(Run):
     def _sinks(self) -> dict[str, list[Sink]]:
         sinks = super()._sinks()
         sinks[JUDGE].append(self._on_finding)
+        sinks[LOG].append(self._on_log)
         return sinks
 
     def _idle(self) -> Callable[[], None]:
@@ -231,6 +245,10 @@ class LessonRun(Run):
         if self.finding is None:
             self.finding = LessonFinding.of(text.text)
             self.engine.end(0, "judged")
+
+    def _on_log(self, now: int, line: LogLine) -> None:
+        if line.level == "error" and not self.complaint:
+            self.complaint = line.text
 
     def _make_changes(self) -> None:
         now = self.engine.last_instant

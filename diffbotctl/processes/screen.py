@@ -84,6 +84,7 @@ class ScreenFeed:
 
     def finish(self, now: int, ending: str, has_failed: bool) -> None:
         """Send the last snapshot, waiting a moment for the screen, and end the feed."""
+        self.on_exit = None  # a screen that leaves at the end of the run is not gone too early
         self.channel.settimeout(FINISH_TIMEOUT_S)
         self._send_snapshot(now, ending, has_failed)
         self._send(None)

@@ -168,5 +168,6 @@ def test_a_block_of_somebody_else_is_checked_at_any_time():
     with pytest.raises(RunError) as error:
         engine.deliver(30, [("a.b", Text(30, ""))])
     problem = error.value.problems[0]
-    assert (problem.code, problem.place) == ("E-BLOCK-OUTPUT", "block late")
+    assert (problem.code, problem.line) == ("E-BLOCK-OUTPUT", Late.react.__code__.co_firstlineno)
+    assert problem.cause.startswith("block late: output twist: ")
     assert "linear is the text 'fast'" in problem.cause

@@ -43,6 +43,28 @@ def test_the_run_that_failed_is_repeated_by_its_seed(folder):
     assert code == 1 and json.loads(text)["passed"] is False
 
 
+def test_commands_work_below_the_folder_with_the_progress(folder, monkeypatch):
+    invoke(command, "next")
+    monkeypatch.chdir(folder / "talker")
+    code, text = invoke(command, "check")
+    assert code == 1 and "hello.yaml: there is no block 'listener'" in text
+    solution = find_lesson("1").source("solution") / "hello.yaml"
+    Path("hello.yaml").write_text(solution.read_text().replace("100 ms", "1 s"))
+    text = invoke(command, "check")[1]
+    words = next(line for line in text.splitlines() if "diffbotctl run" in line).split()
+    assert Path(words[2]).is_file() and "--seed" not in words and "--dash" not in words
+    shutil.copyfile(solution, "hello.yaml")
+    assert invoke(command, "check")[0] == 0
+    assert "Your folder: ../parameters" in invoke(command, "next")[1]
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "checked",
+        "parameters",
+        "progress.json",
+        "talker",
+    ]
+    assert invoke(command)[1].splitlines()[0].endswith("passed")
+
+
 def test_reset_keeps_the_learner_s_files(folder):
     invoke(command, "check", "counter")
     (folder / "counter" / "total.py").write_text("# mine\n")

@@ -95,9 +95,9 @@ WRONG = {
     ],
     "calibration": [
         Wrong("(left.x - right.x) / (4.0", "(right.x - left.x) / (4.0", "worse"),
-        Wrong("* (pi / 2.0) / (pi / 2.0 - alpha)", "* 1.0", "error"),
+        Wrong("* (pi / 2.0) / (pi / 2.0 - alpha)", "* 1.0", "half"),
         Wrong("left_diameter = 2.0 * DIAMETER / (ratio + 1.0)", "left_diameter = DIAMETER", "mean"),
-        Wrong("if abs(beta) > 1e-9:", "if False:", "error"),
+        Wrong("if abs(beta) > 1e-9:", "if False:", "half"),
     ],
     "why": [
         Wrong('"left" in stop.cause', '"right" in stop.cause', "part"),

@@ -170,6 +170,8 @@ class _Wiring:
     def check_inputs(self, name: str, value: Value) -> None:
         """Check every wire into the node `name`, and that every required input is connected."""
         ports, wires = self.nodes[name].inputs, value.at("in")
+        if wires is not None and not isinstance(wires.data, dict):
+            return  # which is reported by itself
         sources = wires.entries if wires else {}
         unknown = [port for port in sources if port not in ports]
         for port in unknown:

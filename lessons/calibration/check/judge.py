@@ -82,5 +82,5 @@ class Judge(Block):
         if after > before:
             return Text(now, f"worse: {seen}")
         if after > before / 2.0:
-            return Text(now, f"error: {seen}")
+            return Text(now, f"half: {seen}")
         return Text(now, "passed")

@@ -41,7 +41,10 @@ class Judge(Block):
             self.numbers.append(number)
         if total is None or total is self.last:
             if len(self.numbers) > 10 * COUNT:
-                return Text(now, f"silent: {len(self.totals)} sums of {len(self.numbers)} numbers")
+                return Text(
+                    now,
+                    f"silent: there were {len(self.totals)} sums of {len(self.numbers)} numbers",
+                )
             return None
         self.last = total
         self.totals.append(total.data)
