@@ -16,6 +16,7 @@ import click
 import pytest
 
 from diffbotctl.cli.main import commands, program
+from diffbotctl.cli.other_words import ros_answer
 from diffbotctl.processes.real_time import prefer
 from tests.support.command_process import start_in_pipe
 from tests.support.terminal import Terminal
@@ -243,6 +244,8 @@ def test_commands_inside_a_sentence_can_be_read(page):
     for shown in map("".join, MENTIONED.findall(page.read_text())):
         for line in shown.split(" | ")[:1]:
             words = [word for word in words_of(line) if word not in ("...", "…")]
+            if ros_answer(words) is not None:
+                continue
             read(words, f"{page.name} states `{line}`")
 
 

@@ -31,22 +31,28 @@ def check(
 ) -> int:
     """Check robot, pipeline and trials files, or names. Nothing is started.
 
+    One robot among them, if it has no errors, is that of the pipelines that name none.
+
     Without FILE, those in ./robots, ./pipelines and ./trials, or the shipped robot and pipeline
     `goal`.
 
     Exit code: 0 when they can be run (warnings may be printed), 2 when they cannot.
     """
-    from diffbotctl.config.load import takes_robot
+    from diffbotctl.config.load import check_all, takes_robot
 
     files = files or _files_here()
     others = {file for file in files if _is_view_or_trials(file)}
-    if not any(takes_robot(file) for file in files if file not in others):
+    robots = [file for file in files if file not in others and not takes_robot(file)]
+    default_robot = None
+    if len(robots) == 1 and not any(each.severity == "error" for each in check_all(robots[0])[0]):
+        default_robot = robots[0]
+    if len(robots) + len(others) == len(files):
         _refuse_pipeline_options(files[0], robot, sets)
     problems: list[Problem] = []
     reported: set[str] = set()
     for file in files:
         is_other = file in others
-        file_problems, omissions = _problems(file, robot, sets, real, is_other)
+        file_problems, omissions = _problems(file, robot, sets, real, is_other, default_robot)
         new_problems = [problem for problem in file_problems if problem.render() not in reported]
         reported |= {problem.render() for problem in new_problems}
         problems += new_problems
@@ -122,7 +128,12 @@ def _verdict(problems: Sequence[Problem]) -> str:
 
 
 def _problems(
-    file: str, robot: str | None, sets: tuple[str, ...], real: bool, is_other: bool
+    file: str,
+    robot: str | None,
+    sets: tuple[str, ...],
+    real: bool,
+    is_other: bool,
+    default_robot: str | None,
 ) -> tuple[Sequence[Problem], tuple[Omission, ...]]:
     from diffbotctl.config.load import check_all
     from diffbotctl.config.registry import clashes
@@ -138,7 +149,7 @@ def _problems(
             return error.problems, ()
         return (), ()
     conflicts = [Problem(clash.code, "installation", str(clash), clash.fix) for clash in clashes()]
-    problems, omissions = check_all(file, robot, sets, real=real)
+    problems, omissions = check_all(file, robot, sets, real=real, default_robot=default_robot)
     return [*conflicts, *problems], omissions
 
 

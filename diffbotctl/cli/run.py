@@ -96,7 +96,10 @@ def _with_port(context: click.Context, typed: RunArguments) -> RunArguments:
     check_files(typed.record, typed.force, typed.log)
     if typed.port == "auto":
         from diffbotctl.cli.choose_port import choose_port
+        from diffbotctl.config.lookup import find_robot
 
+        if typed.robot is not None:
+            find_robot(typed.robot)  # a wrong name is refused before a port is searched for
         typed = typed._replace(port=choose_port(radio=True, simulates=True))
         check_simulated(context, typed.port)
     return typed

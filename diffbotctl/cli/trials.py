@@ -253,6 +253,8 @@ def _print_summary(plan: TrialsPlan, verdicts: Sequence[JudgedRun]) -> None:
     from diffbotctl.trials.statistics import proven_share
     from diffbotctl.trials.summary import case_lines, failed_lines
 
+    robots = dict.fromkeys(trial.robot for trial in plan.trials)
+    click.echo(f"robots: {', '.join(robots)}")
     for line in (*case_lines(verdicts), *failed_lines(plan.file, verdicts)):
         click.echo(line)
     passed, runs = sum(verdict.passed for verdict in verdicts), len(verdicts)

@@ -344,7 +344,7 @@ class Configuration:
         return any(
             may_have_wrong_slots(robot.calibration)
             for robot in robots
-            if robot is not None and robot.drive.left.encoder.channels
+            if robot is not None and robot.has_board and robot.drive.left.encoder.channels
         )
 
     def all_omissions(self) -> tuple[Omission, ...]:

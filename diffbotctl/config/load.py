@@ -85,17 +85,19 @@ def load(
     refuse_simulated: bool = False,
     robot_files: Mapping[str, str] | None = None,
     code: CodeFiles | None = None,
+    default_robot: str | None = None,
 ) -> Configuration:
     """Read and check the pipeline called `pipeline` and its robot.
 
     Both are names or paths; `robot` has priority over `use` in the pipeline. `sets` are texts of
     the form `block.param=value`. `real`: for a run on a real robot; this adds checks that matter
     only there. `refuse_simulated`: results of a simulated robot are an error. `robot_files`: of a
-    pipeline of several robots, by their names. `code`: where a replay finds files with code. Raises
+    pipeline of several robots, by their names. `code`: where a replay finds files with code.
+    `default_robot`: of a pipeline that names none, in place of the one in ./robots. Raises
     ConfigurationError with every problem of all files at once, CodeConsentError if there is none
     but that the user has not consented to code.
     """
-    loader = _Loader(sets, real, refuse_simulated, code=code)
+    loader = _Loader(sets, real, refuse_simulated, code=code, default_robot=default_robot)
     try:
         return loader.load_pipeline(pipeline, robot)
     except source_tree.NamedIncludesError as named:
@@ -132,7 +134,12 @@ def check(
 
 
 def check_all(
-    name: str, robot: str | None = None, sets: Sequence[str] = (), *, real: bool = False
+    name: str,
+    robot: str | None = None,
+    sets: Sequence[str] = (),
+    *,
+    real: bool = False,
+    default_robot: str | None = None,
 ) -> tuple[tuple[Problem, ...], tuple[Omission, ...]]:
     """Every problem of the robot or pipeline file `name`, and the blocks that are left out.
 
@@ -142,7 +149,9 @@ def check_all(
     try:
         if _is_robot(name):
             return load_robot(name, sets, real=real, refuse_simulated=real).warnings, ()
-        loaded = load(name, robot, sets, real=real, refuse_simulated=real)
+        loaded = load(
+            name, robot, sets, real=real, refuse_simulated=real, default_robot=default_robot
+        )
         return loaded.warnings, loaded.all_omissions()
     except UserError as error:
         return error.problems, ()
@@ -201,9 +210,10 @@ class _Loader:
         refuse_simulated: bool,
         overrides: Sequence[Override] = (),
         code: CodeFiles | None = None,
+        default_robot: str | None = None,
     ) -> None:
         """`overrides` come before those in `sets`."""
-        self.code = code or CodeFiles()
+        self.code, self.default_robot = code or CodeFiles(), default_robot
         self.context = CheckContext(real=real, refuse_simulated=refuse_simulated)
         self.problems = self.context.problems
         self.sets = tuple(sets)
@@ -396,7 +406,7 @@ class _Loader:
         return Path()
 
     def _find_and_read_robot(self, name: str | None) -> Path | None:
-        file = self._find(lookup.find_robot, name)
+        file = self._find(lookup.find_robot, name or self.default_robot)
         return self._read_robot(file) if file else None
 
     def _read_robot(self, file: Path) -> Path:

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from diffbotctl.errors import Problem, UsageError, closest_match
+from diffbotctl.parts import rows
 
 DEFAULT_ROBOT = "book_2wd"
 SIMULATED = ".simulated"  # ends the stem of a file for results of a simulated robot
@@ -177,5 +178,7 @@ def _not_found(name: str, kind: str) -> UsageError:
             fix += f"; a robot: `robot: {{use: {name}}}`, or `--robot {name}`"
         return UsageError(Problem("E-FILE-NAME", name, cause, fix))
     fix = f"did you mean {near}?" if near else f"use one of {', '.join(known)}, or a path"
+    if kind == "robots" and name in rows("kits"):
+        fix = f"it is a kit: `diffbotctl new robot --kit {name}` writes its robot file"
     cause = f"there is no {what} '{name}' here, in ./{kind} or among the shipped files"
     return UsageError(Problem("E-FILE-NAME", name, cause, fix))

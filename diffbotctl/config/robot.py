@@ -496,6 +496,11 @@ class Robot(Section):
         dict[str, Calibrated], default={}, help="Calibrated values by field; `calibrate` writes it."
     )
 
+    @property
+    def has_board(self) -> bool:
+        """Whether there is a board; without one the robot exists only in the simulator."""
+        return self.board.type != SIMULATED
+
 
 def measured_lag(robot: Robot) -> float | None:
     """Lag (s) of the slower motor; None when it has not been measured, and may be any."""

@@ -175,7 +175,7 @@ class _PlanReader:
             except CodeConsentError:
                 raise
             except UserError as error:
-                self.problems += error.problems
+                self.problems += map(self._with_own_fix, error.problems)
                 continue
             self._refuse_unsimulated(configuration, place)
             file = configuration.robot_file
@@ -184,6 +184,13 @@ class _PlanReader:
         if section.random_robots is not None and not self.problems:
             found |= self._drawn(section.random_robots, pipeline, settings)
         return found
+
+    def _with_own_fix(self, problem: Problem) -> Problem:
+        """A robot is chosen in the file: the command has no option for it."""
+        if problem.code != "E-ROBOT-WHICH":
+            return problem
+        fix = f"choose some in {lookup.display_path(self.path)}: `robots: [NAME]`"
+        return replace(problem, fix=fix)
 
     def _drawn(
         self, drawn: RandomRobots, pipeline: str, settings: Sequence[str]

@@ -284,7 +284,8 @@ def _summary(result: RunResult, robot: Robot | None, verbose: bool) -> Iterator[
 def _error_summary(
     errors: PoseErrors, pose: Odometry, robot: Robot | None, verbose: bool
 ) -> Iterator[tuple[str, str]]:
-    if limit := errors.limit_text():
+    is_estimated = robot is None or robot.has_board  # otherwise the actual error is known
+    if is_estimated and (limit := errors.limit_text()):
         yield "error", limit + _error_cause(pose, robot)
     if verbose and errors.estimated_error is not None:
         yield "estimated error", errors.estimated_error.text()

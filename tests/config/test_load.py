@@ -7,6 +7,7 @@ import pytest
 from diffbotctl.config import lookup
 from diffbotctl.config.load import check, load, load_robot
 from diffbotctl.errors import ConfigurationError, UserError
+from diffbotctl.trials.plan import read_plan
 
 
 def robot_of(text, tmp_path, **options):
@@ -266,6 +267,19 @@ def test_several_robots_and_none_selected(tmp_path, monkeypatch):
     with pytest.raises(UserError) as caught:
         load("goal")
     assert codes(caught) == ["E-ROBOT-WHICH"]
+    assert load("goal", default_robot="turtlebot3_burger").robot_file.stem == "turtlebot3_burger"
+    trials = tmp_path / "trials.yaml"
+    trials.write_text("format: 1\nkind: trials\npipeline: goal\ncases: {healthy: {}}\n")
+    with pytest.raises(UserError) as caught:
+        read_plan(str(trials))
+    assert codes(caught) == ["E-ROBOT-WHICH"]
+    assert caught.value.problems[0].fix == "choose some in trials.yaml: `robots: [NAME]`"
+
+
+def test_a_kit_is_written_before_it_is_a_robot():
+    with pytest.raises(UserError) as caught:
+        load("goal", "four_wheels")
+    assert "`diffbotctl new robot --kit four_wheels`" in caught.value.problems[0].fix
 
 
 def test_a_pipeline_in_the_folder_has_priority_over_a_shipped_one(tmp_path, monkeypatch):

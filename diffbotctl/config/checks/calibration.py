@@ -75,7 +75,12 @@ POSE_CALIBRATIONS = {"geometry": "track and wheel diameters", "imu": "scale of t
 
 
 def uncalibrated_pose(robot: Robot) -> dict[str, str]:
-    """Calibration that the robot lacks -> what it would measure, on which the pose depends."""
+    """Calibration that the robot lacks -> what it would measure, on which the pose depends.
+
+    A robot without a board exists only in the simulator, and has the values of its file.
+    """
+    if not robot.has_board:
+        return {}
     lacking = {
         command
         for field, command in found_by(robot).items()
