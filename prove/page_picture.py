@@ -1,4 +1,4 @@
-"""Make the pictures (PNG) of the page in docs: on a computer and on a phone, of a simulated run."""
+"""Make the pictures (PNG) of the page in docs: on a computer, on a phone, and with a map."""
 
 from __future__ import annotations
 
@@ -21,7 +21,14 @@ panel: plots
 plots: {fields: [gate.wheels.left, gate.wheels.right, odometry.odometry.x], span: 10 s}
 """
 
-
+WANDERING = """format: 1
+kind: pipeline
+include: map
+blocks:
+  wander: {block: wander, in: {scan: robot.scan, odometry: odometry.odometry}}
+  mux: {in: {autonomous: wander.twist}}
+"""
+MAPPED = "parseFloat(document.getElementById('time').textContent) > 40"  # s
 ON_THE_WAY = (
     "(text => text.includes('driving') && text.includes('1.100'))"  # to the second goal
     "(document.getElementById('facts').textContent)"
@@ -32,7 +39,7 @@ HAVE_DATA = (
 
 
 def main() -> None:
-    """Draw the three pictures."""
+    """Draw the pictures."""
     with tempfile.TemporaryDirectory() as name, Browser(Path(name) / "profile") as browser:
         folder = Path(name)
         (folder / "view.yaml").write_text(VIEW)
@@ -55,6 +62,13 @@ def main() -> None:
                 inside.until(HAVE_DATA)
                 inside.evaluate("document.getElementById('plot-keys').scrollIntoView()")
                 _write(inside, Path("docs/page_inside.png"))
+        (folder / "flat.yaml").write_text(WANDERING)
+        with serving(folder, run=(str(folder / "flat.yaml"),)) as server:
+            page = browser.open_page()
+            page.resize(DESKTOP_SIZE)
+            page.open(server.next_link())
+            page.until(MAPPED)
+            _write(page, Path("docs/page_map.png"))
 
 
 def _write(page: Page, path: Path) -> None:

@@ -164,12 +164,20 @@ class ViewerMessages:
     """Makes viewers' messages from a run's.
 
     `epoch`: ns since 1970 at logical time 0. `wires` are those of the run, with their classes;
-    `topics` maps each topic for viewers to its schema.
+    `topics` maps each topic for viewers to its schema. `has_grids`: whether the robot's map is among
+    them, as one message with all cells; a recording has it in tiles alone.
     """
 
-    def __init__(self, epoch: int, wires: Mapping[str, type], model: ViewerModel) -> None:
+    def __init__(
+        self,
+        epoch: int,
+        wires: Mapping[str, type],
+        model: ViewerModel,
+        has_grids: bool = True,
+    ) -> None:
         self.epoch = epoch
         self.model = model
+        self.has_grids = has_grids
         self.topics: dict[str, str] = {}
         self.builders: dict[str, Builder] = {}
         self.places: list[tuple[int, Builder]] = []  # in an instant
@@ -235,7 +243,7 @@ class ViewerMessages:
         if kind is Goal:
             self.topics[GOAL] = "SceneUpdate"
             return lambda goal: ((GOAL, scene_update.goal(epoch + goal.time, goal)),)
-        if kind is MapUpdate:
+        if kind is MapUpdate and self.has_grids:
             self.topics[f"{wire}.grid"] = "Grid"
             return lambda update: ((f"{wire}.grid", self._grid(update)),)
         if kind is MapPose:

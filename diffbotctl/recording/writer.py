@@ -64,7 +64,7 @@ class RecordingWriter(RecordingFile):
             origin = "driver" if place < header.sources else "block"
             channel = self.add_channel(wire, schemas[kind], origin, type_name(kind))
             self.channels.append((channel, message_encoder(kind)))
-        self.viewers = ViewerMessages(self.epoch, header.wires, header.model)
+        self.viewers = ViewerMessages(self.epoch, header.wires, header.model, has_grids=False)
         published = {
             kind: self.add_schema(f"foxglove.{kind}", schema(kind))
             for kind in dict.fromkeys(self.viewers.topics.values())

@@ -77,6 +77,12 @@ def test_a_simulated_run_is_the_same_each_time_and_its_map_is_whole(drive, pipel
     for update in updates[:3] + updates[-1:]:
         lost.take(update)
     assert not lost.is_whole
+    with path.open("rb") as stream:
+        largest = max(
+            (len(message.data), channel.topic)
+            for _, channel, message in make_reader(stream).iter_messages()
+        )
+    assert largest < (100_000, ""), "no message has the whole map"
 
 
 def test_a_recording_is_replayed_without_the_process(drive, monkeypatch):

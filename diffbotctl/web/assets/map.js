@@ -76,25 +76,34 @@ export class RunMap {
     this.mapNumber = number;
     this.tileSide = TILE_CELLS * resolution;
     for (const [column, row, text] of tiles) {
-      this.tiles.set(`${column} ${row}`, { column, row, picture: this.tilePicture(text) });
+      this.tiles.set(`${column} ${row}`, { column, row, ...this.tilePicture(text) });
     }
   }
 
-  /** Runs of cells, row after row from the lowest y on, as a picture whose first row is the top. */
+  /**
+   * Runs of cells, row after row from the lowest y on, as a picture whose first row is the top, and
+   * the cells between which the occupied ones are.
+   */
   tilePicture(text) {
     const picture = new OffscreenCanvas(TILE_CELLS, TILE_CELLS);
     const context = picture.getContext("2d");
     const image = context.createImageData(TILE_CELLS, TILE_CELLS);
     const shades = { "#": [90, 90, 200, 255], ".": [128, 128, 128, 40] };
+    const occupied = [TILE_CELLS, TILE_CELLS, 0, 0]; // columns and rows: the lowest two, the highest two
     let at = 0;
     for (const [, count, cell] of text.matchAll(/(\d+)([u.#])/g)) {
       for (const end = Math.min(at + Number(count), TILE_CELLS ** 2); at < end; at++) {
-        const [row, column] = [TILE_CELLS - 1 - Math.floor(at / TILE_CELLS), at % TILE_CELLS];
-        if (shades[cell]) image.data.set(shades[cell], 4 * (row * TILE_CELLS + column));
+        const [row, column] = [Math.floor(at / TILE_CELLS), at % TILE_CELLS];
+        if (shades[cell]) image.data.set(shades[cell], 4 * ((TILE_CELLS - 1 - row) * TILE_CELLS + column));
+        if (cell !== "#") continue;
+        [column, row].forEach((each, axis) => {
+          occupied[axis] = Math.min(occupied[axis], each);
+          occupied[axis + 2] = Math.max(occupied[axis + 2], each + 1);
+        });
       }
     }
     context.putImageData(image, 0, 0);
-    return picture;
+    return { picture, occupied };
   }
 
   resize() {
@@ -183,9 +192,26 @@ export class RunMap {
       [0, 0, START_MARGIN_M],
       [pose[0], pose[1], robot ? Math.hypot(Math.max(robot.front, robot.back), robot.width / 2) : 0],
       ...this.scene.field.map(([x, y]) => [x, y, 0]),
+      ...this.candidates().map((place) => [...this.ofMap(...place).slice(0, 2), START_MARGIN_M]),
+      ...this.mapEnds(),
     ];
     for (let i = 0; i < this.trail.length; i += 2) places.push([this.trail[i], this.trail[i + 1], 0]);
     this.camera = this.fitted(places, this.state.goal);
+  }
+
+  /** Places between which all walls of the robot's map are. */
+  mapEnds() {
+    const ends = [];
+    for (const { column, row, occupied: [left, low, right, high] } of this.tiles.values()) {
+      if (right <= left) continue;
+      for (const x of [left, right]) {
+        for (const y of [low, high]) {
+          const place = [column + x / TILE_CELLS, row + y / TILE_CELLS].map((each) => each * this.tileSide);
+          ends.push([...this.ofMap(...place).slice(0, 2), 0]);
+        }
+      }
+    }
+    return ends;
   }
 
   /** A camera that shows all `places` (x, y and what is around them, in m), and a goal's arrow. */
