@@ -21,6 +21,7 @@ from diffbotctl.messages import Odometry
 from diffbotctl.model.frames import sensor_frame
 
 Numbers = list[list[float]]
+COMMAND_TOPICS = ("operator.goal", "operator.twist")
 
 
 def describe_scene(configuration: Configuration, graph: Graph | None, port: str) -> dict[str, Any]:
@@ -28,7 +29,8 @@ def describe_scene(configuration: Configuration, graph: Graph | None, port: str)
 
     Outline and sensors are in base_link. The world is in the frame of the displayed pose: odom if a
     block estimates the pose, else the frame of the world. The world is empty for a real robot.
-    `robot` is None for a pipeline without one; without `graph` there are no sensors.
+    `robot` is None for a pipeline without one; without `graph` there are no sensors. `commands` are
+    the topics of the operator that blocks follow: what a screen can offer.
     """
     robot = configuration.robot
     walls, rounds, field = _world(configuration) if port in VIRTUAL_PORTS else ([], [], [])
@@ -40,7 +42,13 @@ def describe_scene(configuration: Configuration, graph: Graph | None, port: str)
         "field": field,
         "robot": None if robot is None else _outline(robot),
         "sensors": [] if robot is None or graph is None else _sensors(robot, configuration),
+        "commands": _commands(configuration),
     }
+
+
+def _commands(configuration: Configuration) -> list[str]:
+    followed = {wire for use in configuration.blocks for wire in use.wires.values()}
+    return sorted(followed & set(COMMAND_TOPICS))
 
 
 def _world(configuration: Configuration) -> tuple[Numbers, Numbers, Numbers]:
@@ -131,6 +139,7 @@ class Scene(NamedTuple):
     """Walls are (x1, y1, x2, y2), round obstacles (x, y, radius), in m in the frame of the pose.
 
     `field`: the corners of a field that is always displayed as a whole; empty if there is none.
+    `commands`: those of COMMAND_TOPICS that blocks follow.
     """
 
     title: str
@@ -140,6 +149,7 @@ class Scene(NamedTuple):
     robot: SceneOutline | None = None
     beams: tuple[SceneBeam, ...] = ()
     field: tuple[tuple[float, float], ...] = ()
+    commands: tuple[str, ...] = COMMAND_TOPICS
 
 
 def parse_scene(reply: dict[str, Any]) -> Scene:
@@ -153,4 +163,5 @@ def parse_scene(reply: dict[str, Any]) -> Scene:
         None if robot is None else SceneOutline(**robot),
         tuple(SceneBeam(**beam) for beam in reply["sensors"]),
         tuple((x, y) for x, y in reply.get("field", ())),
+        tuple(reply.get("commands", COMMAND_TOPICS)),  # an older engine does not say
     )

@@ -23,6 +23,7 @@ from diffbotctl.control_socket.address import EngineAddress
 from diffbotctl.control_socket.client import AsyncControlClient
 from diffbotctl.control_socket.protocol import Fields, RefusalError
 from diffbotctl.errors import UserError
+from diffbotctl.ui.dash.key_help import Need
 from diffbotctl.ui.dash.state import REQUESTS, Request, RunView
 from diffbotctl.ui.run_text import odometry_topic
 from diffbotctl.ui.teleop.deadman import (
@@ -47,6 +48,7 @@ class ScreenOptions(NamedTuple):
 
 EXIT_TIMEOUT_S = 3.0  # for the terminal to accept what restores it
 SLOW_POLL_PERIOD_S = 1.0
+STATUS_MAX_AGE_S = 10.0  # a message is read within it
 
 
 class EngineApp(App[int]):
@@ -70,11 +72,35 @@ class EngineApp(App[int]):
         )
         self.is_connected = False
         self.problem: UserError | None = None
-        self.status = ""  # the last refusal of the engine, or a note
+        self._status, self._status_time = "", 0.0
         self.poll_task: asyncio.Task[None] | None = None
         self.last_slow_poll = 0.0
         self.histories: set[str] = set()  # topics whose past was asked for
         self.exit_timer: threading.Timer | None = None
+
+    @property
+    def status(self) -> str:
+        """The last refusal of the engine, or a note, for STATUS_MAX_AGE_S."""
+        return self._status if time.monotonic() - self._status_time < STATUS_MAX_AGE_S else ""
+
+    @status.setter
+    def status(self, text: str) -> None:
+        self._status, self._status_time = text, time.monotonic()
+
+    @property
+    def met_needs(self) -> set[Need]:
+        """What keys may need and this run and terminal have."""
+        scene = self.run_view.scene
+        met: set[Need] = {""}
+        if self.run_view.has_map:
+            met.add("robot")
+        if "operator.goal" in scene.commands:
+            met.add("goal")
+        if "operator.twist" in scene.commands:
+            met.add("drive")
+            if not multiplexer_name(os.environ):
+                met.add("latch")
+        return met
 
     # Overridden by programs.
 
@@ -238,6 +264,7 @@ class EngineApp(App[int]):
         """Change to the other set of keys."""
         is_twist = self.keyboard.keys.name == "twist"
         self.keyboard.configure(keys="turtle" if is_twist else "twist")
+        self.status = f"letters: {self.keyboard.keys.help}"
 
     def next_mode(self) -> None:
         """Change between hold and latched."""

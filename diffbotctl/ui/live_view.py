@@ -60,6 +60,8 @@ class LiveView:
         if now is not None:
             progress = progress_text(snapshot.time / SECOND, now - self.began, self.duration)
         facts = facts_table(snapshot, progress)
+        if self.map.scene.commands == ("operator.twist",):  # nothing else drives it
+            facts.add_row("drive", "`diffbotctl teleop` in another terminal")
         if run_text.newest_odometry(snapshot) is None:
             return Group(title) if snapshot.ending else Group(title, facts)
         below = SUMMARY_MAX_ROWS if snapshot.ending else FACTS_MAX_ROWS

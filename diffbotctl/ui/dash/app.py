@@ -134,7 +134,10 @@ class Dashboard(EngineApp):
         """Draw the present state."""
         if not self.is_connected:
             return
-        is_map, plain = self.panel == "map", self.options.ascii_only
+        panel: PanelName = (
+            "log" if self.panel == "map" and not self.run_view.has_map else self.panel
+        )
+        is_map, plain = panel == "map", self.options.ascii_only
         self._put("title", panels.title_line(self.run_view))
         self._set_shown("#banner", self.run_view.held is not None)
         self._put("banner", panels.stop_banner(self.run_view), resizes=True)
@@ -149,7 +152,7 @@ class Dashboard(EngineApp):
         if is_map:
             self.main.query_one(MapBox).show(self.run_view)
         else:
-            self._draw_panel("view", self.panel)
+            self._draw_panel("view", panel)
         if self.is_wide:
             self._draw_panel("plots", "plots")
             self._draw_panel("blocks", "blocks")
@@ -158,8 +161,10 @@ class Dashboard(EngineApp):
             self._draw_panel("more", "parameters")
         self._put("status", Text(self.status, "yellow"), resizes=True)
         width = self.size.width
-        self._put("keyboard", panels.keyboard_line(self.deadman, width))
-        self._put("help", Text(help_line(width), no_wrap=True))
+        met = self.met_needs
+        keys = panels.keyboard_line(self.deadman, width) if "drive" in met else Text()
+        self._put("keyboard", keys)
+        self._put("help", Text(help_line(width, met), no_wrap=True))
 
     def _draw_panel(self, widget: str, panel: PanelName) -> None:
         """Draw a panel in a widget, if what it shows may have changed since."""
@@ -195,7 +200,7 @@ class Dashboard(EngineApp):
             case "parameters":
                 return panels.parameters_panel(view, self.selected, width, height)
             case "help":
-                return help_panel(self.keyboard.keys.help)
+                return help_panel(self.keyboard.keys.help, self.met_needs)
             case "log":
                 return panels.log_panel(view, width, max(height, 1))
             case "map":
@@ -288,6 +293,9 @@ class Dashboard(EngineApp):
 
     def ask_goal(self) -> None:
         """Ask for a goal in numbers."""
+        if "goal" not in self.met_needs:
+            self.status = "no block of this pipeline follows goals"
+            return
         self.ask("goal: X Y [HEADING], such as 1.0 0.5 90deg:", "", self._set_goal)
 
     def ask_fields(self) -> None:

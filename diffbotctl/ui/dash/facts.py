@@ -196,7 +196,8 @@ def _link(view: RunView) -> Iterator[Row]:
 
 def _stop(view: RunView) -> Iterator[Row]:
     if view.held is None:
-        yield "stop", "none"
+        if view.has_map:
+            yield "stop", "none"
     else:
         yield "stop", Text(str(view.held["code"]), "bold red")  # the banner has the cause
 
@@ -204,4 +205,6 @@ def _stop(view: RunView) -> Iterator[Row]:
 def _texts(view: RunView) -> Iterator[Row]:
     for wire, message in view.snapshot.messages.items():
         if isinstance(message, messages.Text):
-            yield wire.rpartition(".")[0][:NAME_WIDTH], message.text
+            name = wire.rpartition(".")[0]
+            fits = len(name) <= NAME_WIDTH
+            yield (name, message.text) if fits else ("", f"{name}: {message.text}")

@@ -46,7 +46,7 @@ def _print_panels(view: RunView, console: PrintableConsole, plain: bool) -> None
     width = console.width - 4
     canvas = draw_map(view, overview_camera(view, width, MAP_ROWS), width, MAP_ROWS, plain)
     contents: dict[str, RenderableType] = {
-        "map": canvas.text(),
+        **({"map": canvas.text()} if view.has_map else {}),
         "robot": facts_panel(view, width, FACTS_ROWS, plain),
         "blocks": panels.blocks_panel(view, width, len(view.blocks) + 1),
         "parameters": panels.parameters_panel(view, -1, width, len(view.live_parameters) + 1),

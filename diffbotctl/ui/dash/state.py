@@ -15,7 +15,7 @@ from diffbotctl.recording.json_codec import message_reader
 from diffbotctl.render.map_scene import Scene, parse_scene
 from diffbotctl.time import SECOND
 from diffbotctl.ui.map.state import MapState
-from diffbotctl.ui.run_text import newest_message
+from diffbotctl.ui.run_text import newest_message, newest_odometry
 
 HISTORY_MAX_VALUES = 1200  # of each field: two minutes at ten a second
 NO_UNITS = ("1", "see kind")  # in a declaration: a ratio, and what depends on another field
@@ -75,6 +75,11 @@ class RunView(MapState):
         self.trail.points.clear()
         for x, y in [*reply["trail"], *here]:
             self.trail.add((x, y))
+
+    @property
+    def has_map(self) -> bool:
+        """Whether there is a robot, or another pose, to draw on a map."""
+        return self.scene.robot is not None or newest_odometry(self.snapshot) is not None
 
     @property
     def map_request(self) -> Fields | None:

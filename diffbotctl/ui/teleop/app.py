@@ -11,7 +11,8 @@ from diffbotctl.ui.dash import panels
 from diffbotctl.ui.dash.facts import facts_panel
 from diffbotctl.ui.engine_app import EngineApp
 
-HELP = "t other letters   b hold/latched   r resume   space stop   ctrl-c leave"
+HELP = "r resume   space stop   ctrl-c leave"
+LATCH_HELP = "b hold/latched"
 FACTS_MAX_WIDTH, HEAD_ROWS = 60, 8  # characters; rows above the facts, with a stop
 
 
@@ -41,12 +42,13 @@ class Teleop(EngineApp):
             return
         width = min(self.size.width, FACTS_MAX_WIDTH)
         rows = max(self.size.height - HEAD_ROWS, 1)
+        keys = ["t other letters", *([LATCH_HELP] if "latch" in self.met_needs else []), HELP]
         lines = (
             panels.title_line(self.run_view),
             panels.stop_banner(self.run_view),
             panels.keyboard_line(self.deadman, self.size.width),
             Text(self.keyboard.keys.help, "dim", no_wrap=True),
-            Text(HELP, "dim", no_wrap=True),
+            Text("   ".join(keys), "dim", no_wrap=True),
             Text(self.status, "yellow", no_wrap=True, overflow="ellipsis"),
             facts_panel(self.run_view, width, rows, self.options.ascii_only),
         )
