@@ -44,7 +44,7 @@ def explain_stop(state: RunState, graph: Graph, ending: str | None = None) -> St
     end = "" if ending is None else f"The run has ended: {ending}."
     if not state.stops:
         nothing = f"Nothing has stopped the robot in {state.now / SECOND:.1f} s."
-        summary = f"{nothing} {end or _goal(state)}"
+        summary = f"{nothing} {end or _link(state) or _goal(state)}"
         return StopExplanation(summary, " ".join([summary, *_imu(state)]))
     episode = _explained_stop(state)
     end = end or _how_it_ends(episode, state)
@@ -129,6 +129,15 @@ def _imu(state: RunState) -> list[str]:
     """How the IMU is now, for a robot that has one."""
     imus = [message for message in state.newest.values() if isinstance(message, Imu)]
     return [f"IMU: {imu_text(max(imus, key=lambda imu: imu.time))}."] if imus else []
+
+
+def _link(state: RunState) -> str:
+    """Why nothing can move, where the link to a board is not up."""
+    for message in state.newest.values():
+        if isinstance(message, Link) and message.state != "up":
+            cause = f": {message.cause}" if message.cause else ""
+            return f"The link to the board is not up ({message.state}){cause}."
+    return ""
 
 
 def _how_it_ends(episode: StopEpisode, state: RunState) -> str:

@@ -11,6 +11,7 @@ import struct
 from collections import deque
 from math import isfinite, nan
 
+from diffbotctl.links import diffbot_codec, diffbot_frames
 from diffbotctl.links.link_protocol import BITS_PER_BYTE, LinkOutput, Refusal
 from diffbotctl.links.rosserial_frames import RosserialDecoder, RosserialFrame, encode
 from diffbotctl.links.rosserial_stop import StopOrder
@@ -36,6 +37,8 @@ ANSWER_TIMEOUT = 570 * MILLISECOND  # a full answer takes 0.55 s at 9600 baud
 FIRST_ANSWER_TIMEOUT = 300 * MILLISECOND
 FLUSH_QUESTIONS_MIN = 3  # questions without an answer
 FLUSH = bytes(128)  # four of them end the longest false frame, 512 bytes
+# What the firmware of diffbotctl answers, and the book's ignores: it starts no frame of rosserial.
+OTHER_QUESTION = diffbot_codec.encode(diffbot_frames.AskFrame(diffbot_frames.VERSION))
 TIME_TIMEOUT = 3 * SECOND  # the board asks for the time every 2.5 s and stops sending after 11 s
 TIME_PERIOD = SECOND
 STALE_TIMEOUT = SECOND  # without ticks; the board is asked for its topics again
@@ -71,7 +74,9 @@ class RosserialHost:
         self.topics = Topics(self.names)
         self.decoder = RosserialDecoder(self.topics.plausible)
         self.baud = baud
-        self.refusal: Refusal | None = None  # never set: such a board may miss any question
+        # Set only by an answer of another firmware: this one may miss any question.
+        self.refusal: Refusal | None = None
+        self.other_decoder = diffbot_codec.FrameDecoder()
         self.byte_time = BITS_PER_BYTE * SECOND // baud
         self.speeds = SpeedSender(command_delay, self.byte_time)
         self.counts = {
@@ -121,6 +126,13 @@ class RosserialHost:
     def receive(self, now: int, data: bytes) -> LinkOutput:
         """Take bytes; return the messages that they complete."""
         output: LinkOutput = []
+        if self._unanswered >= FLUSH_QUESTIONS_MIN and self.other_decoder.feed(data):
+            self.refusal = Refusal(
+                "E-BOARD-DIFFBOT",
+                "the board runs the firmware of diffbotctl, not the book's",
+                "name a robot whose link has the protocol diffbot: for the robot of the book, "
+                "--robot book_2wd",
+            )
         for frame in self.decoder.feed(data):
             output += self._on_frame(now, frame)
         return output + self._link_output(now)
@@ -210,9 +222,9 @@ class RosserialHost:
         """The request for the topics.
 
         A board that does not answer may be reading a frame whose damaged length includes the
-        questions: zeros, which start no frame, fill it.
+        questions: zeros, which start no frame, fill it. Or it has the firmware of diffbotctl.
         """
-        flush = FLUSH if self._unanswered >= FLUSH_QUESTIONS_MIN else b""
+        flush = FLUSH + OTHER_QUESTION if self._unanswered >= FLUSH_QUESTIONS_MIN else b""
         question = flush + encode(REQUEST)
         self._unanswered += 1
         self._question_end = now + len(question) * self.byte_time

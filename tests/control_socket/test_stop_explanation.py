@@ -6,7 +6,7 @@ from diffbotctl.config.load import load
 from diffbotctl.control_socket.engine_channel import EngineUpdate
 from diffbotctl.control_socket.run_state import RunState
 from diffbotctl.control_socket.stop_explanation import explain_stop
-from diffbotctl.messages import Odometry, Stop
+from diffbotctl.messages import Link, Odometry, Stop
 from diffbotctl.runs.build_graph import assemble
 from diffbotctl.time import MILLISECOND, SECOND
 
@@ -34,6 +34,18 @@ def state_after(*events):
 
 
 GATE, GUARD = "gate.stop", "guard.stop"
+
+
+@pytest.mark.parametrize(
+    ("link", "sentence"),
+    [
+        ("up", "No goal is under way."),
+        ("negotiating", "The link to the board is not up (negotiating): no answer."),
+    ],
+)
+def test_a_robot_that_nothing_has_stopped(link, sentence):
+    state = state_after((MS, "robot.link", Link(0, link, 0, 0, cause="no answer")))
+    assert explain_stop(state, GRAPH).summary.endswith(sentence)
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,9 @@ from math import isnan
 
 import pytest
 
+from diffbotctl.links import diffbot_codec
+from diffbotctl.links.diffbot_codec import FrameDecoder
+from diffbotctl.links.diffbot_frames import AskFrame, HelloFrame
 from diffbotctl.links.rosserial_frames import encode
 from diffbotctl.links.rosserial_host import RosserialHost
 from diffbotctl.links.rosserial_topics import TopicNames
@@ -200,6 +203,32 @@ def test_wrong_type_in_the_sketch_is_reported():
     assert "declares set_left_speed as std_msgs/Int16" in session.links[-1].cause
     assert session.host.stop_frame() == b""
     assert not any(pair_in(data) for _, data in session.written)
+
+
+class DiffbotBoard:
+    """Answers as a board with the firmware of diffbotctl that nothing drives: only when asked."""
+
+    def __init__(self):
+        self.decoder, self.waiting = FrameDecoder(), b""
+
+    def receive(self, now, data):
+        if any(isinstance(frame, AskFrame) for frame in self.decoder.feed(data)):
+            self.waiting += diffbot_codec.encode(HelloFrame(*[0] * len(HelloFrame._fields)))
+
+    def advance(self, now):
+        data, self.waiting = self.waiting, b""
+        return data
+
+
+def test_the_firmware_of_diffbotctl_is_recognised():
+    host = RosserialSession(DiffbotBoard()).run(4 * SECOND).host
+    assert host.refusal.code == "E-BOARD-DIFFBOT" and "--robot book_2wd" in host.refusal.fix
+
+
+def test_a_silent_board_and_the_books_are_not_taken_for_it(driving):
+    assert driving.run(10 * SECOND).host.refusal is None
+    deaf = RosserialSession(RosserialDevice(1, publishers=(), subscribers=())).run(10 * SECOND)
+    assert deaf.host.refusal is None
 
 
 def test_other_names_and_slashes():

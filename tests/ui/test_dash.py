@@ -320,16 +320,16 @@ def test_once_and_a_pipe_print_the_panels(engine, tmp_path):
 
 # Pipeline, environment, what the screen shows, then what it has and what it does not offer.
 OFFERS = [
-    ("hello", {}, "listener", ["p plot"], ["g goal", "m/s", "resume", "latch", "zoom", "stop"]),
-    ("teleop", {}, "pose", ["m/s", "r resume", "b latch"], ["g goal"]),
-    ("goal", {"TMUX": "/tmp/x"}, "pose", ["g goal", "m/s"], ["b latch"]),
+    ("hello", [], "listener", ["p plot"], ["g goal", "m/s", "resume", "latch", "zoom", "stop"]),
+    ("teleop", [], "pose", ["m/s", "r resume", "b latch"], ["g goal"]),
+    ("goal", ["TMUX=inside"], "pose", ["g goal", "m/s"], ["b latch"]),
 ]
 
 
 @pytest.mark.parametrize(("pipeline", "variables", "first", "offered", "hidden"), OFFERS)
 def test_only_keys_that_work_are_offered(tmp_path, pipeline, variables, first, offered, hidden):
     line, environment = command(tmp_path, "run", pipeline, "--dash")
-    with Terminal(line, {**environment, **variables}, 120, 24) as terminal:
+    with Terminal(["env", *variables, *line], environment, 120, 24) as terminal:
         text = terminal.until(lambda text: first in text and "? help" in text, "the first picture")
         assert all(word in text for word in offered), text
         assert not any(word in text for word in hidden), text
