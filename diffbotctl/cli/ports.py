@@ -219,8 +219,9 @@ def _write_bundle(
     user: SystemUser,
     survey: PortSurvey,
 ) -> None:
-    from diffbotctl.diagnostics.bundle import collect, newest_flight, pack
+    from diffbotctl.diagnostics.bundle import collect, pack
     from diffbotctl.diagnostics.private_text import private_text
+    from diffbotctl.recording.run_end import newest_flight
 
     findings: list[DoctorFinding] = list(_findings(root, user, survey))
     entries = collect(root, findings, survey, added, private_text(root, user, survey))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -204,10 +205,15 @@ def _run_with_page(
 
 def _finish(run: Run, stderr: NonBlockingStderr, as_json: bool) -> int:
     """Run to the end and print the summary; returns the exit code."""
+    from diffbotctl.recording.run_end import RunEnd, note_run_end
+
+    began = time.time_ns()
     try:
         result = run.go()
     finally:
         stderr.end()
+    stop = result.stops[-1] if result.stops else None
+    note_run_end(RunEnd(str(run.configuration.file), began, result.ending.cause, stop))
     code = _result_code(result)
     if as_json:
         print_json(_result_record(result, code))

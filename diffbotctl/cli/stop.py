@@ -290,12 +290,13 @@ def _goal_text(status: dict[str, Any]) -> str:
 @command("Look", 4, "; explain why one stopped")
 def why(
     engine: str | None = ENGINE,
-    all_causes: bool = option("--all", "From the sensor to the motors."),
+    all_causes: bool = option("--all", "Of a stop: from the sensor to the motors."),
     as_json: bool = JSON,
 ) -> None:
     """Explain why the robot last stopped, and what ends the stop.
 
-    When no engine runs, explain the last run of which the black box has a file.
+    When no engine runs, explain the last run. --all needs its black box, which keeps the minutes
+    before a stop.
     """
     explanation, held = _explanation_of(engine)
     print_row(
@@ -308,11 +309,11 @@ def why(
 def _explanation_of(engine: str | None) -> tuple[dict[str, str], dict[str, Any] | None]:
     """What `explain_stop` replies, and the stop in force; of the last run when no engine runs."""
     from diffbotctl.control_socket.address import engines
-    from diffbotctl.replay.ended_run import explain_ended_run, newest_flight
+    from diffbotctl.replay.ended_run import explain_last_run
 
-    path = None if engine or host() or engines() else newest_flight()
-    if path is not None:
-        return explain_ended_run(path)._asdict(), None
+    ended = None if engine or host() or engines() else explain_last_run()
+    if ended is not None:
+        return ended._asdict(), None
     with attached(engine, "why") as client:
         explanation = client.request("explain_stop")
         held = client.request("status")["held"]

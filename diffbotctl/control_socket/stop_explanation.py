@@ -41,16 +41,27 @@ class StopExplanation(NamedTuple):
 
 def explain_stop(state: RunState, graph: Graph, ending: str | None = None) -> StopExplanation:
     """Explain the last stop. `ending`: why the run has ended, of one that has."""
-    end = "" if ending is None else f"The run has ended: {ending}."
     if not state.stops:
         nothing = f"Nothing has stopped the robot in {state.now / SECOND:.1f} s."
-        summary = f"{nothing} {end or _link(state) or _goal(state)}"
+        summary = f"{nothing} {_link(state) or _goal(state)}"
+        if ending is not None:
+            summary = explain_end(None, ending)
         return StopExplanation(summary, " ".join([summary, *_imu(state)]))
     episode = _explained_stop(state)
-    end = end or _how_it_ends(episode, state)
+    end = _how_it_ends(episode, state) if ending is None else explain_end(None, ending)
     causes = [_stop(episode), *_sensors(episode, graph), *_commands(episode, state)]
-    summary = f"At {episode.time / SECOND:.2f} s: {_title(episode)}: {episode.stop.cause}. {end}"
+    summary = f"{_at(episode.time, episode.stop)} {end}"
     return StopExplanation(summary, " ".join([*causes, _motion(state), *_imu(state), end]))
+
+
+def explain_end(stop: Stop | None, ending: str) -> str:
+    """The last stop of a run that has ended, if there was one, and how the run ended."""
+    end = f"The run has ended: {ending}."
+    return end if stop is None else f"{_at(stop.time, stop)} {end}"
+
+
+def _at(time: int, stop: Stop) -> str:
+    return f"At {time / SECOND:.2f} s: {_title(stop)}: {stop.cause}."
 
 
 def _explained_stop(state: RunState) -> StopEpisode:
@@ -67,14 +78,14 @@ def _stop(episode: StopEpisode) -> str:
     name = episode.wire.rpartition(".")[0]
     return (
         f"At {episode.time / SECOND:.2f} s {name} stopped the robot: {episode.stop.code} "
-        f"({_title(episode)}): {episode.stop.cause}."
+        f"({_title(episode.stop)}): {episode.stop.cause}."
     )
 
 
-def _title(episode: StopEpisode) -> str:
+def _title(stop: Stop) -> str:
     """The meaning of the stop's code; that of another package is its own."""
-    code = code_texts().get(episode.stop.code)
-    return episode.stop.code if code is None else code.title
+    code = code_texts().get(stop.code)
+    return stop.code if code is None else code.title
 
 
 def _sensors(episode: StopEpisode, graph: Graph) -> list[str]:

@@ -21,7 +21,7 @@ from diffbotctl.diagnostics.private_text import PrivateText
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.ports.diagnosis import PortSurvey
 from diffbotctl.ports.sysfs import read_text
-from diffbotctl.recording.black_box_store import black_box_folder
+from diffbotctl.recording.run_end import newest_flight
 
 FOLDER = "diffbotctl_bundle/"  # in the zip file; its name at the beginning is our mark
 FILE_MAX_BYTES = 1 << 20  # of a text that is added; robot and pipeline files have some kB
@@ -69,15 +69,6 @@ def _flight_entries(path: Path, private: PrivateText) -> Iterator[BundleEntry]:
     except RunError as error:
         words = "why the last flight recording is missing"
         yield _text_entry("flight.txt", f"{error}\n", words, private)
-
-
-def newest_flight() -> Path | None:
-    """The newest file that a run has kept when it was stopped."""
-    try:
-        files = list(black_box_folder().glob(f"*{RECORDING}"))
-        return max(files, key=lambda path: path.stat().st_mtime_ns, default=None)
-    except OSError:
-        return None
 
 
 def pack(entries: Iterable[BundleEntry]) -> bytes:

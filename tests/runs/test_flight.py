@@ -28,6 +28,7 @@ from diffbotctl.runs.build_graph import assemble
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
 from tests.runs.test_endings import FAR, read_until, start
+from tests.support.running import cli
 
 WALL = ("world.walls=[{from: [0.6 m, -1 m], to: [0.6 m, 1 m]}]", "follower.patience=2 s")
 CORNERS = ((0.6, 0), (0.6, 0.6), (0, 0.6), (0, 0))
@@ -93,6 +94,58 @@ def test_why_explains_the_newest_run_when_none_is_active(tmp_path):
     code, record = why("--json")
     assert json.loads(record)["summary"] == shown and json.loads(record)["held"] is None
     assert "E-NO-ENGINE" in why("--engine", "goal")[1]  # this one is not running
+
+
+RESTS = """\
+format: 1
+kind: pipeline
+include: goal
+blocks: {broken: {block: ./rests.py:Rests, in: {odometry: odometry.odometry}}}
+"""
+RESTS_CODE = """\
+from diffbotctl.block import Block, In, Out
+from diffbotctl.messages import Odometry, Text
+
+
+class Rests(Block):
+    odometry = In(Odometry)
+    text = Out(Text)
+
+    def react(self, now, odometry):
+        return nowhere
+"""
+ENDS = [  # words of `run`, and what `why` tells of that run; an older one has hit a wall
+    (("goal", "--fast", "--for", "1s"), "The run has ended: time limit of 1 s", ""),
+    (
+        ("goal", "--fast", "--goal", "1,0", *(f"--set={each}" for each in WALL)),
+        "an obstacle is ahead",
+        "kept no black box file",
+    ),
+    (("hello", "--quiet", "--for", "0.2s"), "The run has ended: time limit", ""),
+    (("rests.yaml", "--robot", "book_2wd", "--allow-programs", "--for", "9s"), "NameError", ""),
+]
+
+
+@pytest.mark.parametrize(("words", "told", "reason"), ENDS, ids=lambda words: str(words)[:30])
+def test_why_explains_the_last_run_also_one_without_a_black_box_file(
+    tmp_path, monkeypatch, words, told, reason
+):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "rests.yaml").write_text(RESTS)
+    (tmp_path / "rests.py").write_text(RESTS_CODE)
+    fly(black_box_folder())
+    cli(tmp_path, "run", *words)
+    for more in ((), ("--all",)):
+        code, shown, complaint = cli(tmp_path, "why", *more)
+        shown = " ".join(shown.split())
+        assert code == 0, complaint
+        assert shown.startswith(f"The run of {words[0].removesuffix('.yaml')}, ") and told in shown
+        assert "Nothing has stopped" not in shown and "E-CODE" not in shown
+        assert "goal 1 was not reached" not in shown or "--goal" in words
+    assert reason in shown
+    fly(black_box_folder())  # of a later run
+    assert "an obstacle is ahead" in cli(tmp_path, "why")[1]
 
 
 def test_a_run_without_a_stop_leaves_nothing(tmp_path):
