@@ -65,7 +65,7 @@ def _replay(run: RecordedRun) -> tuple[RunState, Graph] | None:
 
 
 def _explain_noted(end: RunEnd, reason: str) -> StopExplanation:
-    """What the note tells; `reason`: why there is no chain of causes, for the long text."""
+    """What the note states; `reason`: why there is no chain of causes, for the long text."""
     summary = f"{_title(end.pipeline, end.began)} {explain_end(end.stop, end.cause)}"
     return StopExplanation(summary, f"{summary} {reason}" if end.stop is not None else summary)
 

@@ -114,7 +114,7 @@ class Rests(Block):
     def react(self, now, odometry):
         return nowhere
 """
-ENDS = [  # words of `run`, and what `why` tells of that run; an older one has hit a wall
+ENDS = [  # words of `run`, and what `why` states of that run; an older one has hit a wall
     (("goal", "--fast", "--for", "1s"), "The run has ended: time limit of 1 s", ""),
     (
         ("goal", "--fast", "--goal", "1,0", *(f"--set={each}" for each in WALL)),
