@@ -33,7 +33,7 @@ def test_info_counts_the_messages(goal):
 
 def test_info_in_words(goal):
     code, text = bag_output("info", goal)
-    assert code == 0
+    assert not code
     for words in ("goal.yaml", "book_2wd", "sim (seed 3)", "all goals reached", "complete"):
         assert words in text
     assert any(line.split()[:2] == ["robot.encoders", "Encoders"] for line in text.splitlines())
