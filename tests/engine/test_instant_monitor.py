@@ -50,7 +50,7 @@ def events_of(naps, deadman=0.3):
 
 
 def took(stop, names):
-    """The times (s) in a cause; that in which a busy machine ran something else is not a block's."""
+    """The times (s) in a cause, without those in which a busy machine ran something else."""
     return [float(text) for text in re.findall(rf"(?:{names}) (0\.\d+) s", stop.cause)]
 
 
