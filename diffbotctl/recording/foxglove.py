@@ -164,8 +164,8 @@ class ViewerMessages:
     """Makes viewers' messages from a run's.
 
     `epoch`: ns since 1970 at logical time 0. `wires` are those of the run, with their classes;
-    `topics` maps each topic for viewers to its schema. `has_grids`: whether the robot's map is among
-    them, as one message with all cells; a recording has it in tiles alone.
+    `topics` maps each topic for viewers to its schema. `has_grids`: whether the robot's map is
+    among them, as one message with all cells; a recording has it in tiles alone.
     """
 
     def __init__(
