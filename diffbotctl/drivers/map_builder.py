@@ -92,6 +92,7 @@ class MapSource(DeviceDriver):
         if self.last is not None:
             facts["resume"] = [self.last.x, self.last.y, self.last.heading]
             facts["map"] = self.last.map + 1
+            facts["grows"] = self.last.state == "mapping"
         words = ["-m", "diffbotctl.drivers.map_process", str(theirs.fileno()), json.dumps(facts)]
         self.process = subprocess.Popen(
             [sys.executable, *words],

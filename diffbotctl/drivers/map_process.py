@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from diffbotctl.drivers.map_builder import PACKET_MAX_BYTES
-from diffbotctl.drivers.map_store import map_path, maps_folder
+from diffbotctl.drivers.map_store import map_path, maps_folder, stored_maps
 from diffbotctl.errors import RunError
 from diffbotctl.geometry.map_tiles import (
     EMPTY_TILE,
@@ -32,7 +32,7 @@ from diffbotctl.mapping.lidar_scan import MappedScan
 from diffbotctl.mapping.map_file import load_map, save_map
 from diffbotctl.mapping.map_image import FREE as FREE_SHARE
 from diffbotctl.mapping.map_image import OCCUPIED as OCCUPIED_SHARE
-from diffbotctl.mapping.mapper import Correction, Mapper, MapperParameters
+from diffbotctl.mapping.mapper import Correction, Mapper, MapperParameters, MapperState
 from diffbotctl.mapping.occupancy_grid import OccupancyGrid
 from diffbotctl.mapping.plane_pose import Array, compose
 from diffbotctl.messages import MapRequest, MapUpdate, ScanPoints
@@ -46,6 +46,11 @@ TILE_BYTES_MAX = 100_000
 RESUMED_SD = (0.15, 0.15, 0.1)  # m, m, rad: after the death of the process before
 PLACED_SD = (0.2, 0.2, 0.2)  # of a person's click
 PARAMETERS = ("resolution", "range_max")
+CAUSES = {  # and what a person can do
+    MapperState.SEARCHING: "drive gently, a look from one place is not enough",
+    MapperState.LOST: "what the lidar measures does not fit the map; drive on, state the place "
+    "with `diffbotctl map place`, or load the map of this place",
+}
 
 
 class MapSession:
@@ -55,7 +60,7 @@ class MapSession:
         self.facts = facts
         self.number = int(facts.get("map", 1))
         self.resume: list[float] | None = facts.get("resume")
-        self.cause = ""
+        self.not_loaded = self.not_saved = ""  # why; empty when nothing failed
         self.request, self.refusal = 0, ""
         self.scans = 0
         self.time = self.tiles_due = self.autosave_due = 0
@@ -64,7 +69,7 @@ class MapSession:
         self._begin(None)
         name = AUTOSAVE if self.resume and map_path(AUTOSAVE).exists() else facts["load"]
         if name:
-            self.cause = self._load(name)
+            self.not_loaded = self._load(name, bool(self.facts.get("grows")))
 
     def scan(self, points: ScanPoints) -> MapUpdate:
         """Add a scan."""
@@ -75,6 +80,7 @@ class MapSession:
         if self.resume is not None:
             place = compose(self.resume, scan.odometry)
             self.mapper.answer(place, np.diag(np.square(RESUMED_SD)))
+            self.correction = self.mapper.add(scan)  # the same scan, from the place that is known
             self.resume = None
         self.has_changed = self.has_changed or self.correction.changed_map
         if self.facts["autosave"] and self.time >= self.autosave_due:
@@ -90,6 +96,7 @@ class MapSession:
             cause = self._load(request.name)
         elif request.task == "clear":
             self._begin(None)
+            self.not_loaded = ""
             self.number += 1
         elif request.task == "place":
             pose = np.array([request.x, request.y, request.heading])
@@ -101,12 +108,12 @@ class MapSession:
         """Save the map if it has grown; a full disk ends no run."""
         self.autosave_due = self.time + AUTOSAVE_PERIOD
         if self.has_changed and self.facts["autosave"]:
-            self.cause = self._save(AUTOSAVE)
+            self.not_saved = self._save(AUTOSAVE)
             self.has_changed = False
 
-    def _begin(self, saved: Any) -> None:
+    def _begin(self, saved: Any, grows: bool = False) -> None:
         settings = {name: self.facts[name] for name in PARAMETERS}
-        self.mapper = Mapper(MapperParameters(**settings), saved)
+        self.mapper = Mapper(MapperParameters(**settings), saved, grows)
         self.sent: dict[Place, str] = {}
         self.changed: dict[Place, str] = {}
         self.compared: OccupancyGrid | None = None
@@ -120,18 +127,22 @@ class MapSession:
             return f"the map could not be saved: {error.strerror}"
         return ""
 
-    def _load(self, name: str) -> str:
+    def _load(self, name: str, grows: bool = False) -> str:
+        if name not in [stored.name for stored in stored_maps()]:
+            return f"there is no map {name!r}; `diffbotctl map list` shows them"
         try:
             saved = load_map(map_path(name))
         except RunError as error:
             problem = error.problems[0]
             return f"{problem.place}: {problem.cause}; {problem.fix}"
-        self._begin(saved)
+        self._begin(saved, grows)
+        self.not_loaded = ""
         self.number += 1
         return ""
 
     def _update(self) -> MapUpdate:
         tiles = self._tiles()
+        cause = self.not_loaded or self.not_saved
         if self.correction is None:
             return MapUpdate(
                 self.time,
@@ -139,7 +150,7 @@ class MapSession:
                 map=self.number,
                 request=self.request,
                 refusal=self.refusal,
-                cause=self.cause,
+                cause=cause,
                 resolution=self.mapper.parameters.resolution,
             )
         c = self.correction
@@ -162,7 +173,7 @@ class MapSession:
             tiles=tuple(text for _, text in tiles),
             request=self.request,
             refusal=self.refusal,
-            cause=self.cause,
+            cause=cause or CAUSES.get(c.state, ""),
         )
 
     def _tiles(self) -> list[tuple[Place, str]]:

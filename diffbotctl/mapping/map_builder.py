@@ -7,11 +7,13 @@ from collections.abc import Generator
 
 import numpy as np
 
-from diffbotctl.mapping.lidar_scan import MappedScan, SurfacePoints
+from diffbotctl.mapping.lidar_scan import MappedScan, SurfacePoints, surface_points
 from diffbotctl.mapping.loop_closure import close
 from diffbotctl.mapping.match_field import MatchField, joined
 from diffbotctl.mapping.occupancy_grid import GridBuilder
 from diffbotctl.mapping.plane_pose import Array, between, compose, moved_covariance
+from diffbotctl.mapping.scan_map import Map
+from diffbotctl.mapping.scan_tracker import FLOOR
 from diffbotctl.mapping.submaps import SUBMAP_SCANS, SUBMAPS_MAX, Submaps
 
 REFERENCE_SCANS = 80  # the last keyframes, which a scan is matched with
@@ -61,6 +63,14 @@ class MapBuilder:
         self, scan: MappedScan, surface: SurfacePoints, tracked: Array, covariance: Array
     ) -> None:
         """Keep a scan; `covariance`: of its pose relative to the keyframe before."""
+        self.keep(scan, surface, tracked, covariance)
+        surfaces = [each for each, _ in self._recent]
+        self.field = MatchField(joined(surfaces, np.array([pose for _, pose in self._recent])))
+
+    def keep(
+        self, scan: MappedScan, surface: SurfacePoints, tracked: Array, covariance: Array
+    ) -> None:
+        """`add` without the field, for scans of which none is matched before `jump`."""
         motion = between(self._last, tracked)
         distance, turn = float(np.hypot(motion[0], motion[1])), abs(float(motion[2]))
         position = DRIFT[0] + DRIFT[1] * distance
@@ -81,8 +91,6 @@ class MapBuilder:
         self._last = tracked.copy()
         self.submaps.add(scan, surface, between(self._anchor, tracked))
         self._recent.append((surface, tracked.copy()))
-        surfaces = [each for each, _ in self._recent]
-        self.field = MatchField(joined(surfaces, np.array([pose for _, pose in self._recent])))
 
     def jump(self, pose: Array) -> Array:
         """Go on at another `pose` in map. Returns it in tracking."""
@@ -147,3 +155,11 @@ class MapBuilder:
         self.redrawn = builder
         self._keyframes_drawn = len(self.submaps.keyframes)
         self._drawn = np.vstack([drawn, self.submaps.graph.poses[len(drawn) :]])
+
+
+def resumed(resolution: float, saved: Map) -> MapBuilder:
+    """A builder that goes on with a saved map, after `jump` to the pose in it."""
+    builder = MapBuilder(resolution, saved.poses[0])
+    for scan, pose in zip(saved.scans, saved.poses, strict=True):
+        builder.keep(scan, surface_points(scan.points, scan.origin), pose, FLOOR)
+    return builder

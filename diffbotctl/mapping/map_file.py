@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.mapping.lidar_scan import MappedScan
+from diffbotctl.mapping.match_field import CELL
+from diffbotctl.mapping.occupancy_grid import CELLS_MAX
 from diffbotctl.mapping.scan_map import Map
 
 FORMAT = 1
@@ -114,6 +116,7 @@ def _map_of_arrays(arrays: Arrays) -> Map:
         raise ValueError(f"{count} scans at a resolution of {resolution:g} m")
     for name, shape in (("poses", (3,)), ("odometry", (3,)), ("covariances", (3, 3))):
         arrays[name].reshape(count, *shape)
+    _check_extent(arrays, resolution)
     points = _parts(arrays["points"], arrays["point_counts"], count)
     clear = _parts(arrays["clear"], arrays["clear_counts"], count)
     origins = arrays["origins"].reshape(count, 2).tolist()
@@ -130,6 +133,19 @@ def _map_of_arrays(arrays: Arrays) -> Map:
         for i in range(count)
     )
     return Map(resolution, scans, arrays["poses"].astype(float))
+
+
+def _check_extent(arrays: Arrays, resolution: float) -> None:
+    """Raises ValueError for a map whose grid would be too large to hold."""
+    if not len(arrays["poses"]):
+        return
+    reach = max(np.hypot(*arrays[name].T).max(initial=0.0) for name in ("points", "clear"))
+    width, depth = (np.ptp(arrays["poses"][:, :2], axis=0) + 2 * reach).tolist()
+    cell = min(resolution, CELL)
+    if width * depth > CELLS_MAX * cell**2:
+        raise ValueError(
+            f"it spans {width:.0f} m x {depth:.0f} m, more than {CELLS_MAX:,} cells of {cell:g} m"
+        )
 
 
 def _parts(

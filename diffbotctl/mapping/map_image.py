@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from math import isfinite
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, BinaryIO, Literal
 
 import numpy as np
 import yaml
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from diffbotctl.errors import Problem, RunError
 from diffbotctl.mapping.occupancy_grid import CELLS_MAX, OccupancyGrid
 
+DESCRIPTION_MAX, HEADER_MAX = 10_000, 4096  # characters, bytes
 OCCUPIED, FREE = 0.65, 0.196
 GREY_OCCUPIED, GREY_FREE, GREY_UNKNOWN = 0, 254, 205
 HEADER = re.compile(rb"P5\s+(?:#[^\n]*\n\s*)*(\d+)\s+(?:#[^\n]*\n\s*)*(\d+)\s+(\d+)\s")
@@ -54,11 +55,13 @@ def load_picture(path: Path) -> OccupancyGrid:
     Raises RunError, with place, cause and fix.
     """
     try:
-        text = yaml.safe_load(path.read_text())
+        with path.open() as file:
+            text = yaml.safe_load(file.read(DESCRIPTION_MAX))
         if not isinstance(text, dict):
             raise ValueError("it is no table of keys")
         picture = path.parent / str(text["image"])
-        return _grid(text, _greys(picture.read_bytes()))
+        with picture.open("rb") as content:
+            return _grid(text, _greys(content))
     except KeyError as error:
         raise RunError([_problem(path, f"{error.args[0]} is missing")]) from error
     except OSError as error:
@@ -72,8 +75,9 @@ def _problem(path: Path, cause: str) -> Problem:
     return Problem("E-MAP-IMAGE", str(path), f"this map cannot be read: {cause}", fix)
 
 
-def _greys(content: bytes) -> NDArray[np.uint8]:
-    header = HEADER.match(content)
+def _greys(content: BinaryIO) -> NDArray[np.uint8]:
+    """Reads no more than a header before it knows the size."""
+    header = HEADER.match(content.read(HEADER_MAX))
     if header is None:
         raise ValueError("the picture is no binary pgm (P5)")
     columns, rows, highest = map(int, (header[1], header[2], header[3]))
@@ -82,7 +86,8 @@ def _greys(content: bytes) -> NDArray[np.uint8]:
             f"the picture has {columns} x {rows} cells and greys up to {highest}; "
             f"{CELLS_MAX:,} cells and 255 are the limits"
         )
-    body = content[header.end() :]
+    content.seek(header.end())
+    body = content.read(columns * rows)
     if len(body) < columns * rows:
         raise ValueError(f"the picture has {len(body)} of {columns * rows} bytes")
     grey = np.frombuffer(body, np.uint8, columns * rows).reshape(rows, columns)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diffbotctl.mapping.lidar_scan import MappedScan, SurfacePoints, surface_points
-from diffbotctl.mapping.map_builder import MapBuilder
+from diffbotctl.mapping.map_builder import MapBuilder, resumed
 from diffbotctl.mapping.match_field import MatchField
 from diffbotctl.mapping.occupancy_grid import GridBuilder, OccupancyGrid
 from diffbotctl.mapping.place_search import FIXES_WITHOUT_PLACE, PlaceSearch
@@ -87,9 +87,14 @@ class Correction(NamedTuple):
 
 
 class Mapper:
-    """Builds a map, or finds and follows the robot's pose in the saved map `saved`."""
+    """Builds a map, or finds and follows the robot's pose in the saved map `saved`.
 
-    def __init__(self, parameters: MapperParameters, saved: Map | None = None) -> None:
+    `grows`: once the pose in `saved` is found, that map is built on.
+    """
+
+    def __init__(
+        self, parameters: MapperParameters, saved: Map | None = None, grows: bool = False
+    ) -> None:
         self.parameters = parameters
         self._saved = saved if saved is not None and len(saved.scans) else None
         self._tracker = ScanTracker(np.zeros(3), UNKNOWN)
@@ -108,6 +113,9 @@ class Mapper:
             self._drawn, self._field = self._saved.drawn(), self._saved.field()
             self._search = PlaceSearch(self._field, self._drawn, self._saved.poses)
             self._state = MapperState.SEARCHING
+            if grows:
+                self._builder = resumed(parameters.resolution, self._saved)
+                self._saved = self._field = None
 
     def add(self, scan: MappedScan) -> Correction:
         """The pose at `scan`, and the map with it. A scan that is not newer changes nothing."""

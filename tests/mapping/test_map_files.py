@@ -1,5 +1,7 @@
 """Map files, and pictures for and from ROS's map_server."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -55,6 +57,31 @@ def test_a_damaged_file_is_a_map_or_is_refused(room_map, tmp_path, seed):
         load_map(path)
     except RunError as error:
         assert "E-MAP-FILE" in str(error)
+
+
+@pytest.mark.parametrize("far", [900.0, 99_000.0])
+def test_a_map_too_large_to_hold_is_refused(room_map, tmp_path, far):
+    poses = room_map.poses.copy()
+    poses[-1, :2] = far
+    path = tmp_path / "large.map"
+    save_map(room_map._replace(poses=poses), path)
+    tracemalloc.start()
+    with pytest.raises(RunError, match=r"spans \d+ m x \d+ m, more than"):
+        load_map(path)
+    assert tracemalloc.get_traced_memory()[1] < 40e6
+    tracemalloc.stop()
+
+
+def test_a_large_picture_is_refused_by_its_header(tmp_path):
+    (tmp_path / "a.yaml").write_text("image: a.pgm\n")
+    with (tmp_path / "a.pgm").open("wb") as picture:
+        picture.write(b"P5 10000 10000 255\n")
+        picture.truncate(100_000_020)
+    tracemalloc.start()
+    with pytest.raises(RunError, match="10000 x 10000 cells"):
+        load_picture(tmp_path / "a.yaml")
+    assert tracemalloc.get_traced_memory()[1] < 5e6
+    tracemalloc.stop()
 
 
 def test_a_grid_survives_map_server_s_files(room_map, tmp_path):

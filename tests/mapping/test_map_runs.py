@@ -12,7 +12,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from diffbotctl.config.load import load
-from diffbotctl.drivers.map_store import stored_maps
+from diffbotctl.drivers.map_store import map_path, maps_folder, stored_maps
 from diffbotctl.geometry.map_tiles import MapTiles
 from diffbotctl.messages import MapPose, MapUpdate
 from diffbotctl.recording.reader import RecordingReader
@@ -165,6 +165,48 @@ def test_a_process_that_dies_is_started_again_and_stops_nothing(pipeline, tmp_pa
         abs(after.x - before.x) + abs(after.y - before.y) for before, after in pairwise(poses)
     )
     assert jump < 0.1, "the map goes on from where the robot was"
+    tiles = MapTiles()
+    for update in updates:
+        tiles.take(update)
+    assert (poses[-1].state, tiles.is_whole) == ("mapping", True)
+    assert max(x for x, _ in tiles.occupied()) > 4.0, "it grows beyond what had been saved"
+
+
+OTHER_ROOM = """
+world:
+  walls:
+    - {from: [-1 m, -0.9 m], to: [2 m, -0.7 m]}
+    - {from: [2 m, -0.7 m], to: [3 m, 1.7 m]}
+    - {from: [3 m, 1.7 m], to: [-1 m, 2.7 m]}
+    - {from: [-1 m, 2.7 m], to: [-1 m, -0.9 m]}
+  obstacles: []
+"""
+
+
+def test_a_map_of_another_place_is_said_not_to_fit_and_stays_as_it_is(pipeline, tmp_path):
+    other = tmp_path / "other.yaml"
+    other.write_text(PIPELINE + OTHER_ROOM)
+    recorded(str(other), tmp_path / "other.mcap", 15.0)
+    saved = map_path("autosave").rename(map_path("other"))
+    before = saved.read_bytes()
+    path = tmp_path / "here.mcap"
+    assert recorded(pipeline, path, 20.0, ("map.load=other",), seed=9).failure is None
+    poses = messages(path, MapPose)
+    assert {pose.state for pose in poses} <= {"starting", "searching", "lost"}
+    assert poses[-1].state == "lost" and "does not fit the map" in poses[-1].cause
+    assert saved.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("name", "cause"),
+    [("half", "no whole map file"), ("none", "no map 'none'"), ("../x", "no map '../x'")],
+)
+def test_a_map_that_cannot_be_loaded_is_named_in_the_whole_run(pipeline, tmp_path, name, cause):
+    maps_folder().mkdir(parents=True)
+    map_path("half").write_bytes(b"PK" + bytes(900))
+    path = tmp_path / "run.mcap"
+    recorded(pipeline, path, 4.0, (f"map.load={name}",))
+    assert all(cause in update.cause for update in messages(path, MapUpdate))
 
 
 @pytest.mark.parametrize("has_scans", [True, False], ids=["late process", "dead lidar"])
