@@ -42,11 +42,15 @@ class RunEntry(Section):
     time = Param(float, unit="s", default=60.0, above=0.0, help="Simulated time of each at most.")
     draw = Param(dict[str, Draw], default={}, help="Values that are drawn, as --set names them.")
     changes = Param(list[LiveChange], default=[], help="Changes while it runs.")
+    reset_at = Param(
+        float, unit="s", default=0.0, help="When all blocks are reset, as before a run; 0: never."
+    )
     refused = Param(list[str], default=[], help="Values, as --set states them, to be refused.")
+    accepted = Param(list[str], default=[], help="Values, as --set states them, to be accepted.")
     types = Param(
         dict[str, str],
         default={},
-        help="Types of wires, such as {sensor.door: 'Door(time, angle)'}.",
+        help="Types of wires, such as {sensor.door: 'Door(time ns, angle rad)'}.",
     )
     settings = Param(list[str], key="set", default=[], help="Values, as --set states them.")
     programs = Param(bool, default=False, help="Whether programs run, in real time.")

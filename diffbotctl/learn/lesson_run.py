@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple, get_args, get_origin
 
 from diffbotctl.config import consents
 from diffbotctl.config.code_files import CodeFile
@@ -19,7 +19,7 @@ from diffbotctl.config.load import load
 from diffbotctl.errors import ConfigurationError, Problem, UserError
 from diffbotctl.graph import LOG, Sink
 from diffbotctl.learn.lesson import Draw, RunEntry
-from diffbotctl.messages import LogLine, Text
+from diffbotctl.messages import LogLine, Text, fields
 from diffbotctl.params import declared
 from diffbotctl.programs.driver import ProgramsDriver
 from diffbotctl.recording.reader import RecordingReader
@@ -124,7 +124,13 @@ def _recorded(entry: RunEntry, folder: Path) -> LessonFinding:
 
 
 def _accepted(entry: RunEntry, sets: Sequence[str]) -> LessonFinding | None:
-    """The finding when a value is accepted that has to be refused."""
+    """The finding when a value is accepted that has to be refused, or refused in place of it."""
+    for value in entry.accepted:
+        try:
+            load(f"./{entry.pipeline}", None, [*sets, value])
+        except ConfigurationError:
+            load(f"./{entry.pipeline}", None, sets)
+            return LessonFinding("refused", value)
     for refused in entry.refused:
         with suppress(ConfigurationError):
             load(f"./{entry.pipeline}", None, [*sets, refused])
@@ -156,7 +162,7 @@ def _run(entry: RunEntry, sets: tuple[str, ...], seed: int) -> LessonFinding:
     run = LessonRun(configuration, options)
     for wire, type_text in entry.types.items():
         kind = run.assembly.graph.kinds.get(wire, type(None))
-        found = f"{kind.__name__}({', '.join(getattr(kind, '_fields', ()))})"
+        found = _type_text(kind)
         if found != type_text:
             return LessonFinding("type", f"{wire} has the type {found}")
     for number, change in enumerate(entry.changes):
@@ -167,8 +173,18 @@ def _run(entry: RunEntry, sets: tuple[str, ...], seed: int) -> LessonFinding:
             unfit = run.change_at(round(change.at * SECOND), parameter, value)
             if unfit is not None:
                 return unfit
+    run.reset_at = round(entry.reset_at * SECOND)
     result = run.go()
     return run.finding or _without_finding(result, entry, run.complaint)
+
+
+def _type_text(kind: type) -> str:
+    """Name and fields of a message, each with its unit or choices: `Door(time ns, angle rad)`."""
+    texts = []
+    for name, (hint, field) in fields(kind).items() if hasattr(kind, "_fields") else ():
+        choices = sorted(get_args(hint)) if get_origin(hint) is Literal else []
+        texts.append(f"{name} {field.unit or ' | '.join(map(str, choices))}".rstrip())
+    return f"{kind.__name__}({', '.join(texts)})"
 
 
 def _without_finding(result: RunResult, entry: RunEntry, complaint: str) -> LessonFinding:
@@ -210,6 +226,7 @@ class LessonRun(Run):
 
     finding: LessonFinding | None = None
     complaint = ""
+    reset_at = 0  # ns
 
     def __init__(self, configuration: Configuration, options: RunOptions) -> None:
         self._changes: list[_Change] = []
@@ -252,6 +269,10 @@ class LessonRun(Run):
 
     def _make_changes(self) -> None:
         now = self.engine.last_instant
+        if 0 < self.reset_at <= now:
+            self.reset_at = 0
+            for node in self.assembly.graph.nodes:
+                node.block.reset()
         for change in [each for each in self._changes if each.time <= now]:
             self._changes.remove(change)
             self.operator.set_number(now, change.block, change.name, change.value)

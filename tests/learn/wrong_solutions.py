@@ -11,6 +11,10 @@ class Wrong(NamedTuple):
     code: str
 
 
+MOVES = (  # of the odometry
+    "            self.x += forward * cos(self.heading + turn / 2.0)\n"
+    "            self.y += forward * sin(self.heading + turn / 2.0)\n"
+)
 WRONG = {
     "talker": [
         Wrong("period: 100 ms", "period: 10 ms", "rate"),
@@ -20,8 +24,8 @@ WRONG = {
     ],
     "parameters": [
         Wrong("live=True, ", "", "fixed"),
-        Wrong("minimum=0.0, maximum=10.0, ", "", "accepted"),
-        Wrong("self.factor * number.data", "2.0 * number.data", "factor"),
+        Wrong("minimum=0.0, maximum=10.0, ", "minimum=0.0, ", "accepted"),
+        Wrong("minimum=0.0, maximum=10.0", "above=0.0, below=10.0", "refused"),
         Wrong("        if number is None:", "        if True:", "silent"),
     ],
     "turtle_square": [
@@ -39,12 +43,16 @@ WRONG = {
         Wrong(
             "return Twist(pose.time, SPEED if driven < DISTANCE else 0.0, 0.0)",
             "return Twist(pose.time, SPEED, 0.0) if driven < DISTANCE else None",
-            "",
+            "silent",
         ),
     ],
     "counter": [
         Wrong("self.sum += number.data", "self.sum = number.data", "sum"),
-        Wrong("        self.sum = 0.0", "        self.sum = 100.0", "sum"),
+        Wrong(
+            "    def reset(self):\n        self.sum",
+            "    sum = 0.0\n\n    def reset(self):\n        x",
+            "again",
+        ),
         Wrong(
             "    def reset(self):\n        self.sum = 0.0\n",
             "    sums = [0.0]\n\n    @property\n    def sum(self):\n        return self.sums[0]\n\n"
@@ -64,15 +72,15 @@ WRONG = {
         Wrong('diffbot_is(line, "number")', 'diffbot_is(line, "total")', "silent"),
     ],
     "own_message": [
-        Wrong("    state: Literal[", "    status: Literal[", "type"),
-        Wrong(">= 0.2", "> 0.3", "state"),
+        Wrong('    state: Literal["open", "closed"]', "    state: str", "type"),
+        Wrong(">= 0.2", "> 0.2", "state"),
         Wrong('door.state == "open"', 'door.state == "closed"', "state"),
         Wrong("door = Out(Door", "gate = Out(Door", "error"),
     ],
     "wiring": [
         Wrong("encoder: {pin: 3}", "encoder: {pin: 19}", "error"),
-        Wrong("encoder: {pin: 3}", "encoder: {pin: none}", "error"),
-        Wrong("include: book_2wd", "include: book_2wd\nboard: {type: uno}", "error"),
+        Wrong("sensors:\n  front:", "x-sensors:\n  front:", "error"),
+        Wrong("include: ./parts.yaml", "include: book_2wd", "robot"),
         Wrong("in1: 9, in2: 10", "in1: 9, in2: 9", "error"),
     ],
     "wheel_speeds": [
@@ -82,16 +90,20 @@ WRONG = {
         Wrong("Wheels(twist.time, left, right)", "Wheels(twist.time, right, left)", "exchanged"),
     ],
     "odometry": [
-        Wrong("self.heading + turn / 2.0", "self.heading - turn", "position"),
+        Wrong(
+            f"{MOVES}            self.heading += turn\n",
+            f"            self.heading += turn\n{MOVES}",
+            "position",
+        ),
         Wrong("(right - left) / self.track", "(left - right) / self.track", "heading"),
         Wrong("/ self.counts", "/ 64", "heading"),
         Wrong("self.last = encoders\n", "self.last = self.last or encoders\n", "heading"),
     ],
     "scan_stop": [
-        Wrong("ahead < 0.35", "ahead < 0.12", "near"),
+        Wrong("return Twist(twist.time, 0.0, 0.0)", "return None", "silent"),
         Wrong("abs(aside) < 0.12", "abs(aside) < 0.01", "near"),
-        Wrong("ahead < 0.35", "ahead < 1.2", "far"),
-        Wrong("        return False\n", "        return True\n", "far"),
+        Wrong("ahead < 0.35", "0.0 < ahead < 0.35", "zero"),
+        Wrong("(scan is None or self.is_blocked(scan))", "scan and self.is_blocked(scan)", "blind"),
     ],
     "calibration": [
         Wrong("(left.x - right.x) / (4.0", "(right.x - left.x) / (4.0", "worse"),

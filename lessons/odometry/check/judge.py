@@ -7,13 +7,14 @@ from diffbotctl.block import Block, Every, In, Out
 from diffbotctl.messages import Odometry, Text, Twist
 from diffbotctl.params import Param
 
-PATH = 6.0  # m, after which the error counts
+PATH = 6.0  # m
+BEGIN = 1.5  # m of the path, from which on the error counts
 PART = 0.02  # of the path, the largest error
 TURN_MAX = 0.05  # rad, the largest error of the heading
 
 
 class Curves(Block):
-    """Another curve every second, sent ten times a second."""
+    """Curves to one side, another every second: to both sides their errors would cancel."""
 
     seed = Param(int, default=1, help="Seed.")
     tick = Every(0.1)
@@ -21,18 +22,19 @@ class Curves(Block):
 
     def reset(self):
         self.rng = Random(self.seed)
+        self.side = self.rng.choice((-1.0, 1.0))
         self.count = 0
 
     def react(self, now, tick):
         if self.count % 10 == 0:
             self.linear = self.rng.uniform(0.4, 0.8)
-            self.angular = self.rng.choice((-1.0, 1.0)) * self.rng.uniform(0.4, 1.2)
+            self.angular = self.side * self.rng.uniform(0.4, 1.2)
         self.count += 1
         return Twist(now, self.linear, self.angular)
 
 
 class Judge(Block):
-    """An error of less than 2 % of the path."""
+    """An error of less than 2 % of the path, at any time."""
 
     pose = In(Odometry, trigger=False)
     truth = In(Odometry)
@@ -49,7 +51,7 @@ class Judge(Block):
             self.start = self.last = truth
         self.path += hypot(truth.x - self.last.x, truth.y - self.last.y)
         self.last = truth
-        if self.path < PATH:
+        if self.path < BEGIN:
             return None
         if pose is None:
             return Text(now, "silent: no pose came")
@@ -63,4 +65,4 @@ class Judge(Block):
         if off > PART * self.path:
             seen = f"{1000.0 * off:.0f} mm after a path of {self.path:.1f} m"
             return Text(now, f"position: {seen}")
-        return Text(now, "passed")
+        return Text(now, "passed") if self.path >= PATH else None

@@ -36,8 +36,8 @@ class Judge(Block):
             return Text(now, f"rest: {seen}, and does not stand")
         if now - self.still_since < REST or now < 3 * SECOND:
             return None
-        if abs(driven - 1.0) > 0.020:
+        if twist is None or now - twist.time > SECOND:
+            return Text(now, f"silent: {seen}" if twist else "nothing: the block published nothing")
+        if abs(driven - 1.0) > 0.020 or twist.linear or twist.angular:
             return Text(now, f"distance: {seen}")
-        if twist is None or twist.linear or twist.angular or now - twist.time > SECOND:
-            return Text(now, f"silent: {seen}")
         return Text(now, "passed")

@@ -8,7 +8,7 @@ from diffbotctl.params import Param
 
 
 class Angles(Block):
-    """Random angles of a door."""
+    """Random angles of a door, of which half are the limit."""
 
     seed = Param(int, default=1, help="Seed.")
     tick = Every(0.05)
@@ -18,7 +18,7 @@ class Angles(Block):
         self.rng = Random(self.seed)
 
     def react(self, now, tick):
-        return Float64(now, self.rng.uniform(0.0, 0.5))
+        return Float64(now, self.rng.choice((0.2, self.rng.uniform(0.0, 0.5))))
 
 
 class Judge(Block):

@@ -1,13 +1,16 @@
 """How near the robot comes to what it drives at."""
 
-from math import cos, hypot, sin
+from math import cos, hypot, inf, pi, sin
 
 from diffbotctl.block import Block, Every, FromRobot, In, Out
-from diffbotctl.messages import Odometry, Text, Twist
+from diffbotctl.messages import Odometry, Scan, Text, Twist
 from diffbotctl.params import Param
 
 REST = 1_500_000_000  # ns
 FREE, NEAR = 0.10, 0.50  # m
+SECOND = 1_000_000_000
+FIRST_SCAN, TOO_NEAR, END = 2 * SECOND, 4 * SECOND, 6 * SECOND
+LATE = SECOND // 2  # after a change, which the next scan shows
 
 
 class Forward(Block):
@@ -51,3 +54,42 @@ class Judge(Block):
 
     def _what(self):
         return "post" if self.radius else "wall"
+
+
+class Scans(Block):
+    """None at first; then free ones; then some with distances that are too near, as zeros."""
+
+    bearing = Param(float, unit="rad", default=0.0, help="In which they are too near.")
+    tick = Every(0.2)
+    scan = Out(Scan)
+
+    def react(self, now, tick):
+        if now < FIRST_SCAN:
+            return None
+        distances = [inf] * 360
+        if now >= TOO_NEAR:
+            middle = round(180.0 * (self.bearing / pi + 1.0))
+            distances[middle - 3 : middle + 4] = [0.0] * 7
+        return Scan(now, -pi, pi / 180.0, tuple(distances))
+
+
+class UnknownJudge(Block):
+    """The robot drives only while it knows that the way is free, and always gets a velocity."""
+
+    twist = In(Twist)
+    safe = In(Twist)
+    finding = Out(Text)
+
+    def react(self, now, twist, safe):
+        if twist is None or now % TOO_NEAR % FIRST_SCAN < LATE:
+            return None
+        if safe is None or safe.time != twist.time:
+            return Text(now, "silent: nothing was published after a velocity")
+        moves = safe.linear != 0.0
+        if now < FIRST_SCAN and moves:
+            return Text(now, "blind: before the first scan")
+        if FIRST_SCAN < now < TOO_NEAR and not moves:
+            return Text(now, "far: without anything in reach")
+        if now > TOO_NEAR and moves:
+            return Text(now, "zero: with distances of 0 ahead")
+        return Text(now, "passed") if now > END - LATE else None

@@ -43,18 +43,28 @@ class Judge(Block):
         left = 2.0 * (twist.linear - aside) / self.left_diameter
         right = 2.0 * (twist.linear + aside) / self.right_diameter
         if max(abs(wheels.left - left), abs(wheels.right - right)) > 1e-6:
-            kind = _kind((wheels.left, wheels.right), (left, right))
+            mirrored = (
+                left + 4.0 * aside / self.left_diameter,
+                right - 4.0 * aside / self.right_diameter,
+            )
+            kind = _kind((wheels.left, wheels.right), (left, right), mirrored)
             asked = f"v {twist.linear:.3f} m/s, w {twist.angular:.3f} rad/s"
-            seen = f"left {wheels.left:.3f} and right {wheels.right:.3f} rad/s for {asked}"
+            robot = f"track {self.track:.3f} m, diameters {self.left_diameter:.3f} m (left) "
+            robot += f"and {self.right_diameter:.3f} m (right)"
+            seen = f"left {wheels.left:.3f} and right {wheels.right:.3f} rad/s for {asked}, {robot}"
             return Text(now, f"{kind}: {seen}")
         self.count += 1
         return Text(now, "passed") if self.count == 200 else None
 
 
-def _kind(found, right):
-    """What is wrong with a pair of speeds, as far as it shows."""
-    if abs(found[0] - right[1]) + abs(found[1] - right[0]) < 1e-6:
+def _kind(found, right, mirrored):
+    """What is wrong with a pair of speeds, as far as it shows; `mirrored`: for -w in place of w."""
+    if _are_near(found, right[::-1]) or _are_near(found, mirrored):
         return "exchanged"
-    if all(abs(2.0 * a - b) < 1e-6 for a, b in zip(found, right, strict=True)):
+    if _are_near([2.0 * each for each in found], right):
         return "diameter"
     return "speeds"
+
+
+def _are_near(found, right):
+    return all(abs(a - b) < 1e-6 for a, b in zip(found, right, strict=True))

@@ -19,5 +19,5 @@ class Judge(Block):
         if part is None:
             return Text(now, f"silent: the robot stopped ({stop.code}), and no part was named")
         if part.text.strip().lower() != self.answer:
-            return Text(now, f"part: '{part.text}' for a stop with the code {stop.code}")
+            return Text(now, f"part: '{part.text}' for the stop {stop.code}: {stop.cause}")
         return Text(now, "passed")
