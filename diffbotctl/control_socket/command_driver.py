@@ -56,6 +56,7 @@ def _parts(values: tuple[Any, ...] | list[Any], depth: int) -> list[Any]:
 
 
 DRIVE_TIMEOUT = 300 * MILLISECOND  # with a telemetry period and the way down it is below 500 ms
+STOP_COMMAND = "`diffbotctl stop`"  # its client, whose name says all that it did
 GATE_STOP = "gate.stop"  # the wire with the stop in force at the safety gate
 
 
@@ -296,7 +297,11 @@ class ControlClientDriver:
     def _stop(self, now: int, who: str, reason: str) -> None:
         if self.lease.client is not None:
             self._queue("twist", now, Twist(now, 0.0, 0.0))
-        cause = f"{who} asked to stop" + (f": {reason}" if reason else "")
+        name = who.partition(" (process ")[0]
+        cause = f"{name} asked to stop"
+        if name == STOP_COMMAND:
+            cause = f"{name} was called in another terminal"
+        cause += f": {reason}" if reason else ""
         self._queue_stop(now, "operator_stop", cause)
 
     def _stop_gone(self, now: int) -> None:

@@ -95,8 +95,9 @@ class Client:
 
     @property
     def who(self) -> str:
-        """The client as the cause of a stop names it."""
-        return f"{self.name or 'a client'} (process {self.peer.pid}, uid {self.peer.uid})"
+        """The client as the cause of a stop names it; a command of ours as one is written."""
+        name = f"`{self.name}`" if self.name.startswith("diffbotctl ") else self.name
+        return f"{name or 'a client'} (process {self.peer.pid}, uid {self.peer.uid})"
 
     def answer(self, fields: Fields) -> None:
         """Queue a reply; these are never dropped."""

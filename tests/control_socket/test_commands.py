@@ -42,7 +42,8 @@ def test_stop_why_resume_and_goto(tmp_path):
         assert code == 0 and "stopped" in out
         client.until(stands)
         code, out, _ = cli(tmp_path, "why")
-        assert code == 0 and "asked to stop: the cat" in " ".join(out.split())
+        cause = "`diffbotctl stop` was called in another terminal: the cat."
+        assert code == 0 and cause in " ".join(out.split())
         code, out, _ = cli(tmp_path, "resume")
         assert code == 0 and "released from operator_stop" in out
         client.until(moves)
