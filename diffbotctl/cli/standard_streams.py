@@ -9,7 +9,7 @@ from stat import S_ISCHR, S_ISFIFO
 
 import click
 
-from diffbotctl.printable import printable
+from diffbotctl.printable import fold_line, printable
 
 NAMES = ("stdin", "stdout", "stderr")  # of the descriptors 0, 1 and 2
 
@@ -49,7 +49,11 @@ class NonBlockingStderr:
         if file is None:
             click.echo(text, err=True)
             return
-        self._unwritten += f"{printable(text)}\n".encode(errors="replace")
+        columns = getattr(sys.stderr, "columns", None)
+        shown = printable(text)
+        if columns is not None:
+            shown = "\n".join(fold_line(line, columns) for line in shown.split("\n"))
+        self._unwritten += f"{shown}\n".encode(errors="replace")
         with suppress(OSError):
             self._unwritten = self._unwritten[os.write(file, self._unwritten) :]
 

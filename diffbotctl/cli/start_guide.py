@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import termios
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, assert_never
@@ -205,8 +206,6 @@ class SetupGuide:
         """Write the robot file of a kit, or of the parts that the person names."""
         from diffbotctl.cli import new
 
-        for name, kit in new.kits().items():
-            _print(f"  {name}: {kit.title}")
         kit_name = self.prompter.ask(question("kit"))
         if kit_name != OTHER_PARTS:
             new.write("robot", NEW_ROBOT, new.kits()[kit_name].template)
@@ -323,6 +322,8 @@ class SetupGuide:
         words += [] if is_watched else ["--quiet"]
         words += ["--fast"] if port in VIRTUAL_PORTS and not is_watched else []
         code = _run_command(run.run, *words)
+        if sys.stdin.isatty():
+            termios.tcflush(sys.stdin, termios.TCIFLUSH)  # typed during the run: no answers
         if code == INTERRUPTED:
             raise click.Abort
         if code == REACHED_UNSURE:
@@ -352,7 +353,11 @@ class GuidePrompter:
             answer = self.answers.answer(question)
             _print(f"  {question.text} {answer}")
         elif sys.stdin.isatty():
-            answer = TerminalPrompter().answer(question)
+            try:
+                answer = TerminalPrompter().answer(question)
+            except RunError as error:
+                fix = "`diffbotctl start` asks again"
+                raise RunError(replace(error.problems[0], code=ANSWER_CODE, fix=fix)) from None
         else:
             fix = f"give --answers FILE with a line such as {question.name}: {question.choices[0]}"
             raise UsageError(

@@ -89,7 +89,8 @@ def question(name: str, default: str | None = None) -> Question:
     if name in PART_KINDS:
         return PartQuestion(name, choices=PART_KINDS[name].names, **row)
     if name == "kit":
-        return Question(name, choices=(*kits(), OTHER_PARTS), **row)
+        titles = (*(kit.title for kit in kits().values()), "I name its parts")
+        return Question(name, choices=(*kits(), OTHER_PARTS), labels=titles, **row)
     return Question(name, **row | {"choices": tuple(row["choices"])})
 
 

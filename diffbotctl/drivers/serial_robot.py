@@ -95,11 +95,12 @@ RETRY_PERIOD_MAX = 2_000 * MILLISECOND
 # dated any more (after a prompt to the user, after a suspended laptop): they are discarded.
 INPUT_AGE_MAX = 1_000 * MILLISECOND
 DISCARD_READS_MAX = 64  # reads of up to 4 kB
-NO_DEADMAN = """\
-WARNING: the book's firmware has no dead-man: this robot drives on with its last command
-when the cable or the radio fails, or when the computer crashes, sleeps or is switched off,
-and nothing can stop it then but its own switch. Only if diffbotctl hangs or is killed does
-a watchdog process stop it. `diffbotctl flash firmware` installs a firmware that stops."""
+NO_DEADMAN = (
+    "WARNING: the book's firmware has no dead-man: this robot drives on with its last command "
+    "when the cable or the radio fails, or when the computer crashes, sleeps or is switched off, "
+    "and nothing can stop it then but its own switch. Only if diffbotctl hangs or is killed does "
+    "a watchdog process stop it. `diffbotctl flash firmware` installs a firmware that stops."
+)
 
 
 def open_serial_robot(

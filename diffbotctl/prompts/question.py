@@ -13,6 +13,8 @@ from diffbotctl.units import UNITS, UnitError, quantity
 Answer = float | str
 MeasuredQuantity = Literal["", "forward", "left", "distance", "facing", "gap", "battery", "wheel"]
 
+LISTED_MIN = 4  # choices; more are not taken in within a sentence
+
 
 class AnswerError(ValueError):
     """An answer that is not valid. Its text is the reason."""
@@ -112,6 +114,8 @@ class Question:
     choices: tuple[str, ...] = ()
     quantity: MeasuredQuantity = ""
     """quantity that a simulated tool measures for this question"""
+    labels: tuple[str, ...] = ()
+    """what each of the choices is, for a list of them; empty where their names say it"""
     default: Answer | None = None
     """answer for an empty line"""
     is_whole: bool = False
@@ -145,6 +149,17 @@ class Question:
         scale = UNITS[self.default_unit][1] if self.default_unit in UNITS else 1.0
         digits = 0 if self.is_whole else 2 if self.default_unit in ("V", "cm") else 1
         return f"{answer / scale:.{digits}f} {self.default_unit}".strip()
+
+    @property
+    def is_listed(self) -> bool:
+        """Whether a person is shown a numbered list of the choices, and may type a number."""
+        return len(self.choices) > LISTED_MIN
+
+    def numbered(self, typed: str) -> str:
+        """The choice whose number was typed; other text as it is."""
+        number = int(typed) if typed.isdecimal() else 0
+        is_number = self.is_listed and 1 <= number <= len(self.choices)
+        return self.choices[number - 1] if is_number else typed
 
     def _parse_choice(self, answer: str) -> str:
         word = answer.strip().lower()

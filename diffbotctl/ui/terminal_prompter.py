@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterator
 from contextlib import nullcontext
 from typing import TYPE_CHECKING
 
@@ -121,11 +122,14 @@ class TerminalPrompter:
                 return question.parse(reading)
         # Folded with the default: the terminal would break the line in the middle of it.
         offered = f" [{default}]" if default else ""
-        text = f"{question.text} ({question.expected}){offered}"
+        expected = "number or name" if question.is_listed else question.expected
+        text = f"{question.text} ({expected}){offered}"
+        if question.is_listed:
+            click.echo("\n".join(_choice_rows(question)))
         text = fold_text(text, hang=2, width=WIDTH - len(PROMPT_END))
         for _ in range(ANSWER_ATTEMPTS_MAX):
             try:
-                return question.parse(self._type(text, default))
+                return question.parse(question.numbered(self._type(text, default).strip()))
             except AnswerError as error:
                 reason = str(error)
                 click.echo(fold_text(f"Invalid: {reason}", hang=2))
@@ -139,6 +143,19 @@ class TerminalPrompter:
                 text, default=default, show_default=False, prompt_suffix=PROMPT_END
             )
         return typed
+
+
+def _choice_rows(question: Question) -> Iterator[str]:
+    """The choices with their numbers: one a row with its label, or as many as fit."""
+    width = max(map(len, question.choices))
+    cells = [f"{n:>4} {choice:<{width}}" for n, choice in enumerate(question.choices, 1)]
+    if question.labels:
+        for cell, label in zip(cells, question.labels, strict=True):
+            yield f"{cell}  {label}".rstrip()
+        return
+    across = max(WIDTH // len(cells[0]), 1)
+    for begin in range(0, len(cells), across):
+        yield "".join(cells[begin : begin + across]).rstrip()
 
 
 def _replace_lines(count: int, text: str) -> None:

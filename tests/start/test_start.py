@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from diffbotctl.cli.new import kits
 from diffbotctl.config.load import load_robot
 from diffbotctl.emulator.program import IMAGE
 from tests.support.command_process import command_line
@@ -15,6 +16,8 @@ from tests.support.virtual_board import START_ANSWERS, board, diffbotctl, flat
 
 ROOT = Path(__file__).parents[2]
 BOOK = "kit: book_2wd\n"
+BASH_START = shlex.join(command_line("start"))
+KITS = kits()
 UNO_PARTS = ("--board", "uno", "--driver", "tb6612")
 UNO_ANSWERS = "kit: other\nboard: uno\ndriver: tb6612\nencoders: one-channel\n"
 
@@ -178,6 +181,21 @@ def test_at_a_prompt_it_can_be_left_with_a_key_and_goes_on(person):
             terminal.type("no\n")  # to what would move
             assert terminal.ended() == 1
         assert person.done()[-1] == "firmware"
+
+
+def test_choices_are_numbered_and_what_was_typed_during_a_run_answers_none(person):
+    shell = ["bash", "-c", f"cd {shlex.quote(str(person.folder))} && exec {BASH_START}"]
+    with Terminal(shell, person.environment, lines=50) as terminal:
+        terminal.until(lambda text: "driving" in text, "the simulated robot")
+        terminal.type("\n" * 3)
+        text = terminal.until(lambda text: "(number or name)" in text, "the kits")
+        assert "1 book_2wd  " in text and "Invalid" not in text
+        terminal.type(f"{len(KITS) + 1}\n")
+        terminal.until(lambda text: "Which board?" in text, "another robot than the kits")
+        terminal.type("\n" * 5)
+        terminal.until(lambda text: "`diffbotctl start` asks again" in text, "the end")
+        assert terminal.ended() == 1 and "E-START-ANSWER" in terminal.text
+        assert "Invalid: an answer is required" in terminal.text
 
 
 def test_a_robot_with_the_book_s_firmware_is_left_as_it_is(person):
