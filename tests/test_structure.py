@@ -103,7 +103,7 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "ros2": 1_920,
     "runs": 1_300,
     "trials": 1_670,
-    "ui": 4_340,
+    "ui": 4_350,
     "web": 1_590,
 }
 
