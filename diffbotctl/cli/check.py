@@ -64,6 +64,8 @@ def check(
                 click.echo(f"{text}\n")
             above = ", reported above" if file_problems and not new_problems else ""
             click.echo(f"{file}: {_verdict(file_problems)}{above}")
+            if any(problem.code == "E-CODE-CONSENT" for problem in new_problems):
+                click.echo(f"To allow the code: `diffbotctl run {file}` asks")
             for omission in omissions:
                 click.echo(fold_text(f"  {omission.text()}", hang=4))
             if not is_other:

@@ -86,7 +86,7 @@ class PartArguments(NamedTuple):
 PART_OPTIONS = ("--board", "--driver", "--encoders", "--imu", "--radio")
 
 
-@group("Files", 1, "Write a new robot, pipeline or block")
+@group("Files", 1, "Write a robot, pipeline, block, ...")
 def new() -> None:
     """Write a new robot, pipeline, trials, lesson, block or other part to start from."""
 

@@ -170,8 +170,8 @@ def doctor(
     Each line starts with ok, -- (a note) or !! (a problem). Exit code: 1 with any !!.
 
     --bundle writes a zip file: these findings, versions, ports, the last flight recording with the
-    files of its run. It first lists them. Names of users and computers, home folders, addresses,
-    serial numbers and access codes are removed.
+    files of its run. It first lists them. It removes names of users and computers, home folders,
+    addresses, serial numbers and access codes.
     """
     if bundle is not None:
         check_output(bundle, BUNDLE_SUFFIXES, force)

@@ -39,7 +39,7 @@ BASELINE_ENDINGS = (".json", ".jsonl")
 def trials(
     file: str,
     patterns: tuple[str, ...] = option(
-        "--only", "Only this run; a * stands for any text. Repeatable.", metavar="RUN"
+        "--only", "Only this run or case; a * stands for any text. Repeatable.", metavar="RUN"
     ),
     sets: tuple[str, ...] = SETS,
     workers: int | None = option(

@@ -56,7 +56,7 @@ def _parts(values: tuple[Any, ...] | list[Any], depth: int) -> list[Any]:
 
 
 DRIVE_TIMEOUT = 300 * MILLISECOND  # with a telemetry period and the way down it is below 500 ms
-STOP_COMMAND = "`diffbotctl stop`"  # its client, whose name says all that it did
+STOP_COMMAND = "`diffbotctl stop`"  # the client of that command
 GATE_STOP = "gate.stop"  # the wire with the stop in force at the safety gate
 
 

@@ -61,11 +61,13 @@ class TrialsPlan(NamedTuple):
     warnings: tuple[Problem, ...]
 
     def only(self, patterns: Sequence[str]) -> tuple[TrialsPlan, list[int]]:
-        """The runs whose names match one of `patterns`, and their places.
+        """The runs whose names match one of `patterns`, or of a case called so, and their places.
 
         Raises UsageError for a pattern without a run.
         """
         names = [trial.name for trial in self.trials]
+        cases = {trial.case for trial in self.trials}
+        patterns = [f"{each}/*" if each in cases else each for each in patterns]
         for pattern in patterns:
             if not any(fnmatchcase(name, pattern) for name in names):
                 near = closest_match(pattern, names) or names[0]

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+import diffbotctl
 from diffbotctl.control_socket.dispatch import METHODS
 from diffbotctl.control_socket.requests import declared_fields
 from tests.support.running import PlainClient, running, stands
@@ -73,3 +74,7 @@ def test_the_example_client_drives_and_releases(folder, tmp_path, carrier):
     assert abs(places[-1] - places[0]) > 0.02  # a second at 0.1 m/s, less the ramp
     client = PlainClient(folder)
     assert client.until(stands)["held"] is None
+
+
+def test_the_version_of_its_example_is_this_one():
+    assert re.findall(r'"version": "([\d.]+)"', PAGE) == [diffbotctl.__version__]

@@ -432,11 +432,14 @@ def check_missing_encoders(context: CheckContext) -> None:
         fix = "use ours: link: {protocol: diffbot}"
         context.error("E-ENCODER-NONE", place, cause, fix)
         return
-    cause = "without encoders the distance driven is estimated from the commands, to a quarter"
+    cause = (
+        "without encoders the distance driven is estimated from the commands, with an error of "
+        "up to a quarter of the distance"
+    )
     for name, block in context.block_classes.items():
         if any(out.kind is GoalState for out in outputs(block).values()):
             fix = "drive by hand: `diffbotctl run teleop`; or add encoders"
-            context.error("E-ENCODER-NONE", place, f"{cause}: '{name}' cannot reach a goal", fix)
+            context.error("E-ENCODER-NONE", place, f"'{name}' cannot reach a goal: {cause}", fix)
             return
     fix = "driving by hand and for a time works; goals and calibration need encoders"
     context.warn("W-ENCODER-NONE", place, cause, fix)
