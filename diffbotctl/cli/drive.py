@@ -34,6 +34,9 @@ PROGRESS_RATIO_MIN = 0.1  # of the motion commanded in that time; less is no pro
 PROGRESS_MIN, TURN_PROGRESS_MIN = 0.02, 0.035  # m, rad; enough, however fast the command is
 AT_REST_S = 1.0  # without progress: longer than motors need to start
 DISPLAY_PERIOD_S, LINE_PERIOD_S = 0.2, 5.0  # of the progress on a terminal, and in a pipe
+REST_S = 0.3  # without motion before the result is printed: longer than between two slots
+REST_TIMEOUT_S = 3.0  # that is waited for the rest, such as on a slope
+REST_SPEED, REST_TURN_RATE = 0.005, 0.02  # m/s, rad/s; slower is at rest
 SPEED_RATIO_MIN = 0.25  # kept up to the mark: at a lower speed friction may hold a wheel before it
 
 
@@ -41,8 +44,11 @@ class DriveProgress:
     """Progress towards the end of a drive, and the ratio of the speed still to be commanded.
 
     `seconds`, `metres`, `radians`: where the drive ends; one of them is given. `linear` and
-    `angular` (m/s, rad/s): what is commanded.
+    `angular` (m/s, rad/s): what is commanded. `coast_time` (s): by how much of its present speed
+    the robot goes on after the last command.
     """
+
+    coast_time = COMMAND_PERIOD_S  # an odometry message may be as old
 
     def __init__(
         self,
@@ -55,6 +61,7 @@ class DriveProgress:
         self.seconds, self.metres, self.radians = seconds, metres, radians
         self.last: dict[str, Any] | None = None
         self.driven = self.turned = 0.0
+        self.speed = self.turn_rate = 0.0  # by the newest odometry
         # Least motion that counts as progress; none where it does not bring the end nearer.
         way = min(PROGRESS_MIN, PROGRESS_RATIO_MIN * PATIENCE_S * abs(linear))
         turn = min(TURN_PROGRESS_MIN, PROGRESS_RATIO_MIN * PATIENCE_S * abs(angular))
@@ -65,7 +72,7 @@ class DriveProgress:
 
     def begin(self) -> None:
         """The drive begins now."""
-        self.start_time = time.monotonic()
+        self.start_time = self.motion_time = time.monotonic()
         self._note_progress()
 
     def _note_progress(self) -> None:
@@ -117,15 +124,25 @@ class DriveProgress:
             self.driven += hypot(*step)
             self.turned += odometry["heading"] - self.last["heading"]
         self.last = odometry
+        self.speed, self.turn_rate = abs(odometry["linear"]), abs(odometry["angular"])
+        if self.speed > REST_SPEED or self.turn_rate > REST_TURN_RATE:
+            self.motion_time = time.monotonic()
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether nothing has moved for REST_S; also where no odometry shows it."""
+        return self.last is None or time.monotonic() - self.motion_time > REST_S
 
     def speed_ratio(self, linear: float, angular: float) -> float:
         """The ratio of the speeds (m/s, rad/s) to command now, 1 to 0; 0 ends the drive."""
         if self.seconds is not None:
             return 1.0 if time.monotonic() - self.start_time < self.seconds else 0.0
         if self.metres is not None:
-            return braking_ratio(self.metres - self.driven, abs(linear), BRAKING)
+            remaining = self.metres - self.driven - self.speed * self.coast_time
+            return braking_ratio(remaining, abs(linear), BRAKING)
         if self.radians is not None:
-            return braking_ratio(self.radians - abs(self.turned), abs(angular), TURN_BRAKING)
+            remaining = self.radians - abs(self.turned) - self.turn_rate * self.coast_time
+            return braking_ratio(remaining, abs(angular), TURN_BRAKING)
         return 1.0
 
 
@@ -170,6 +187,7 @@ def drive(
     display = ProgressDisplay()
     with attached(engine, "drive") as client:
         _subscribe(client, needs_odometry=progress.seconds is None)
+        progress.coast_time += client.request("scene").get("coast_time", 0.0)
         progress.begin()  # ssh may have taken a second to connect
         late_allowed = LATE_BEFORE_START_MAX
         try:
@@ -189,7 +207,10 @@ def drive(
         finally:
             display.end()
             client.send("release")
+        deadline = time.monotonic() + REST_TIMEOUT_S
         _follow(client, progress)
+        while not progress.is_at_rest and time.monotonic() < deadline:
+            _follow(client, progress)
     click.echo(f"driven {progress.driven:.3f} m, turned {degrees(progress.turned):.1f} deg")
     if is_blocked:
         raise _blocked(progress)

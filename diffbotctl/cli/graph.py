@@ -40,7 +40,11 @@ SILENCE_MESSAGES_MIN = 20  # after so many messages, a wire without a rate is ma
 @needs(("--force",), ("--output",), "it overwrites a file")
 def graph(
     pipeline: str | None,
-    running: bool = option("--running", "--live", "The graph of a running engine, with rates."),
+    running: bool = option(
+        "--running",
+        "--live",
+        "The graph of a running engine, with rates; SILENT: it has stopped sending.",
+    ),
     engine: str | None = ENGINE,
     robot: str | None = ROBOT,
     sets: tuple[str, ...] = SETS,
@@ -121,7 +125,10 @@ def _draw_running(engine: str | None, as_json: bool) -> int:
             print_json(row)
             continue
         is_silent = (
-            row["age"] is not None and row["rate"] == 0.0 and row["messages"] > SILENCE_MESSAGES_MIN
+            row["age"] is not None
+            and row["rate"] == 0.0
+            and row["messages"] > SILENCE_MESSAGES_MIN
+            and not row["topic"].startswith("operator.")  # sends while a person drives
         )
         mark = "  SILENT" if is_silent else ""
         target = f"{row['to']}.{row['port']}"

@@ -107,7 +107,8 @@ class SnapshotRequest(NamedTuple):
 
 
 class SceneRequest(NamedTuple):
-    """Walls, outline, sensors, limits: what a map draws and what does not change."""
+    """Walls, outline, sensors, limits: what a map draws and what does not change. `coast_time`:
+    seconds by which the robot goes on at its speed."""
 
 
 class ExplainStopRequest(NamedTuple):

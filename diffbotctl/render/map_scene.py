@@ -43,7 +43,14 @@ def describe_scene(configuration: Configuration, graph: Graph | None, port: str)
         "robot": None if robot is None else _outline(robot),
         "sensors": [] if robot is None or graph is None else _sensors(robot, configuration),
         "commands": _commands(configuration),
+        "coast_time": 0.0 if robot is None else _coast_time(robot),
     }
+
+
+def _coast_time(robot: Robot) -> float:
+    """Time (s) by which a robot that is to stop goes on at its speed: the delay of the link, and
+    the lag of its motors, which it follows as a first-order system."""
+    return robot.link.command_delay + max(robot.drive.left.motor.lag, robot.drive.right.motor.lag)
 
 
 def _commands(configuration: Configuration) -> list[str]:

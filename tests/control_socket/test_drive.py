@@ -1,5 +1,9 @@
 """`diffbotctl drive` into what is in the way: it ends by itself, with the reason."""
 
+import json
+import math
+import re
+
 import pytest
 
 from diffbotctl.cli.drive import DriveProgress
@@ -65,3 +69,57 @@ def test_a_turn_and_a_way_back_are_not_blocked(folder):
     assert drive(folder, "--turn", "1rad/s", "--angle", "20deg")[0] == 0
     code, _, err = drive(folder, "--speed", "-0.1", "--for", "2s")
     assert (code, err) == (0, "")
+
+
+@pytest.fixture(scope="module")
+def open_field(tmp_path_factory):
+    there = tmp_path_factory.mktemp("open")
+    with running(there, "standby", "--robot", "book_2wd", "--seed", "11"):
+        yield there
+
+
+def pose(folder):
+    code, out, err = cli(folder, "topic", "echo", "odometry.odometry", "--once", "--json")
+    assert code == 0, err
+    message = json.loads(out)
+    return message["x"], message["y"], message["heading"]
+
+
+@pytest.mark.parametrize(
+    ("words", "metres", "degree"),
+    [
+        (("--speed", "0.3", "--distance", "0.5"), 0.5, None),
+        (("--speed", "0.08", "--distance", "0.1"), 0.1, None),
+        (("--turn", "45deg/s", "--angle", "90deg"), None, 90.0),
+        (("--turn", "90deg/s", "--angle", "90deg"), None, 90.0),
+        # Speed times time, less what the ramp at the start takes.
+        (("--speed", "0.1", "--for", "2s"), 0.2, None),
+        (("--speed", "0.3", "--for", "1s"), 0.3, None),
+    ],
+)
+def test_a_drive_stops_where_it_is_asked_to_and_prints_where_it_stands(
+    open_field, words, metres, degree
+):
+    """Without braking in time: 0.515 m, 97 degrees; printed before the rest: 0.18, 0.21 m."""
+    before = pose(open_field)
+    code, out, err = drive(open_field, *words)
+    after = pose(open_field)
+    assert code == 0, err
+    driven, turned = map(float, re.findall(r"driven (\S+) m, turned (\S+) deg", out)[0])
+    if metres is not None:
+        assert driven == pytest.approx(metres, abs=0.005 + 0.08 * metres * ("--for" in words))
+        assert driven == pytest.approx(math.dist(before[:2], after[:2]), abs=0.003)
+    else:
+        assert turned == pytest.approx(degree, abs=3.0)
+        assert turned == pytest.approx(math.degrees(after[2] - before[2]), abs=0.3)
+
+
+def test_the_wire_of_a_person_who_no_longer_drives_is_not_marked_as_silent(open_field):
+    """It has no rate any more, as it should."""
+    drive(open_field, "--speed", "0.05", "--for", "2s")
+    row = ""
+    while " ago" not in row:
+        code, text, _ = cli(open_field, "graph", "--running")
+        assert code == 0
+        row = next(line for line in text.splitlines() if line.startswith("operator.twist"))
+    assert "SILENT" not in text, text
