@@ -22,8 +22,9 @@ from diffbotctl.cli.engine_client import attached
 from diffbotctl.cli.options import ENGINE, FORCE, JSON, Quantity
 from diffbotctl.cli.output import check_overwrite, print_json, print_row
 from diffbotctl.config.lookup import is_shipped
-from diffbotctl.errors import Problem, UsageError
+from diffbotctl.errors import Problem, RunError, UsageError
 
+CENTIMETRES_MAX = 50  # a larger whole number is rather one of millimetres
 NEW_PIPELINE = "format: 1\nkind: pipeline\ninclude: {}\nblocks: {{}}\n"
 
 
@@ -69,8 +70,20 @@ def set_(parameter: str, value: str, engine: str | None = ENGINE) -> None:
     recorded. It is lost after the run unless you use `param save`.
     """
     with attached(engine, "param set") as client:
+        rows = client.request("list_parameters")["parameters"]
+        if "m" in [row["unit"] for row in rows if row["parameter"] == parameter]:
+            _refuse_bare_metres(parameter, value)
         client.request("set_parameter", parameter=parameter, value=value)
     click.echo(f"{parameter} = {value}")
+
+
+def _refuse_bare_metres(parameter: str, value: str) -> None:
+    """Raises RunError for a whole number of metres without its unit: most people mean less."""
+    if value.isdecimal() and int(value):
+        smaller = "cm" if int(value) < CENTIMETRES_MAX else "mm"
+        cause = f"{value} without a unit is {value} m"
+        fix = f"did you mean {value} {smaller}? For metres write {value}m"
+        raise RunError(Problem("E-REQUEST", parameter, cause, fix))
 
 
 def _parameters(engine: str | None) -> list[dict[str, Any]]:
