@@ -24,14 +24,18 @@ if TYPE_CHECKING:
 LOOK_PERIOD_S = 0.3  # between two looks at the files, with --watch
 TEXT_COLUMNS_MAX = 100  # of the text of a lesson, on a wider terminal
 LESSON = argument("[LESSON]")
+ALL_PASSED = """All lessons have passed. To go on:
+  diffbotctl start              a robot of your own, step by step
+  diffbotctl new block NAME     a block of your own, with its test
+  diffbotctl learn next LESSON  a lesson again"""
 
 
 @group("Set up", 2, "; lessons that check themselves", invoke_without_command=True)
 def learn() -> None:
     """Learn diffbotctl along the book's chapters: lessons that check what you did.
 
-    Each lesson is a folder below ./learn with files of yours. LESSON is its name or number;
-    default: the first that has not passed yet.
+    Each lesson is a folder below ./learn with files of yours; the commands work in all folders
+    below it. LESSON is its name or number; default: the first that has not passed yet.
     """
     context = click.get_current_context()
     if context.invoked_subcommand is None:
@@ -47,7 +51,12 @@ def _show_list() -> None:
         state = state or ("begun" if folder.has_begun(lesson) else "")
         section = lesson.section
         click.echo(f"{number:3}  {lesson.name:14} {section.title:44} {state}".rstrip())
-    click.echo("\nGo on with: diffbotctl learn next")
+    click.echo(f"\n{_what_next(folder)}")
+
+
+def _what_next(folder: LearnerFolder) -> str:
+    has_passed = folder.progress(_lesson(None)).passed
+    return ALL_PASSED if has_passed else "Go on with: diffbotctl learn next"
 
 
 @learn.command()
@@ -55,7 +64,8 @@ def next(name: str | None = LESSON) -> None:
     """Show the next lesson; its files are written when they are not there yet."""
     lesson = _lesson(name)
     if name is None and _folder().progress(lesson).passed:
-        click.echo("All lessons have passed.\n")
+        click.echo(ALL_PASSED)
+        return
     path = _folder().begin(lesson)
     _show(lesson, path)
 
@@ -213,7 +223,7 @@ def _checked(lesson: Lesson, folder: LearnerFolder, seed: int | None = None) -> 
 
 def _print_verdict(lesson: Lesson, folder: LearnerFolder, verdict: LessonVerdict) -> None:
     if verdict.passed:
-        click.echo(f"{lesson.name}: passed. Go on with: diffbotctl learn next")
+        click.echo(f"{lesson.name}: passed. {_what_next(folder)}")
         return
     found = verdict.finding
     click.echo(f"{lesson.name}: not yet.\n")

@@ -197,7 +197,7 @@ def lesson(name: str) -> None:
         raise _refused("E-NAME", name, cause, "choose another name")
     for path, template in LESSON_FILES.items():
         factor = "2.0 * " if path.startswith("solution") else ""
-        fields = {"Name": name.replace("_", " ").capitalize(), "factor": factor}
+        fields = {"Name": name.replace("_", " ").capitalize(), "name": name, "factor": factor}
         _write(LESSONS / name / path, template, fields)
     click.echo(f"Now: diffbotctl learn check {name} --solution\n     diffbotctl learn next {name}")
 

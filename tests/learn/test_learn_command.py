@@ -10,6 +10,7 @@ from diffbotctl.cli.learn import learn as command
 from diffbotctl.cli.new import new
 from diffbotctl.errors import UsageError
 from diffbotctl.learn.course import find_lesson, lessons
+from diffbotctl.learn.learner_folder import LearnerFolder, LessonProgress
 from tests.command_result import invoke
 
 
@@ -81,6 +82,15 @@ def test_hints_come_one_by_one(folder):
         text = invoke(command, "hint", "counter")[1]
         assert hints[min(number, len(hints)) - 1] in text
         assert (hints[-1] in text) == (number >= len(hints))
+
+
+def test_after_the_last_lesson_it_says_how_to_go_on():
+    learner = LearnerFolder()
+    for lesson in lessons():
+        assert "learn next LESSON" not in invoke(command)[1]
+        learner.note(lesson, LessonProgress("2026-01-01"))
+    assert "diffbotctl start" in invoke(command)[1]
+    assert "diffbotctl start" in invoke(command, "next")[1]
 
 
 def test_a_half_deleted_folder_and_a_name_that_is_wrong(folder):
