@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 from math import log, pi
 from typing import NamedTuple
 
@@ -34,7 +35,8 @@ RIVAL_LOG_RATIO_MIN = 4.0  # 55 to 1
 CONVENTION_LOG_RATIO_MIN = 7.0
 # Logarithm of the probability of another scale along an axis, to that of one scale for both.
 OTHER_SCALE_LOG_PRIOR = -5.0
-SCALES = (0.9, 0.94, 0.97, 1.03, 1.06, 1.1)  # of x over y
+SCALES = (0.9, 0.94, 0.97, 1.03, 1.06, 1.1)  # of x or y
+ONE_SCALE_PROBABILITY_MIN = 0.5
 MM = 1000.0
 
 
@@ -125,25 +127,29 @@ def scale_covariance(
     drives: Sequence[RecordedDrive], prior: GeometryPrior, geometry: Geometry
 ) -> Floats:
     """(3, 3): of the logarithms of mean diameter, ratio and track, since x of the ends may have
-    another scale than y. Raises ValueError if it must.
+    another scale than y. Raises ValueError if it probably has.
 
-    A factor of both x and y means wheels of another size.
+    Which axis is wrong the ends do not show: their common scale is that of the wheels.
     """
     segments, weights = flattened(drive_segments(drives, prior.stated, SEARCH_SEGMENTS_MAX, 1))
     plain = solve(segments, weights, geometry, prior, SEARCH_NOISE)
     logs, changes = [0.0], [np.zeros(3)]
-    for factor in SCALES:
-        scaled = [replace(each, motion=each.motion * (factor, 1, 1)) for each in segments]
+    for axis, factor in product((0, 1), SCALES):
+        factors = np.where(np.arange(3) == axis, factor, 1.0)
+        scaled = [replace(each, motion=each.motion * factors) for each in segments]
         solution = solve(scaled, weights, geometry, prior, SEARCH_NOISE)
         # Other units change the density of the same ends by their Jacobian.
         gain = solution.score - plain.score + log(factor) * float(weights.sum())
-        if gain > CONVENTION_LOG_RATIO_MIN:
-            raise ValueError(
-                f"these drives agree with each other only if {'xy'[factor > 1]} of the true poses "
-                f"is about {100 * abs(log(factor)):.0f} % too long, or {'yx'[factor > 1]} too "
-                "short: measure both with the same tape"
-            )
         logs.append(gain + OTHER_SCALE_LOG_PRIOR)
         changes.append(prior.offset(solution.geometry) - prior.offset(plain.geometry))
     shares, change = np.exp(np.array(logs) - np.logaddexp.reduce(logs)), np.array(changes)
+    if shares[0] < ONE_SCALE_PROBABILITY_MIN:
+        axis, number = divmod(int(np.argmax(shares[1:])), len(SCALES))
+        factor = SCALES[number]
+        is_x_long = (axis == 0) == (factor < 1)
+        raise ValueError(
+            f"these drives agree with each other only if {'yx'[is_x_long]} of the true poses is "
+            f"about {100 * abs(log(factor)):.0f} % too long, or {'xy'[is_x_long]} too short: "
+            "measure both with the same tape"
+        )
     return np.asarray((change.T * shares) @ change)

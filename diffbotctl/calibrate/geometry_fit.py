@@ -54,6 +54,9 @@ DIAMETER_SD_MIN = 0.001  # relative: another floor, another load
 # Relative standard deviation of all lengths that one tape measures: its class (0.05 %), and that it
 # hangs, or does not lie along the axis. No drive shows it.
 TAPE_SCALE = np.array([0.001, 0.0, 0.001])  # of mean diameter, ratio and track
+# Expected noise of the places, to the largest that the fit averages over: beyond, the ends differ
+# from any geometry by what no person with a tape misreads (14 mm), nor a camera (4 mm).
+POSITION_NOISE_RATIO_MAX = 0.5
 SEEN_SD_RATIO = 0.5  # of the prior's; above, the drives do not determine the mean diameter
 # Of the values that a ruler states. Moulded tyres differ by 0.5 %; that they differ by 5 % is an
 # encoder that misses edges. A tyre is at most some per cent smaller under its load; 6 % is a wrong
@@ -126,8 +129,11 @@ def fit_geometry(
     if not sees_diameter:
         result = result.with_mean(stated.mean)
     if noise is TAPE_NOISE:
-        scales = scale_covariance(used, usual_prior, plain.geometry)
+        scales = scale_covariance(aligned, usual_prior, plain.geometry)
         result = result.wider(scales).wider(np.outer(TAPE_SCALE, TAPE_SCALE))
+    if result.noise.position[0] > POSITION_NOISE_RATIO_MAX * noise.position.max():
+        refuse_convention(drives, prior, plain, CONVENTIONS)
+        raise _unexplained(used, drives)
     fit = GeometryFit(
         stated,
         result.geometry,

@@ -26,12 +26,22 @@ from diffbotctl.calibrate.end_noise import (
 ITERATIONS_MAX = 30
 STEP_TOLERANCE = 1e-7
 LOG_STEP_MAX = 0.1  # the linearization does not hold further
-BAD_PROBABILITY = 0.02  # of a drive whose end was measured or noted wrongly
-WRONG_END_RATIO = 0.5  # of the distance rolled: a wrong end lies anywhere within
 REACH_MIN_M = 0.05
 # Relative standard deviations of what the robot file states, by measuring with a ruler.
 DIAMETER_SD = 0.02
 RATIO_SD, TRACK_SD = 0.10, 0.30
+
+
+@dataclass(frozen=True, slots=True)
+class WrongEnds:
+    """What is known beforehand of drives whose ends were measured or noted wrongly."""
+
+    probability: float
+    reach_ratio: float
+    """of the distance rolled, within which a wrong end lies anywhere"""
+
+
+RECORDED = WrongEnds(0.08, 1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,16 +114,18 @@ def solve(
     start: Geometry,
     prior: GeometryPrior,
     noise: NoiseGrid,
+    wrong_ends: WrongEnds = RECORDED,
 ) -> Solution:
     """The most likely geometry near `start`; `weights` (segments,) discount overlapping segments.
 
     Expectation maximization over the noise and over wrong ends, with Gauss-Newton steps.
     """
     geometry, step = start, np.full(3, np.inf)
-    wrong = log_wrong_density(segments, start)
+    wrong = log_wrong_density(segments, start, wrong_ends)
+    right = log(1 - wrong_ends.probability)
     for _ in range(ITERATIONS_MAX):
         linear = linearize(segments, geometry)
-        log_likelihood, good, precisions = _expect(linear, weights, noise, wrong)
+        log_likelihood, good, precisions = _expect(linear, weights, noise, right, wrong)
         jacobians, residuals = linear.jacobians, linear.residuals
         normal = prior.precision + np.einsum("nki,nkl,nlj->ij", jacobians, precisions, jacobians)
         if np.abs(step).max() < STEP_TOLERANCE:
@@ -128,13 +140,13 @@ def solve(
 
 
 def _expect(
-    linear: Linearized, weights: Floats, noise: NoiseGrid, wrong: Floats
+    linear: Linearized, weights: Floats, noise: NoiseGrid, log_right: float, wrong: Floats
 ) -> tuple[float, Floats, Floats]:
     """Logarithm of the likelihood, and for each segment the probability that its end is not wrong
     and the expected inverse covariance (3, 3)."""
     covariances = linear.covariances(noise)
-    right = log(1 - BAD_PROBABILITY) + linear.log_densities(covariances)
-    mixture = np.logaddexp(right, log(BAD_PROBABILITY) + wrong)
+    right = log_right + linear.log_densities(covariances)
+    mixture = np.logaddexp(right, wrong)
     logs = noise.log_prior + mixture @ weights
     total = float(np.logaddexp.reduce(logs))
     responsibility = np.exp(logs - total)[:, None] * np.exp(right - mixture)
@@ -142,20 +154,22 @@ def _expect(
     return total, responsibility.sum(axis=0), precisions
 
 
-def log_wrong_density(segments: Sequence[Segment], geometry: Geometry) -> Floats:
-    """(segments,): density of an end that has nothing to do with the drive."""
+def log_wrong_density(
+    segments: Sequence[Segment], geometry: Geometry, wrong_ends: WrongEnds
+) -> Floats:
+    """(segments,): density of an end that has nothing to do with the drive, and its probability."""
     logs = []
     for segment in segments:
         rolled = float(np.abs(segment.rolled).sum(axis=0).max()) * geometry.mean
-        radius = max(WRONG_END_RATIO * rolled, REACH_MIN_M)
+        radius = max(wrong_ends.reach_ratio * rolled, REACH_MIN_M)
         has_place, _, has_heading = np.isfinite(segment.motion)
         place = 1 / (pi * radius**2) if has_place else 1 / (2 * pi * UNKNOWN_VARIANCE)
         heading = 1 / (2 * pi) if has_heading else 1 / (2 * pi * UNKNOWN_VARIANCE) ** 0.5
         # Beyond the reach the density falls with the cube of the distance: a unit may be wrong.
         distance = float(np.hypot(*segment.motion[:2])) if has_place else 0.0
-        beyond = max(distance / rolled if rolled else 1.0, 1.0)
+        beyond = max(distance / radius, 1.0)
         logs.append(log(heading * place) - 3 * log(beyond))
-    return np.array(logs)
+    return np.array(logs) + log(wrong_ends.probability)
 
 
 def posterior(

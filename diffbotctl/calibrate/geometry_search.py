@@ -21,7 +21,7 @@ from diffbotctl.calibrate.dead_reckoning import (
 )
 from diffbotctl.calibrate.end_noise import SEARCH_NOISE
 from diffbotctl.calibrate.geometry_posterior import (
-    BAD_PROBABILITY,
+    RECORDED,
     GeometryPrior,
     Solution,
     log_wrong_density,
@@ -59,10 +59,11 @@ def search(segments: Sequence[Segment], weights: Floats, prior: GeometryPrior) -
         for ratio in ratios
     ]
     scores = np.array([prior.log_density(node) for node in nodes])
-    wrong = log_wrong_density(segments, stated)
+    wrong = log_wrong_density(segments, stated, RECORDED)
+    right = log(1 - RECORDED.probability)
     for segment, weight, bad in zip(segments, weights, wrong, strict=True):
         good = _log_densities(segment, np.array(nodes), stated)
-        scores += weight * np.logaddexp(log(1 - BAD_PROBABILITY) + good, log(BAD_PROBABILITY) + bad)
+        scores += weight * np.logaddexp(right + good, bad)
     solutions: list[Solution] = []
     for place in _maxima(scores.reshape(len(tracks), len(ratios)))[:MAXIMA]:
         solution = solve(segments, weights, nodes[place], prior, SEARCH_NOISE)

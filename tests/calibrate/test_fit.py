@@ -116,8 +116,9 @@ def test_swapped_columns_are_named_and_not_corrected_silently(all_poses):
     assert_near(fit_geometry(drives, STATED).geometry, TRUE, share=4)
 
 
-def test_a_track_of_twice_the_stated_one_is_refused():
-    used = STATED._replace(track=STATED.track / 2)
+@pytest.mark.parametrize("times", by_day(1, [0.5, 2.0]))
+def test_a_track_of_half_or_twice_the_stated_one_is_refused(times):
+    used = STATED._replace(track=STATED.track / times)
     with pytest.raises(ValueError):
         fit_geometry(squares(TRUE, used, slip=0.0003, each_way=2), used)
 

@@ -113,13 +113,17 @@ def test_one_square_in_each_direction_shows_no_slip():
     assert fit_squares([(USED, drawn(USED, 0.001, 1, runs=1))]).slip_sd is None
 
 
-def test_an_end_of_a_missed_slot_is_left_out_and_named():
+@pytest.mark.parametrize("count", [1, 2])
+def test_ends_of_edges_in_a_wrong_slot_are_left_out_and_named(count):
     squares = drawn(USED, 0.0005, 3)
-    *counter, last = squares.counter
-    wrong = squares._replace(counter=[*counter, last._replace(x=last.x - 0.08, y=last.y + 0.13)])
-    fit = fit_squares([(USED, wrong)])
-    (line,) = fit.left_out
-    assert line.startswith("square 5 counter-clockwise left out")
+    # One slot of 20 turns the robot by so many rad; the end is a side ahead and one to the left.
+    step = pi * USED.right / 20 / USED.track
+    wrong = [end._replace(x=end.x - step, y=end.y + step) for end in squares.counter[:count]]
+    squares = squares._replace(counter=[*wrong, *squares.counter[count:]])
+    fit = fit_squares([(USED, squares)])
+    names = [line.partition(" left out")[0] for line in fit.left_out]
+    assert names == [f"square {number + 1} counter-clockwise" for number in range(count)]
+    assert abs(fit.slip - 0.0005) < 2.0 * fit.slip_sd
     assert fit.geometry.track == pytest.approx(USED.track, rel=0.005)
 
 
