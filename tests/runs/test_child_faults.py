@@ -1,9 +1,11 @@
 """Children of a run that are killed or suspended, and a cable: a sample of what `prove` runs."""
 
 import signal
+from socket import AF_UNIX, SOCK_SEQPACKET, socketpair
 
 import pytest
 
+from diffbotctl.processes.screen import ScreenFeed
 from tests.sampling import by_day
 from tests.support.trials.child_faults import child_fault, emulator_fault, unplugged
 
@@ -36,3 +38,12 @@ def test_a_killed_emulator_ends_the_run():
 def test_a_cable_that_is_replugged_needs_resume_and_nothing_else():
     outcome = unplugged(7)
     assert not outcome.faults, outcome.output
+
+
+def test_a_screen_that_has_left_is_reported_during_the_run_and_not_at_its_end():
+    for act, count in ((lambda feed: feed.idle(0), 1), (lambda feed: feed.finish(0, "", False), 0)):
+        engine_end, screen_end = socketpair(AF_UNIX, SOCK_SEQPACKET)
+        screen_end.close()
+        gone = []
+        act(ScreenFeed(engine_end, lambda: (0, 0), lambda gone=gone: gone.append(True)))
+        assert len(gone) == count
