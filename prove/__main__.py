@@ -46,6 +46,7 @@ from tests.support.trials import (
     foreign_logs,
     from_log,
     host_freeze,
+    map_runs,
     maps,
     page_losses,
     radio,
@@ -107,6 +108,13 @@ SECTIONS = (
     Section("same-end", same_end.rows, {}, {"scenarios": 2}),
     Section("endings", faults.rows, {"trials": 50}, {"trials": 1, "kinds": 2}),
     Section("host-freeze", host_freeze.rows, {"trials": 30}, {"trials": 1, "kinds": 1}),
+    Section(
+        "map-runs",
+        map_runs.rows,
+        {"seconds": 120.0, "drives": 10, "length": 60.0},
+        {"seconds": 2.0, "drives": 1, "length": 3.0},
+        True,
+    ),
     Section("child-faults", child_faults.rows, {"trials": 10}, {"trials": 1, "kinds": 1}),
     Section("restarts", restarts.rows, {"count": 600}, {"count": 4}),
     Section(
