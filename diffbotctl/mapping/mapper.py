@@ -14,7 +14,7 @@ from diffbotctl.mapping.lidar_scan import MappedScan, SurfacePoints, surface_poi
 from diffbotctl.mapping.map_builder import MapBuilder, resumed
 from diffbotctl.mapping.match_field import MatchField
 from diffbotctl.mapping.occupancy_grid import GridBuilder, OccupancyGrid
-from diffbotctl.mapping.place_search import FIXES_WITHOUT_PLACE, PlaceSearch
+from diffbotctl.mapping.place_search import FIXES_WITHOUT_PLACE, PlaceSearch, apart
 from diffbotctl.mapping.plane_pose import Array, between, compose, inverse, rotated_covariance
 from diffbotctl.mapping.scan_map import Map
 from diffbotctl.mapping.scan_match import explained
@@ -27,8 +27,8 @@ SEARCH_STEPS = 3  # of the search for the robot's place, for each scan
 FOUND = np.diag([0.10, 0.10, 0.05]) ** 2  # covariance of a place that was found
 UNKNOWN = np.diag([50.0, 50.0, np.pi]) ** 2
 EXPLAINED_MIN, CONTRADICTED_MAX = 0.5, 0.25  # shares of the points of a scan that fits the map
-MISMATCHES_MAX = 8  # scans in a row,
-MISMATCH_WAY = 1.0  # m: and so near; scans far apart may each show something new
+MISMATCHES_MAX = 5  # scans in a row
+SUDDEN = (0.2, 0.35)  # m, rad, by odometry; after more motion a scan may show a place not seen yet
 LOOK_PERIOD = 1.0  # s, between looks from one place
 LOOKS_MAX = 6  # from one place
 CHANGED_MIN = 0.02  # share of the rays that pass through what has moved
@@ -106,7 +106,7 @@ class Mapper:
         self._last: MappedScan | None = None
         self._looked: tuple[float, Array, int] | None = None  # time, pose, looks from there
         self._mismatches = 0
-        self._fitted = np.zeros(3)  # odometry at the first mismatch
+        self._fitted = np.zeros(3)  # odometry at the last scan that fitted
         self._grid: OccupancyGrid | None = None
         self._version = 0
         if self._saved is not None:
@@ -219,9 +219,10 @@ class Mapper:
             and explained(field, surface, self._tracker.pose) < EXPLAINED_MIN
             and self._drawn.contradicted(scan, self._pose()[0]) > CONTRADICTED_MAX
         )
-        if not self._mismatches or np.hypot(*(scan.odometry - self._fitted)[:2]) > MISMATCH_WAY:
-            self._mismatches, self._fitted = 0, scan.odometry
-        self._mismatches = self._mismatches + 1 if is_wrong else 0
+        if not is_wrong:
+            self._fitted = scan.odometry
+        is_new_view = self._builder is not None and apart(self._fitted, scan.odometry, SUDDEN)
+        self._mismatches = self._mismatches + 1 if is_wrong and not is_new_view else 0
         if self._mismatches >= MISMATCHES_MAX:
             known = self.map()
             self._search = PlaceSearch(self._field or known.field(), self._drawn, known.poses)

@@ -80,10 +80,10 @@ class PlaceSearch:
 
     def add(self, scan: MappedScan, surface: SurfacePoints) -> None:
         """The next scan."""
-        if self._recent and not _apart(self._recent[-1][0].odometry, scan.odometry, SPACING):
+        if self._recent and not apart(self._recent[-1][0].odometry, scan.odometry, SPACING):
             self._recent.pop()
         self._recent.append((scan, surface))
-        is_due = self._fixed_at is None or _apart(self._fixed_at, scan.odometry, MOVED)
+        is_due = self._fixed_at is None or apart(self._fixed_at, scan.odometry, MOVED)
         if self._work is None and is_due and len(surface.points):
             self._work = self._fix()
 
@@ -163,12 +163,13 @@ class PlaceSearch:
             motion = between(self._fixed_at, scan.odometry)
             way = float(np.hypot(motion[0], motion[1]) + TURN_ARM * abs(motion[2]))
             for each in sorted(self._places, key=lambda place: -place.fixes):
-                if not _apart(compose(each.pose, motion), pose, AGREEMENT):
+                if not apart(compose(each.pose, motion), pose, AGREEMENT):
                     mean = (each.misfit * each.fixes + misfit) / (each.fixes + 1)
                     return PlaceCandidate(pose, each.fixes + 1, each.travelled + way, mean)
         return PlaceCandidate(pose, 1, 0.0, misfit)
 
 
-def _apart(first: Array, second: Array, limits: tuple[float, float]) -> bool:
+def apart(first: Array, second: Array, limits: tuple[float, float]) -> bool:
+    """Whether two poses are more than `limits` (m, rad) apart."""
     distance = np.hypot(second[0] - first[0], second[1] - first[1])
     return bool(distance > limits[0] or abs(wrapped(second[2] - first[2])) > limits[1])

@@ -136,3 +136,16 @@ def test_a_robot_that_was_put_elsewhere_notices_and_is_found_again(rooms, is_sav
     assert states[-1] == (MapperState.LOCALISED if is_saved else MapperState.MAPPING)
     assert np.abs(between(between(ORIGIN, pose), correction.pose)).max() < 0.08
     assert len(mapper.map().scans) < kept + 12
+
+
+@pytest.mark.parametrize("pose", [(1.0, 1.2, 0.3), (4.5, 1.0, 2.0)])
+def test_a_robot_put_where_no_map_is_yet_does_not_spoil_the_map(pose):
+    robot = Robot(ROOMS, seed=21)
+    mapper = Mapper(MapperParameters())
+    for each in polyline(WAY, 0.05, 0.15):
+        mapper.add(robot.scan(each))
+    kept = len(mapper.map().scans)
+    robot.pose, robot.walls = None, OTHER
+    states = [mapper.add(robot.scan(each)).state for each in turning(np.array(pose), 80)]
+    assert set(states[8:]) == {MapperState.LOST}
+    assert len(mapper.map().scans) <= kept + 1
