@@ -89,7 +89,7 @@ class MapBuilder:
             self._count = 0
         self._count += 1
         self._last = tracked.copy()
-        self.submaps.add(scan, surface, between(self._anchor, tracked))
+        self.submaps.add(scan, between(self._anchor, tracked))
         self._recent.append((surface, tracked.copy()))
 
     def jump(self, pose: Array) -> Array:

@@ -46,8 +46,8 @@ def map_bytes(scan_map: Map) -> bytes:
         covariances=np.array([scan.covariance for scan in scans]).reshape(-1, 3, 3),
         point_counts=np.array([len(scan.points) for scan in scans], float),
         clear_counts=np.array([len(scan.clear) for scan in scans], float),
-        points=np.concatenate([*none, *(scan.points for scan in scans)]).astype(np.float32),
-        clear=np.concatenate([*none, *(scan.clear for scan in scans)]).astype(np.float32),
+        points=np.concatenate([*none, *(scan.points for scan in scans)], dtype=np.float32),
+        clear=np.concatenate([*none, *(scan.clear for scan in scans)], dtype=np.float32),
     )
     return buffer.getvalue()
 
