@@ -13,8 +13,10 @@ from diffbotctl.cli.engine_client import held_by
 from diffbotctl.cli.options import JSON
 from diffbotctl.cli.output import print_json
 from diffbotctl.errors import UserError
+from diffbotctl.ui.text import render_columns
 
 HERE = ""
+HEADER = ("computer", "engine", "pipeline", "robot", "port", "state")
 
 
 class EngineRow(NamedTuple):
@@ -57,11 +59,8 @@ def _print_table(rows: list[EngineRow]) -> None:
     if not rows:
         click.echo("no engine is running; start one: diffbotctl run goal", err=True)
         return
-    texts = [(row.at or "here", *row[1:]) for row in rows]
-    widths = [max(map(len, column)) for column in zip(*texts, strict=True)]
-    for row in texts:
-        cells = (f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True))
-        click.echo("  ".join(cells).rstrip())
+    for line in render_columns([HEADER, *((row.at or "here", *row[1:]) for row in rows)]):
+        click.echo(line)
 
 
 def _ask(at: str) -> tuple[list[EngineRow], list[str]]:

@@ -143,6 +143,8 @@ def _stop_by_socket(
 ) -> str:
     """Request a stop and wait for it; returns what failed, or an empty text. Raises
     UnconfirmedStopError."""
+    from diffbotctl.control_socket.address import engines
+
     with attached(name, "stop", deadline, at) as client:
         engine = str(client.about["engine"])
         name = f"{at}: {engine}" if at else engine
@@ -156,7 +158,8 @@ def _stop_by_socket(
             f"{_link_text(status['robot.link'])}\n"
             "watch the wheels: its dead-man stops them; switch off a board that has none"
         )
-    click.echo(f"{name}: stopped; `diffbotctl resume` allows motion again")
+    chosen = f" --engine {engine}" if not at and len(engines()) > 1 else ""
+    click.echo(f"{name}: stopped; `diffbotctl resume{chosen}` allows motion again")
     return ""
 
 

@@ -53,7 +53,6 @@ def echo(
 
     One message on a line; `*` is every topic.
     """
-    until = None if duration is None else time.monotonic() + duration
     os.nice(WATCHER_NICENESS)
     with attached(engine, "topic echo") as client:
         name, path = _split_field(client, topic)
@@ -64,6 +63,7 @@ def echo(
         if reply.get("silence"):
             click.echo(reply["silence"], err=True)
         units = {} if name == "*" or as_json else _units(client, wire)
+        until = None if duration is None else time.monotonic() + duration
         for event in client.stream(until):
             _print_event(event, path, name == "*", as_json, units)
             if once and "message" in event:
@@ -236,6 +236,8 @@ def pub(
             client.request("publish", topic=topic, message=fields)
             if not client.request("topic_rate", topic=topic)["is_read"]:
                 click.echo(f"no block and no program of this pipeline reads {topic}", err=True)
+            if rate is None:
+                click.echo(f"published once on {topic}; --rate repeats it")
             time.sleep(VELOCITY_PERIOD_S if rate is None else 1.0 / rate)
             while rate is not None:
                 client.request("publish", topic=topic, message=fields)

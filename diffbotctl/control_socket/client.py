@@ -45,7 +45,7 @@ def choose_engine(name: str | None, at: str = "") -> EngineAddress:
     code, place = "E-NO-ENGINE", "--engine"
     if not running:
         place = place if name else "engine"  # the option may be unknown to who did not give it
-        cause = "no engine that you may access is running"
+        cause = "nothing is running"
         fix = "start one in another terminal: diffbotctl run goal"
     elif name is None:
         code, cause = "E-SEVERAL-ENGINES", f"several engines are running: {names}"

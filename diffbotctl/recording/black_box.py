@@ -16,6 +16,8 @@ from diffbotctl.recording.snapshot import StateError
 from diffbotctl.time import SECOND
 
 FINISH_TIMEOUT_S = 1.0  # that the end of a run waits for a server process that reads nothing
+ENDS_WITHOUT_REASON = ("0", "3", "130")  # exit codes: goals reached, not surely, interrupted
+NOTICE_END = "\n\n"
 SNAPSHOT_PERIOD = 30 * SECOND  # each takes a third of a millisecond of idle time
 
 
@@ -43,7 +45,7 @@ class BlackBox:
 
     `snapshot` returns the state between two instants, None for none; it raises StateError when that
     of a block cannot be saved.
-    `announce` is called with a line about each file that was written, `on_loss` once, with the
+    `announce` is called at the end with the lines about the last file, `on_loss` once, with the
     reason, when recording has failed.
     """
 
@@ -64,10 +66,13 @@ class BlackBox:
         self.record: Callable[[tuple[Any, ...]], object] = self.pending.append
         self.snapshot_due = SNAPSHOT_PERIOD
         self.last = 0
+        self.notices = ""  # about files that were written
+        self.has_reason = False  # something stopped the robot, or the run failed
 
     def stop(self, now: int, stop: Stop) -> None:
         """A sink for stops."""
         if stop.code and stop.code != STARTING:
+            self.has_reason = True
             self.stops.append(StopEvent(now, stop.code, stop.cause))
 
     def drain(self) -> None:
@@ -84,18 +89,25 @@ class BlackBox:
                 state = EngineState(self.last, b"", str(error))
             if state is not None:
                 self.sender.send(state)
-        self._announce(self.sender.receive() or "")
+        self.notices += self.sender.receive() or ""
 
     def finish(self, summary: dict[str, str]) -> None:
         """Send the rest, and `summary`: how the run ended. A process that hangs is given up."""
         self.sender.channel.settimeout(FINISH_TIMEOUT_S)
         self._send()
+        self.has_reason |= summary["code"] not in ENDS_WITHOUT_REASON
         self.sender.send(summary)
         self.sender.finish()
 
     def close(self) -> None:
-        """Wait until the other process has ended, and announce what it wrote because of the end."""
-        self._announce(self.sender.close())
+        """Wait until the other process has ended, and announce the last file that it wrote.
+
+        Nothing is announced when the run was ended by its goals, its time or a person.
+        """
+        self.notices += self.sender.close()
+        *_, last = ["", *filter(None, self.notices.split(NOTICE_END))]
+        for line in last.splitlines() if self.has_reason else ():
+            self.announce(line)
 
     def _send(self) -> None:
         if self.pending:
@@ -110,7 +122,3 @@ class BlackBox:
         for stop in self.stops:
             self.sender.send(stop)
         self.stops.clear()
-
-    def _announce(self, text: str) -> None:
-        for line in text.splitlines():
-            self.announce(line)

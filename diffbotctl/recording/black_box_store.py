@@ -22,7 +22,7 @@ from typing import IO, Any, Literal, NamedTuple
 
 from diffbotctl import user_folders
 from diffbotctl.processes.child_process import close_inherited_files, fork, report, split_frames
-from diffbotctl.recording.black_box import EngineState, StopEvent
+from diffbotctl.recording.black_box import NOTICE_END, EngineState, StopEvent
 from diffbotctl.recording.run_metadata import TEXT_MAX_LENGTH
 from diffbotctl.recording.snapshot import StateError, culprit_text
 from diffbotctl.recording.snapshot_json import to_json
@@ -70,12 +70,17 @@ def write_black_box(run: RunMetadata, number: int, ring: InputRing, summary: dic
     words = "The whole run so far is" if is_whole else "The last 3 minutes are"
     if start.problem:
         words = f"A replay begins in an unknown state: {start.problem}.\n{words}"
-    return f"{words} kept: `diffbotctl why` explains it, or\n    diffbotctl replay {path}\n"
+    home = Path.home()
+    shown = f"~/{path.relative_to(home)}" if path.is_relative_to(home) else path
+    return (
+        f"{words} kept: `diffbotctl why` explains it, or\n    diffbotctl replay {shown}{NOTICE_END}"
+    )
 
 
 def write_failed_message(run: RunMetadata, error: OSError) -> str:
     """The line to print when there is no file."""
-    return f"The last minutes could not be kept: {run.folder}: {os.strerror(error.errno or 0)}\n"
+    cause = os.strerror(error.errno or 0)
+    return f"The last minutes could not be kept: {run.folder}: {cause}{NOTICE_END}"
 
 
 def delete_oldest(folder: Path) -> None:

@@ -123,3 +123,10 @@ def test_the_wire_of_a_person_who_no_longer_drives_is_not_marked_as_silent(open_
         assert code == 0
         row = next(line for line in text.splitlines() if line.startswith("operator.twist"))
     assert "SILENT" not in text, text
+
+
+def test_publishing_once_is_reported_and_a_short_echo_has_its_whole_time(open_field):
+    code, out, err = cli(open_field, "topic", "pub", "operator.twist", '{"linear": 0.0}')
+    assert code == 0 and "published once on operator.twist; --rate repeats it" in out, err
+    code, out, _ = cli(open_field, "topic", "echo", "odometry.odometry", "--for", "0.2s")
+    assert code == 0 and "x " in out

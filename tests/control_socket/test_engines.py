@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from diffbotctl.cli.engines import engine_state
+from diffbotctl.cli.engines import HEADER, engine_state
 from tests.support.far_host import far_host
 from tests.support.running import PlainClient, cli, moves, running
 
@@ -50,7 +50,11 @@ def test_engines_here_and_there_are_listed_with_their_states(tmp_path, there):
         assert desk != "moving" and left_state != "standing"
         assert right_state.startswith("stopped by ")
         code, out, _ = cli(tmp_path / "here", "engines")
-        assert code == 0 and re.fullmatch(r"here +desk +standby +book_2wd +sim +st\w+\b.*\n", out)
+        header, *rest = out.splitlines()
+        assert code == 0 and header.split() == list(HEADER) and len(rest) == 1
+        assert re.fullmatch(r"here +desk +standby +book_2wd +sim +st\w+\b.*", rest[0])
+        code, out, _ = cli(there, "stop", "--engine", "left")  # one of two
+        assert code == 0 and "`diffbotctl resume --engine left`" in out
 
 
 def test_a_computer_that_does_not_answer_is_named_and_the_others_are_listed(tmp_path, there):
