@@ -107,7 +107,7 @@ class Submaps:
         return thinned(points[np.hypot(*points.T) < QUERY_REACH])
 
     def halve(self) -> None:
-        """Join pairs of submaps and keep every second keyframe of them.
+        """Join pairs of submaps and keep every second keyframe of them, and one closure of a pair.
 
         Bounds memory and the time of a solution, whatever the length of a drive.
         """
@@ -123,9 +123,13 @@ class Submaps:
         ]
         halved = PoseGraph(poses[0])
         halved.poses = poses[::2].copy()
-        for edge, weight in zip(graph.edges, graph.weights, strict=True):
+        closed: set[tuple[int, int]] = set()
+        for index in np.argsort(-np.array(graph.weights), kind="stable").tolist():
+            edge, weight = graph.edges[index], graph.weights[index]
             first, second = int(parent[edge.first]), int(parent[edge.second])
-            if first != second:
+            if first != second and not (edge.is_closure and (first, second) in closed):
+                if edge.is_closure:
+                    closed.add((first, second))
                 before, after = change[edge.first], change[edge.second]
                 motion = compose(compose(before, edge.motion), between(after, np.zeros(3)))
                 covariance = rotated_covariance(edge.covariance, float(before[2]))

@@ -27,7 +27,10 @@ def test_halving_keeps_the_poses_and_what_is_known_of_motions(count):
         submaps.add(scan, random.normal(0, 1, 3))
     graph = submaps.graph
     motion = between(graph.poses[1], graph.poses[4])
-    graph.add_edge(PoseEdge(1, 4, motion, np.diag([0.1, 0.2, 0.05]) ** 2, True))
+    wrong = motion + np.array([1.0, 0.0, 0.0])
+    for each, weight in ((wrong, 0.2), (motion, 0.9)):
+        graph.add_edge(PoseEdge(1, 4, each, np.diag([0.1, 0.2, 0.05]) ** 2, True))
+        graph.weights[-1] = weight
     before = submaps.poses()
     submaps.halve()
     assert len(submaps.graph.poses) == -(-count // 2)
