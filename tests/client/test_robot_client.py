@@ -88,9 +88,10 @@ def test_a_dead_program_stops_the_robot(engine, plain, end):
     _, environment = command(engine)
     with subprocess.Popen([sys.executable, "-c", DRIVING], env=environment) as program:
         plain.until(
-            lambda status: plain.request("read_log", block="operator", last=1)["lines"][0][
-                "text"
-            ].endswith("is driving")
+            lambda status: any(
+                line["text"].endswith("is driving")
+                for line in plain.request("read_log", block="operator", last=1)["lines"]
+            )
         )
         program.send_signal(end)
         held = plain.until(lambda status: status["held"])["held"]
@@ -111,7 +112,15 @@ def test_a_program_of_the_pipeline_opens_the_engine_that_started_it(tmp_path):
         running(tmp_path, "goal", "--stay", "--set", "goals=[]", name="a"),
         running(tmp_path, str(pipeline), "--stay", "--allow-programs"),
     ):
-        PlainClient(tmp_path).until(moves)
+        client = PlainClient(tmp_path)
+
+        def moves_in_the_end(status):
+            """A busy computer may let the program wait for 0.3 s; it is started again."""
+            if status["held"] and status["held"]["code"] == "operator_lost":
+                client.request("resume")
+            return moves(status)
+
+        client.until(moves_in_the_end)
         assert stands(PlainClient(tmp_path, "a").request("status"))
 
 

@@ -122,7 +122,7 @@ def test_the_last_minutes_are_saved_and_replayed_without_a_stop(folder):
         assert not stands(client.request("status"))
         file = out.removeprefix("saved: ").strip()
     info = recording_info(Path(file))
-    assert info.complete and "saved by diffbotctl bag save" in info.end["cause"]
+    assert info.complete and "saved by `diffbotctl bag save`" in info.end["cause"]
     code, out, _ = cli(folder, "replay", str(file), "--record", str(folder / "again.mcap"))
     assert code == 0 and "replayed" in out
     wires = {topic.name for topic in recording_info(folder / "again.mcap").topics}
