@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 
 NEW_ROBOT = "my_robot"
 MEASURED = ("motors", "distance", "geometry")  # steps of the calibration
+UNWATCHED_MAX = "120s"  # of a drive; the longest one takes 20 s
 
 
 class SetupGuide:
@@ -319,7 +320,8 @@ class SetupGuide:
         is_watched = sys.stdout.isatty() and self.prompter.answers is None
         words = [pipeline, "--port", port]
         words += [] if self.robot is None else ["--robot", self.robot]
-        words += [] if is_watched else ["--quiet"]
+        # With an answers file no person is there to resume a robot that has stopped.
+        words += [] if is_watched else ["--quiet", "--for", UNWATCHED_MAX]
         words += ["--fast"] if port in VIRTUAL_PORTS and not is_watched else []
         code = _run_command(run.run, *words)
         if sys.stdin.isatty():
