@@ -46,7 +46,7 @@ $(PICO)/node_modules/.package-lock.json: $(PICO)/package-lock.json
 
 # More processes than cores: many tests wait for a board in real time. A module's tests have one worker, which
 # makes its fixtures once.
-WORKERS := -n 8 --dist loadscope --no-loadscope-reorder
+WORKERS := -n 5 --dist loadscope --no-loadscope-reorder
 
 # Beside the types, one process reads all tests: it leaves their bytecode, which each worker would make otherwise.
 test: packages pico $(VENV)/tested
