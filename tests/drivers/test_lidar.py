@@ -2,6 +2,7 @@
 
 import time
 from math import cos, inf, pi, radians
+from statistics import median
 
 import pytest
 
@@ -63,7 +64,8 @@ def test_each_model_delivers_its_turns(model):
     scans = outcome(UsbLidar(model), model, speed=1)
     assert {len(scan.distances) for scan in scans} == {facts.rays}
     assert {scan.step for scan in scans} == {-2 * pi / facts.rays}
-    assert all(0.08 <= scan.duration <= 0.25 for scan in scans)
+    # On a busy computer the bytes of single turns come late.
+    assert 0.08 <= median(scan.duration for scan in scans) <= 0.25
     assert all(1.9 < distance < 2.1 for scan in scans for distance in scan.distances)
 
 

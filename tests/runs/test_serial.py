@@ -5,6 +5,7 @@ import signal
 
 import pytest
 
+from diffbotctl.messages import REACHED_UNSURE
 from diffbotctl.processes.real_time import prefer
 from tests.sampling import by_day
 from tests.support.book_board import STOCK, BookBoardPort
@@ -40,7 +41,8 @@ def stands(board):
 def test_the_book_board_drives_to_its_goal_and_gets_left_and_right_together(port):
     process = start(port, "--goal", "0.2 0.1")
     out = process.communicate(timeout=60)[0]
-    assert process.returncode == 0, out
+    # This board has no clock: on a busy computer the goal is reached, but unsure.
+    assert process.returncode in (0, REACHED_UNSURE), out
     assert "1 of 1 reached" in out and "final stop confirmed" in out
     assert stands(port.board)
     wheels = [wheel for _, wheel, _ in port.board.commands]
