@@ -39,8 +39,13 @@ def stands(board):
 
 
 def test_the_book_board_drives_to_its_goal_and_gets_left_and_right_together(port):
-    process = start(port, "--goal", "0.2 0.1")
+    process = start(port, "--goal", "0.2 0.1", "--for", "30s")
     out = process.communicate(timeout=60)[0]
+    if "waits for `resume`" in out:  # a busy computer stopped it
+        with port.changed:
+            port.board.commands.clear()
+        process = start(port, "--goal", "0.2 0.1", "--for", "30s")
+        out = process.communicate(timeout=60)[0]
     # This board has no clock: on a busy computer the goal is reached, but unsure.
     assert process.returncode in (0, REACHED_UNSURE), out
     assert "1 of 1 reached" in out and "final stop confirmed" in out
