@@ -18,6 +18,7 @@ LAYERS = {
     "declarations": [
         "time",
         "errors",
+        "file_replacement",
         "codes",
         "messages",
         "message_types",
@@ -70,7 +71,7 @@ SOURCES = sorted((ROOT / "diffbotctl").rglob("*.py"))
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
 
 BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the folders
-    ".": 3_280,
+    ".": 3_300,
     "blocks": 3_050,
     "bluetooth": 800,
     "calibrate": 8_470,

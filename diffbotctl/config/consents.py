@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 
 from diffbotctl import user_folders
+from diffbotctl.file_replacement import replace_file
 
 KEPT_MAX = 1000  # consents in the file; older ones are asked for again
 _allowed_here: set[str] = set()  # in this process alone
@@ -32,9 +32,7 @@ def remember(key: str) -> None:
     allow_here(key)
     path = consent_file()
     path.parent.mkdir(parents=True, exist_ok=True)
-    draft = path.with_suffix(f".{os.getpid()}.part")
-    draft.write_text(json.dumps([*_consents(), key][-KEPT_MAX:]))
-    draft.replace(path)
+    replace_file(path, json.dumps([*_consents(), key][-KEPT_MAX:]).encode())
 
 
 def _consents() -> list[str]:

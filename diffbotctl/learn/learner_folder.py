@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
+from diffbotctl.file_replacement import replace_file
 from diffbotctl.learn.course import FOLDER, PROGRESS, home, lessons
 from diffbotctl.learn.lesson import Lesson
 
@@ -79,9 +80,7 @@ class LearnerFolder:
         """Keep how far the learner is."""
         kept = {**self._read(), lesson.name: progress._asdict()}
         self.root.mkdir(parents=True, exist_ok=True)
-        draft = self.root / f"{PROGRESS}.part"
-        draft.write_text(json.dumps(kept, indent=2) + "\n")
-        draft.replace(self.root / PROGRESS)
+        replace_file(self.root / PROGRESS, f"{json.dumps(kept, indent=2)}\n".encode())
 
     def _read(self) -> dict[str, object]:
         try:

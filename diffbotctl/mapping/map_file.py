@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diffbotctl.errors import Problem, RunError
+from diffbotctl.file_replacement import replace_file
 from diffbotctl.mapping.lidar_scan import MappedScan
 from diffbotctl.mapping.match_field import CELL
 from diffbotctl.mapping.occupancy_grid import CELLS_MAX
@@ -65,9 +65,7 @@ def map_of_bytes(content: bytes, name: str) -> Map:
 
 def save_map(scan_map: Map, path: Path) -> None:
     """Write the map; a file of this name keeps its content until all is written."""
-    draft = path.with_name(f".{path.name}.part")
-    draft.write_bytes(map_bytes(scan_map))
-    os.replace(draft, path)
+    replace_file(path, map_bytes(scan_map))
 
 
 def load_map(path: Path) -> Map:

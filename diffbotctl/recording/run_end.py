@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from diffbotctl import user_folders
+from diffbotctl.file_replacement import replace_file
 from diffbotctl.messages import Stop
 from diffbotctl.recording.black_box_store import black_box_folder
 
@@ -44,12 +45,9 @@ def note_run_end(end: RunEnd) -> None:
     flight = newest_flight(f"*-{os.getpid()}-*")
     if flight is not None and flight.stat().st_mtime_ns >= end.began:
         end = end._replace(flight=flight.name)
-    path = _path()
-    draft = path.with_suffix(f".{os.getpid()}")
     with suppress(OSError):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        draft.write_text(json.dumps(end._asdict()), encoding="utf-8")
-        draft.replace(path)
+        _path().parent.mkdir(parents=True, exist_ok=True)
+        replace_file(_path(), json.dumps(end._asdict()).encode())
 
 
 def last_run_end(flight: Path | None) -> RunEnd | None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from pathlib import Path
 from typing import Literal, NamedTuple, get_args
 
@@ -11,6 +10,7 @@ from diffbotctl.config.editor_schemas import modeline
 from diffbotctl.config.section_reader import read_section
 from diffbotctl.config.yaml_tree import Value
 from diffbotctl.errors import ConfigurationError, Problem, Source
+from diffbotctl.file_replacement import replace_file
 from diffbotctl.params import REQUIRED, Choice, Number, Param, Section
 
 ScreenPanel = Literal["map", "plots", "parameters", "blocks", "log"]
@@ -109,13 +109,9 @@ def save_view(path: Path, view: ViewSettings) -> str:
     """Write the view to a file. Returns what was done, or why it was not."""
     if path.exists() and not is_view(path):
         return f"{path} exists already and is no view: choose another name"
-    draft = path.with_name(f".{path.name}.part")
     try:
-        draft.write_text(modeline("view", path) + view_text(view), encoding="utf-8")
-        draft.replace(path)
+        replace_file(path, (modeline("view", path) + view_text(view)).encode())
     except OSError as error:
-        with suppress(OSError):
-            draft.unlink(missing_ok=True)
         return f"{path} cannot be written: {error.strerror}"
     return f"saved: `diffbotctl dash --view {path}` opens this view again"
 
