@@ -91,6 +91,8 @@ STARTING: StopCode = "source_starting"
 
 Time = Annotated[int, Field("ns", "Logical time at which the content was true.")]
 Metres = Annotated[float, Field("m", "A length.")]
+PoseCovariance = tuple[float, float, float, float, float, float]
+"""Upper triangle of the covariance of (x, y, heading): xx xy xh yy yh hh."""
 
 
 class Encoders(NamedTuple):
@@ -183,7 +185,7 @@ class Odometry(NamedTuple):
     linear: Annotated[float, Field("m/s", "Forward speed.")]
     angular: Annotated[float, Field("rad/s", "Turn rate.")]
     covariance: Annotated[
-        tuple[float, float, float, float, float, float],
+        PoseCovariance,
         Field("m, rad", "Upper triangle of the covariance of (x, y, heading): xx xy xh yy yh hh."),
     ]
     warning: Annotated[
@@ -507,7 +509,7 @@ class ScanPoints(NamedTuple):
     y: Annotated[float, Field("m", "The same.")]
     heading: Annotated[float, Field("rad", "Its heading in odom.")]
     covariance: Annotated[
-        tuple[float, float, float, float, float, float],
+        PoseCovariance,
         Field("m, rad", "Of that pose, as in Odometry."),
     ]
     origin: Annotated[tuple[float, float], Field("m", "The lidar in base_link.")]
@@ -553,7 +555,7 @@ class MapUpdate(NamedTuple):
     y: Annotated[float, Field("m", "The same.")] = 0.0
     heading: Annotated[float, Field("rad", "Direction of odom in the map.")] = 0.0
     covariance: Annotated[
-        tuple[float, float, float, float, float, float],
+        PoseCovariance,
         Field("m, rad", "Of the robot's pose in the map at `time`, as in Odometry."),
     ] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     candidates: Annotated[
@@ -581,7 +583,7 @@ class MapPose(NamedTuple):
     y: Annotated[float, Field("m", "The same.")]
     heading: Annotated[float, Field("rad", "Its heading in the map.")]
     covariance: Annotated[
-        tuple[float, float, float, float, float, float],
+        PoseCovariance,
         Field("m, rad", "Upper triangle of the covariance of (x, y, heading), as in Odometry."),
     ]
     state: Annotated[MapPhase, Field("", "As in MapUpdate; `odometry`: no new answers come.")]

@@ -95,7 +95,7 @@ class Slam(Block):
 
     @action(x="m", y="m", heading="rad")
     def place(self, now: int, x: float, y: float, heading: float) -> int:
-        """Say where the robot is in the map."""
+        """State where the robot is in the map."""
         return self._ask(now, "place", x=x, y=y, heading=heading)
 
     def react(

@@ -10,7 +10,7 @@ from diffbotctl.estimation.geometry_deviation import GeometryDeviation, PoseDevi
 from diffbotctl.estimation.gyro_turn import TurnStep
 from diffbotctl.estimation.pose_filter import Correction, PoseFilter, WheelTravel, arc
 from diffbotctl.estimation.turn_fusion import BIAS, TurnFusion
-from diffbotctl.messages import Odometry
+from diffbotctl.messages import Odometry, PoseCovariance
 
 # A failure is noticed within this time, in which the turn was wrong. The wheels' turn replaces it;
 # what may be left of the error is at least this.
@@ -273,9 +273,7 @@ class GyroPoseFilter(PoseFilter):
         self.slip_covariance = (xx, xy, xh, yy, yh, hh)
 
 
-def _products(
-    deviation: PoseDeviation, sd: float
-) -> tuple[float, float, float, float, float, float]:
+def _products(deviation: PoseDeviation, sd: float) -> PoseCovariance:
     """Covariance by an error with this `sd`; `deviation`: of the pose, for an error of 1."""
     x, y, heading = sd * deviation.x, sd * deviation.y, sd * deviation.heading
     return (x * x, x * y, x * heading, y * y, y * heading, heading * heading)

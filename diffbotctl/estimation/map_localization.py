@@ -6,11 +6,9 @@ from collections import deque
 from math import cos, remainder, sin, sqrt, tau
 
 from diffbotctl.geometry.deskew import PlanePose, compose
-from diffbotctl.messages import MapPose, MapUpdate, Odometry
+from diffbotctl.messages import MapPose, MapUpdate, Odometry, PoseCovariance
 
 REMEMBERED_MAX = 64  # scans that wait for their answer
-
-Covariance = tuple[float, float, float, float, float, float]
 
 
 class MapLocalization:
@@ -56,7 +54,9 @@ class MapLocalization:
         return MapPose(odometry.time, *pose, covariance, state, self.odom, cause)
 
 
-def added_covariance(answer: Covariance, at: Odometry, now: Odometry, turn: float) -> Covariance:
+def added_covariance(
+    answer: PoseCovariance, at: Odometry, now: Odometry, turn: float
+) -> PoseCovariance:
     """Covariance of the pose in the map at `now`, after an `answer` at the pose `at`.
 
     `turn`: heading of odom in the map (rad).
@@ -70,7 +70,7 @@ def added_covariance(answer: Covariance, at: Odometry, now: Odometry, turn: floa
     return (total[0], total[1], total[2], total[3], total[4], total[5])
 
 
-def _moved(p: Covariance, dx: float, dy: float) -> Covariance:
+def _moved(p: PoseCovariance, dx: float, dy: float) -> PoseCovariance:
     """F P F' of a motion by dx, dy (m) whose direction turns with the heading of `p`."""
     xx, xy, xh, yy, yh, hh = p
     return (
@@ -83,7 +83,7 @@ def _moved(p: Covariance, dx: float, dy: float) -> Covariance:
     )
 
 
-def _difference(after: Covariance, before: Covariance) -> Covariance:
+def _difference(after: PoseCovariance, before: PoseCovariance) -> PoseCovariance:
     """`after` - `before`, at least zero on the diagonal, and with correlations of at most 1."""
     xx, xy, xh, yy, yh, hh = (a - b for a, b in zip(after, before, strict=True))
     xx, yy, hh = max(xx, 0.0), max(yy, 0.0), max(hh, 0.0)
@@ -95,7 +95,7 @@ def _limited(value: float, squared: float) -> float:
     return min(max(value, -limit), limit)
 
 
-def _turned(p: Covariance, angle: float) -> Covariance:
+def _turned(p: PoseCovariance, angle: float) -> PoseCovariance:
     """`p` with its x and y along axes that are turned by -`angle` (rad)."""
     xx, xy, xh, yy, yh, hh = p
     c, s = cos(angle), sin(angle)

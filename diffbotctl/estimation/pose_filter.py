@@ -15,14 +15,12 @@ from diffbotctl.estimation.geometry_deviation import (
     combined,
     fault_effects,
 )
-from diffbotctl.messages import Odometry
+from diffbotctl.messages import Odometry, PoseCovariance
 
 Pose = tuple[float, float, float]
 """x, y (m) and heading (rad) in odom."""
 Correction = tuple[float, float]
 """Way ahead (m) and turn (rad) in addition to those of one frame."""
-PoseCovariance = tuple[float, float, float, float, float, float]
-"""Upper triangle of the covariance of (x, y, heading): xx xy xh yy yh hh."""
 # Mean square of the second-order term of a rotation, (angle^2 / 2)^2, over its variance^2: 3/4
 # for a normal distribution. It moves the position towards the point that the path turns about.
 BEND_RATIO = 0.75

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 from diffbotctl.messages import MapUpdate
@@ -45,6 +45,12 @@ def tiles_sha256(tiles: Mapping[Place, str]) -> str:
     return digest.hexdigest()
 
 
+def tile_places(numbers: Iterable[int]) -> list[Place]:
+    """The places that a message has as column, row, column, row."""
+    each = iter(numbers)
+    return list(zip(each, each, strict=False))
+
+
 class CellRows(NamedTuple):
     """A whole map: `x` and `y` (m) of the lower left corner, and its rows from the lowest y on."""
 
@@ -73,8 +79,7 @@ class MapTiles:
         self.number += 1
         self.version, self.sha256 = update.version, update.sha256
         self.resolution = update.resolution
-        numbers = iter(update.places)
-        places = list(zip(numbers, numbers, strict=False))
+        places = tile_places(update.places)
         self.tiles.update(zip(places, update.tiles, strict=False))
         self.changes.update(dict.fromkeys(places, self.number))
         for place in places:

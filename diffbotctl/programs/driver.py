@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import os
 import pickle
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -76,9 +76,10 @@ class ProgramsDriver:
         """Let those of `faults`, of a simulated robot, act that are of programs."""
         self.faults = ProgramFaults(faults)
 
-    def sinks(self) -> dict[str, Sink]:
+    def sinks(self) -> Iterator[tuple[str, Sink]]:
         """What takes the messages that programs read; they are sent in the loop's idle time."""
-        return {wire: self._sink(wire) for wire in self.readers}
+        for wire in self.readers:
+            yield wire, self._sink(wire)
 
     def _sink(self, wire: str) -> Sink:
         def take(now: int, message: Any) -> None:

@@ -298,14 +298,9 @@ class Run:
         for robot in self.robots:
             for wire, sink in robot.sinks(self._is_stopping, self.outputs.black_box):
                 sinks[wire].append(sink)
-        for wire, sink in ({} if self.programs is None else self.programs.sinks()).items():
-            sinks[wire].append(sink)
-        for wire, sink in () if self.devices is None else self.devices.sinks():
-            sinks[wire].append(sink)
-        for wire, sink in () if self.computed is None else self.computed.sinks():
-            sinks[wire].append(sink)
-        for wire, sink in self.outputs.sinks():
-            sinks[wire].append(sink)
+        for takers in (self.programs, self.devices, self.computed, self.outputs):
+            for wire, sink in () if takers is None else takers.sinks():
+                sinks[wire].append(sink)
         return sinks
 
     def _is_stopping(self) -> bool:

@@ -12,7 +12,7 @@ from diffbotctl.control_socket.address import EngineAddress
 from diffbotctl.control_socket.client import AsyncControlClient
 from diffbotctl.control_socket.protocol import Fields, RefusalError
 from diffbotctl.estimation.imu_text import imu_text
-from diffbotctl.geometry.map_tiles import Place
+from diffbotctl.geometry.map_tiles import Place, tile_places
 from diffbotctl.messages import (
     Battery,
     Goal,
@@ -78,10 +78,7 @@ class RunPicture:
         tiles = self.view.tiles
         self.new_tiles = {} if reply["map"] != tiles.map else self.new_tiles
         has_more = self.view.take_map(reply)
-        numbers = iter(reply["places"])
-        self.new_tiles |= {
-            place: tiles.tiles[place] for place in zip(numbers, numbers, strict=True)
-        }
+        self.new_tiles |= {place: tiles.tiles[place] for place in tile_places(reply["places"])}
         return has_more
 
     def changes(self) -> Fields:
