@@ -53,12 +53,16 @@ class Trial(NamedTuple):
 
 
 class TrialsPlan(NamedTuple):
-    """All runs of a file of trials, in the order of their names in the file."""
+    """All runs of a file of trials, in the order of their names in the file.
+
+    `drawn`: the folder with the files of robots that were drawn, which the runs read.
+    """
 
     file: Path
     section: Trials
     trials: tuple[Trial, ...]
     warnings: tuple[Problem, ...]
+    drawn: TemporaryDirectory[str] | None = None
 
     def only(self, patterns: Sequence[str]) -> tuple[TrialsPlan, list[int]]:
         """The runs whose names match one of `patterns`, or of a case called so, and their places.
@@ -137,6 +141,7 @@ class _PlanReader:
     robot: str | None
     pipeline: str | None
     problems: list[Problem] = field(default_factory=list)
+    drawn: TemporaryDirectory[str] | None = None
 
     def plan(self) -> TrialsPlan:
         section = read_section(self.tree, Trials, "the file of trials", self.problems)
@@ -156,7 +161,7 @@ class _PlanReader:
                 problem.render(): problem for each in robots.values() for problem in each.warnings
             }.values()
         )
-        return TrialsPlan(self.path, section, trials, warnings)
+        return TrialsPlan(self.path, section, trials, warnings, self.drawn)
 
     def _raise(self) -> None:
         if any(problem.severity == "error" for problem in self.problems):
@@ -200,19 +205,19 @@ class _PlanReader:
         """Robots drawn at random that `check` accepts for this pipeline."""
         found: dict[str, Configuration] = {}
         refusal: Sequence[Problem] = ()
-        with TemporaryDirectory() as folder:
-            for number in range(TRIES_MAX * drawn.count):
-                design = draw_design(drawn.seed, number)
-                file = Path(folder) / f"random_{number}.yaml"
-                file.write_text(yaml_text(design.tree()), encoding="utf-8")
-                try:
-                    found[file.stem] = load(pipeline, str(file), settings)
-                except CodeConsentError:
-                    raise
-                except ConfigurationError as error:
-                    refusal = error.problems
-                if len(found) == drawn.count:
-                    return found
+        self.drawn = TemporaryDirectory()
+        for number in range(TRIES_MAX * drawn.count):
+            design = draw_design(drawn.seed, number)
+            file = Path(self.drawn.name) / f"random_{number}.yaml"
+            file.write_text(yaml_text(design.tree()), encoding="utf-8")
+            try:
+                found[file.stem] = load(pipeline, str(file), settings)
+            except CodeConsentError:
+                raise
+            except ConfigurationError as error:
+                refusal = error.problems
+            if len(found) == drawn.count:
+                return found
         place = self.tree.entries["random_robots"].place
         cause = f"of {TRIES_MAX * drawn.count} robots that were drawn `check` accepts {len(found)}"
         fix = f"the last one was refused because {refusal[0].cause}" if refusal else ""

@@ -174,6 +174,10 @@ def test_robots_are_drawn_within_what_check_accepts(tmp_path):
     assert len({robot.drive.track for robot in robots.values()}) == 3
     again = read_plan(str(trials_file(tmp_path, text))).trials
     assert [trial.name for trial in again] == [trial.name for trial in trials]
+    done = command(trials_file(tmp_path, text), "--only", "healthy", "--json")
+    found = [json.loads(line) for line in done.stdout.splitlines()]
+    assert len(found) == 3 and all(run["time"] > 0.5 for run in found)
+    assert "crashed" not in {run["outcome"] for run in found}
 
 
 def test_many_trials_are_not_begun_without_a_consent(tmp_path):
