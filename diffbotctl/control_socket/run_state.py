@@ -113,7 +113,7 @@ def _rounded(value: float) -> float | None:
     return float(f"{value:.{VALUE_DIGITS}g}") if isfinite(value) else None
 
 
-RATE_SPAN = 2 * SECOND  # over which a rate is measured: long enough for 1 Hz
+RATE_SPAN = 3 * SECOND  # over which a rate is measured: two reports of 1 Hz are always in it
 TIMES_MAX = 512  # message times kept a wire; above 256 Hz the span of the rate is shorter
 STOPS_MAX = 20  # that are kept
 SILENCE_MAX_S = 2.0  # the link of a robot is reported each second

@@ -108,7 +108,11 @@ class OverspeedDetector:
         self._raise_limits(now)
 
     def counts(self, now: int, count: int, boot: int) -> WheelExcess | None:
-        """Take the count that arrived at `now`; the excess when the wheel is clearly too fast."""
+        """Take the count of the time `now`; the excess when the wheel is clearly too fast.
+
+        The time is that of the board's sample, where its clock is known: frames that a standing
+        delay of the link, or of the host, lets arrive at once were not sampled at once.
+        """
         last, self.time = self.time, now
         steps, self.count = abs(count - self.count), count
         if last is None or boot != self.boot:

@@ -211,7 +211,7 @@ class Gate(Block):
         fault = None
         for side, count in (("left", encoders.left), ("right", encoders.right)):
             detector = self.wheels_watched[side]
-            excess = detector.counts(now, count, encoders.boot)
+            excess = detector.counts(encoders.time, count, encoders.boot)
             self.report_push(side, detector.is_pushed)
             if excess is not None:
                 cause = (

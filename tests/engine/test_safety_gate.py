@@ -180,6 +180,19 @@ def test_a_wheel_faster_than_commanded_stops_and_is_named(rates, side):
     assert seconds < 3.5
 
 
+@pytest.mark.parametrize("delay", [100, 300, 450])
+def test_frames_that_arrive_at_once_after_a_standing_delay_are_no_fast_wheel(delay):
+    """The link delays each frame by `delay` ms until 2 s; then it delivers all that it holds."""
+    held = started()
+    for frame in range(1, 160):
+        measured = frame * 25
+        arrival = max(measured, min(measured + delay, 2000) + frame % 2)
+        count = round(9.0 * measured / 1000 * SIDE.encoder.counts / (2 * pi))
+        encoders = Encoders(measured * MS, count, count)
+        _, stop = held.at(arrival * MS, encoders=encoders, command=Wheels(arrival * MS, 9.0, 9.0))
+        assert stop is None, stop
+
+
 def test_a_robot_pushed_by_hand_is_reported_and_not_stopped():
     held, lines = started(), []
     held.gate.log = Log("gate", lines, WARNING)
