@@ -211,7 +211,6 @@ class Compiled(NamedTuple):
     nodes: dict[str, str]
 
     def reaction(self, node: str) -> Callable[..., Any]:
-        """What is called for this node."""
         react: Callable[..., Any] = self.names[f"react_{self.nodes[node]}"]
         return react
 
@@ -458,7 +457,6 @@ class _Writer:
         ]
 
     def _earliest(self) -> str:
-        """An expression for the earliest deadline."""
         if not self.deadlines:
             return "NEVER"
         if len(self.deadlines) == 1:

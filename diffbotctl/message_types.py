@@ -34,7 +34,6 @@ def full_name(kind: type) -> str:
 
 
 def parts(hint: Any) -> tuple[Any, ...]:
-    """The types of a union, or the one type itself."""
     return get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
 
 
@@ -44,7 +43,6 @@ def is_tuple(hint: Any) -> bool:
 
 
 def is_record(hint: Any) -> bool:
-    """Whether a type is a NamedTuple."""
     return isinstance(hint, type) and issubclass(hint, tuple) and hasattr(hint, "_fields")
 
 

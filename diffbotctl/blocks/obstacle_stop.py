@@ -241,7 +241,6 @@ def guard_sensor(sensors: Mapping[str, object], stated: str | None) -> str:
 
 
 def sensor_kinds(sensors: Mapping[str, object]) -> dict[str, str]:
-    """Types of the sensors by name."""
     return {name: str(getattr(sensor, "type", "")) for name, sensor in sensors.items()}
 
 

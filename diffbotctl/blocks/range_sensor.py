@@ -108,7 +108,6 @@ class RangeSensor(Block):
         return reading
 
     def _log_change(self, reading: Range, volts: float) -> None:
-        """Log a change of the state."""
         if reading.state == "fault":
             self.log.warning(f"{self.sensor}: {volts:.2f} V is not a voltage of a working sensor")
         elif self.last_state == "fault":
@@ -177,7 +176,6 @@ class FoldbackDetector:
         self.reset()
 
     def reset(self) -> None:
-        """Forget all readings."""
         self.is_folded = False
         self.was_folded = False  # before the zone was entered
         self.is_inside = False  # of the zone above `near_volts`

@@ -87,7 +87,6 @@ class BluezService:
             raise
 
     def close(self) -> None:
-        """Disconnect from the bus."""
         self._bus.close()
 
     def __enter__(self) -> BluezService:
@@ -206,7 +205,6 @@ def _reject(call: DBusCall) -> tuple[str, tuple[Any, ...]]:
 
 @contextmanager
 def _as_run_errors() -> Iterator[None]:
-    """Raise errors of the service as RunError."""
     try:
         yield
     except BusError as error:

@@ -111,7 +111,6 @@ class Bus:
             raise _no_bus("the connection to it was lost") from error
 
     def _reply(self, message: Any) -> None:
-        """Answer a call of the service."""
         call = DBusCall(
             message.header.fields[self._jeepney.HeaderFields.member], tuple(message.body)
         )
@@ -124,7 +123,6 @@ class Bus:
 
 
 def _open_connection() -> tuple[Any, Any]:
-    """The library, and its connection to the system bus."""
     try:
         # An optional dependency, needed for Bluetooth only.
         import jeepney.io.blocking

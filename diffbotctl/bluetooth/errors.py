@@ -90,7 +90,6 @@ def not_paired(address: str, error: BusError, pin_requested: bool) -> RunError:
 
 
 def refused(error: BusError) -> RunError:
-    """The service refuses a request."""
     name, code = error.name.rpartition(".")[2], "E-BLUETOOTH-SERVICE"
     if name in NO_SERVICE:
         cause, fix = "the system's Bluetooth service does not answer", START_FIX

@@ -113,7 +113,6 @@ class LinkProbe:
         return encode(frames.AskFrame(frames.VERSION))
 
     def receive(self, now: int, data: bytes) -> None:
-        """Take received bytes."""
         for frame in self._decoder.feed(data):
             if isinstance(frame, frames.HelloFrame) and self._pending_since is not None:
                 self.answers.append((now - self._pending_since) / SECOND)

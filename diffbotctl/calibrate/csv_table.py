@@ -27,7 +27,6 @@ QUOTED_MAX_CHARACTERS = 30
 
 
 def unusable_log(path: Path, cause: str, fix: str = "") -> UsageError:
-    """The error for an unusable file."""
     described = "`diffbotctl explain E-CALIBRATE-LOG` describes the files"
     return UsageError(Problem("E-CALIBRATE-LOG", str(path), cause, fix or described))
 

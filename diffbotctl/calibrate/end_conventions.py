@@ -101,7 +101,6 @@ def _search(drives: Sequence[RecordedDrive], prior: GeometryPrior) -> list[Solut
 
 
 def _is_good(solution: Solution) -> bool:
-    """Whether it explains most ends."""
     return float(np.mean(solution.good < 0.5)) <= BAD_DRIVES_RATIO_MAX
 
 

@@ -97,7 +97,6 @@ def _lift_once(session: RobotSession, axis: str, side: str) -> Generator[Event, 
 
 
 def lift_action(side: str) -> ManualAction:
-    """To lift the front or the left side."""
     return ManualAction(
         f"imu.lift_{side}",
         f"Lift the {'front' if side == 'front' else 'left side'} of the robot by a hand's width, "

@@ -44,7 +44,6 @@ def frame_positions(frames: Sequence[Encoders], left: bool) -> tuple[Floats, Flo
 
 
 def has_edge_times(frames: Sequence[Encoders]) -> bool:
-    """Whether the board reports the times of edges."""
     return any(frame.left_edge is not None or frame.right_edge is not None for frame in frames)
 
 
@@ -69,7 +68,6 @@ def mean_speed(frames: Sequence[Encoders], left: bool, slots: int) -> float:
 
 
 def line_slope(times: Floats, positions: Floats) -> float:
-    """Slope of the least-squares line."""
     return float(np.polyfit(times - times[0], positions, 1)[0])
 
 

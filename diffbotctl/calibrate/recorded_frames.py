@@ -74,7 +74,6 @@ def _refuse_part(path: Path, frames: Sequence[Encoders], cut: str | None) -> Non
 
 
 def _refuse_other_slots(path: Path, about: Mapping[str, str], robot: Robot) -> None:
-    """Refuse the recording of a robot with other encoders, if it states which robot it was."""
     try:
         check_replayable(about)
         with recorded_configuration(path, about) as configuration:

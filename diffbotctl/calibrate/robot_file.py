@@ -166,7 +166,6 @@ def _with_findings(text: str, findings: Sequence[Finding], origin: Provenance) -
 
 
 def _plan(path: Path, change: Callable[[str], str]) -> tuple[FileChange, RobotFile]:
-    """The change of the file, and the robot that results."""
     before = path.read_bytes()
     try:
         after = change(before.decode()).encode()

@@ -91,7 +91,6 @@ def is_done(name: str, robot: Robot) -> bool:
 
 
 def question_names(robot: Robot) -> list[str]:
-    """The names of all questions of all steps."""
     steps = [
         *(make_step(name) for name in STEPS),
         *(make_step("geometry", how=how) for how in GEOMETRY_METHODS),

@@ -49,7 +49,6 @@ class KeyStopError(RunError):
 
 
 def stopped_error(cause: str, fix: str) -> RunError:
-    """The error for a robot that had to be stopped."""
     return RunError(Problem("E-CALIBRATE-STOPPED", "calibrate", cause, fix))
 
 
@@ -61,7 +60,6 @@ class TurnLimit:
         self._start: tuple[int, int] | None = None
 
     def restart(self) -> None:
-        """Count from the next frame on."""
         self._start = None
 
     def check(self, frame: Encoders, robot: Robot) -> None:
@@ -113,7 +111,6 @@ class Received(NamedTuple):
 
     @property
     def encoders(self) -> list[Encoders]:
-        """All encoder frames."""
         return self.of(Encoders)
 
     @property
@@ -205,7 +202,6 @@ class RobotSession:
         self.stop_and_wait()
 
     def latest_frame(self) -> Encoders:
-        """The present frame."""
         self.catch_up()
         assert self.encoders is not None
         return self.encoders
@@ -281,7 +277,6 @@ class RobotSession:
             self.clock.close()
 
     def on_frame(self, now: int, frame: Encoders) -> None:
-        """Record a frame that has arrived."""
         self.encoders, self.frame_time = frame, now
         self.recording.append(frame)
 
@@ -356,5 +351,4 @@ class RobotSession:
 
 
 def drive_sides(robot: Robot) -> dict[str, SideSection]:
-    """The sections of the left and right side, by name."""
     return {"left": robot.drive.left, "right": robot.drive.right}

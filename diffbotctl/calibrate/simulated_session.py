@@ -61,7 +61,6 @@ class SimulatedTools:
 
     @property
     def truth(self) -> PlantTruth:
-        """The actual state of the robot."""
         return self._plant.truth()
 
     def compare(self, findings: Iterable[Finding]) -> list[ComparedValue]:

@@ -30,7 +30,6 @@ class SquareEnd(NamedTuple):
 
     @property
     def error(self) -> EndError:
-        """The measured end minus that of odometry."""
         measured, odometry = self
         heading = wrap_angle(measured.heading - odometry.heading)
         return EndError(measured.x - odometry.x, measured.y - odometry.y, heading)

@@ -131,12 +131,10 @@ def show(name: str, as_json: bool = JSON) -> None:
 
 
 def first_sentence(kind: type[Block] | type[DeviceDriver]) -> str:
-    """The first sentence of the docstring of a block or driver."""
     return " ".join((kind.__doc__ or "").strip().split("\n\n")[0].split())
 
 
 def block_record(name: str, kind: type[Block] | type[DeviceDriver]) -> dict[str, Any]:
-    """The declarations of a block as JSON."""
     from diffbotctl.block import In, actions, inputs, outputs, robot_fields
     from diffbotctl.message_types import type_name
     from diffbotctl.params import declared
@@ -164,7 +162,6 @@ def block_record(name: str, kind: type[Block] | type[DeviceDriver]) -> dict[str,
 
 
 def block_lines(name: str, kind: type[Block] | type[DeviceDriver]) -> Iterator[str]:
-    """The declarations of a block as lines."""
     from diffbotctl.block import actions, inputs, outputs, robot_fields
     from diffbotctl.message_types import type_name
     from diffbotctl.params import declared

@@ -141,7 +141,6 @@ def _device(port: str) -> str:
 
 
 def _figures(found: LinkFigures) -> list[str]:
-    """The link in lines."""
     return [
         f"telemetry  {found.rate:.1f} frames a second, {found.lost:.1%} lost, "
         f"{found.damaged} damaged",

@@ -69,7 +69,6 @@ def argument(metavar: str | None = None, **settings: Any) -> Any:
 
 
 def _settings_of(annotation: str, is_option: bool) -> dict[str, Any]:
-    """What the annotation of a parameter states."""
     if annotation == "bool":
         return {"is_flag": True}
     settings: dict[str, Any] = {}

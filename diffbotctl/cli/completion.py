@@ -133,7 +133,6 @@ def engine_names(ctx: click.Context) -> list[str]:
 
 
 def topics(ctx: click.Context) -> list[str]:
-    """The topics of the running engine."""
     return _names(ctx, "list_topics", "topics", "topic")
 
 
@@ -146,7 +145,6 @@ def parameters(ctx: click.Context) -> list[str]:
 
 
 def actions(ctx: click.Context) -> list[str]:
-    """The actions that can be called."""
     return _names(ctx, "list_actions", "actions", "action")
 
 
@@ -158,7 +156,6 @@ def action_arguments(ctx: click.Context) -> list[str]:
 
 
 def blocks(ctx: click.Context) -> list[str]:
-    """The blocks that run."""
     return _names(ctx, "list_blocks", "blocks", "block")
 
 

@@ -71,7 +71,6 @@ class DriveProgress:
         self.begin()
 
     def begin(self) -> None:
-        """The drive begins now."""
         self.start_time = self.motion_time = time.monotonic()
         self._note_progress()
 
@@ -118,7 +117,6 @@ class DriveProgress:
         return f"{seconds:.1f} of {self.seconds:.1f} s, driven {self.driven:.2f} m"
 
     def update(self, odometry: dict[str, Any]) -> None:
-        """Take an odometry message."""
         if self.last is not None:
             step = odometry["x"] - self.last["x"], odometry["y"] - self.last["y"]
             self.driven += hypot(*step)
@@ -247,7 +245,6 @@ class ProgressDisplay:
             click.echo(text, err=True)
 
     def end(self) -> None:
-        """Clear the line that changes."""
         if self.shown:
             write_raw(sys.stderr, f"\r{'':<{len(self.shown)}}\r")
             self.shown = ""

@@ -53,7 +53,6 @@ class CommandEntry(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """The help of this command alone."""
         text = self.help.removeprefix("; ")
         return f"{text[0].upper()}{text[1:]}."
 
@@ -96,7 +95,6 @@ class LazyGroup(click.Group):
         return list(commands())
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
-        """Import the module of the command."""
         if name == "help":
             return help_command
         if name not in commands():

@@ -146,7 +146,6 @@ class ScreenArguments(NamedTuple):
     ascii_only: bool = ASCII
 
     def options(self) -> ScreenOptions:
-        """The options of an EngineApp."""
         from diffbotctl.ui.engine_app import ScreenOptions
 
         is_utf8 = (sys.stdout.encoding or "ascii").lower().replace("-", "") == "utf8"

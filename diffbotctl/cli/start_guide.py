@@ -117,7 +117,6 @@ class SetupGuide:
 
     @property
     def port(self) -> str:
-        """The board's USB port."""
         return self.progress.notes.get("port", "a port yet to be found")
 
     @property

@@ -269,7 +269,6 @@ def resume_result(before: dict[str, Any], after: dict[str, Any]) -> tuple[bool, 
 
 
 def _remedy(status: dict[str, Any]) -> str:
-    """What ends the stop in force."""
     if not status["held"]["latched"]:
         return "the stop ends by itself when its cause is gone"
     link = status.get("robot.link")

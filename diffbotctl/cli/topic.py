@@ -76,7 +76,6 @@ def _refuse_constant(word: str) -> None:
 
 
 def _split_field(client: ControlClient, topic: str) -> tuple[str, list[str]]:
-    """The topic, and the path of a field in its messages."""
     wires = {row["topic"] for row in client.request("list_topics")["topics"]}
     steps = topic.split(".")
     for length in range(len(steps), 0, -1):

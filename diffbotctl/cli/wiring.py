@@ -77,8 +77,6 @@ def _print_json_rows(harness: Harness) -> None:
 
 
 def table_lines(harness: Harness) -> Iterator[str]:
-    """The table: one wire on a line, with its ends, colour and purpose."""
-
     def end_text(part: str, pin: str) -> str:
         return f"{harness.parts[part].title} {pin}"
 

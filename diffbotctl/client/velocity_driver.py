@@ -57,7 +57,6 @@ class VelocityDriver:
 
     @property
     def is_moving(self) -> bool:
-        """Whether a publisher drives."""
         return self.rules.state is DriveState.MOVING
 
     def stop_ended(self) -> None:

@@ -70,7 +70,6 @@ class EngineOrder(NamedTuple):
     reason: str = ""
 
     def fields(self) -> Fields:
-        """The fields of the request."""
         match self.method:
             case "drive":
                 return {"linear": self.linear, "angular": self.angular}

@@ -36,7 +36,6 @@ class WebSocketConnection(ABC):
     async def serve_client(
         self, request: web.Request, engine: EngineAddress, client_name: str
     ) -> web.WebSocketResponse:
-        """Serve until the socket is closed."""
         self.transport = request.transport
         self.peer = request.transport and request.transport.get_extra_info("peername")
         await self.socket.prepare(request)

@@ -73,7 +73,6 @@ class BoardPins:
 
     @property
     def with_article(self) -> str:
-        """Its title after the indefinite article."""
         return f"{'an' if self.title[0] in 'AEIOU' else 'a'} {self.title}"
 
     def number(self, pin: object) -> int:

@@ -99,7 +99,6 @@ class CodeFiles:
         return _class_in(_imported(code), name, code, base)
 
     def error(self, problems: Sequence[Problem]) -> ConfigurationError:
-        """The error with these problems."""
         codes = {problem.code for problem in problems if problem.severity == "error"}
         if codes == {CONSENT_CODE}:
             return CodeConsentError(problems, self.refused)

@@ -111,7 +111,6 @@ class RobotParts(NamedTuple):
 
     @property
     def title(self) -> str:
-        """Its parts in words."""
         names = [BOARDS[self.board].title, MOTOR_DRIVERS[self.driver].title]
         names.append(f"{self.encoders} encoders" if CHANNELS[self.encoders] else "no encoders")
         names += [sensor_facts(kind).title for kind in self.sensors]
@@ -137,7 +136,6 @@ class PinAssignment:
 
     @property
     def pins(self) -> dict[str, str]:
-        """The pin of each wire."""
         return {need.key: pin for pin, need in self._needs.items()}
 
     def add(self, need: PinNeed) -> bool:
@@ -165,7 +163,6 @@ class PinAssignment:
         return sorted(pins, key=lambda pin: pin == board.led)
 
     def _functions(self, pin: str) -> int:
-        """How many other functions a pin has."""
         board = self.board
         serial = [pin for pins in board.uarts.values() for pin in pins]
         groups = (board.pwm, board.interrupts, board.changes, board.analog, board.i2c, serial)

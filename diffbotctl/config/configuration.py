@@ -271,7 +271,6 @@ class Omission:
     needs: str
 
     def text(self) -> str:
-        """The omission as a line for the user."""
         needed = {"Volts": "distance", "Range": "distance"}.get(self.needs, self.needs.lower())
         return f"left out: {self.name} (no sensor of the robot and no source gives a {needed})"
 

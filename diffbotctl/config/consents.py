@@ -13,7 +13,6 @@ _allowed_here: set[str] = set()  # in this process alone
 
 
 def consent_file() -> Path:
-    """The file with the consents of this user."""
     return user_folders.state_folder() / "allowed_programs.json"
 
 

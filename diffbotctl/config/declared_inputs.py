@@ -232,7 +232,6 @@ def read_neutral(context: CheckContext, kind: type, value: Value | None) -> Any:
 
 
 def mark_motion(context: CheckContext) -> None:
-    """Mark the inputs on which the robot's motion depends, and check their timeouts."""
     moving = _upstream_of_motion(context)
     context.moving_parts = {wire.partition(".")[0] for wire in moving} & context.parts.keys()
     for part in (context.parts[name] for name in sorted(context.moving_parts)):

@@ -36,7 +36,6 @@ class FaultKind(NamedTuple):
 
 
 def _size(unit: str, usual: float, maximum: float, help: str) -> Declaration:
-    """The declaration of a fault's size."""
     default = Spread(usual, usual)
     declared: Any = Param(
         Spread, unit=unit, default=default, help=help, key="size", minimum=0.0, maximum=maximum

@@ -344,7 +344,6 @@ class _Loader:
                 self._read_block(name, entry.block, tree.entries["blocks"].entries[name])
 
     def _read_block(self, name: str, kind: str, value: Value) -> None:
-        """Find the class of one block and read the values of its parameters."""
         written = value.entries["block"]
         try:
             if is_code(kind):

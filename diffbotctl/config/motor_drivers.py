@@ -93,7 +93,6 @@ class MotorDriverFacts(NamedTuple):
 
     @property
     def with_article(self) -> str:
-        """Its title after the indefinite article."""
         is_word = self.title[1:2].islower()
         vowel = self.title[0] in LETTERS_AFTER_AN and not is_word
         return f"{'an' if vowel else 'a'} {self.title}"

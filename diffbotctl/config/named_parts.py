@@ -67,13 +67,11 @@ class NamedPart:
         return {port: entry.text for port, entry in (remaps.entries if remaps else {}).items()}
 
     def wire(self, wire: str) -> str:
-        """The name in the whole of one of its wires."""
         if wire in self.remaps:
             return self.remaps[wire]
         return wire if wire.partition(".")[0] in SHARED_NODES else f"{self.name}.{wire}"
 
     def blocks(self) -> Iterator[BlockUse]:
-        """Its blocks, named and wired as in the whole."""
         for use in self.configuration.blocks:
             wires = {port: self.wire(wire) for port, wire in use.wires.items()}
             for port in inputs(use.cls):

@@ -48,11 +48,9 @@ class Value:
 
     @property
     def items(self) -> list[Value]:
-        """The items of a list; none for anything else."""
         return self.data if isinstance(self.data, list) else []
 
     def plain(self) -> Any:
-        """The value as plain dictionaries, lists and scalars."""
         if isinstance(self.data, dict):
             return {name: value.plain() for name, value in self.data.items()}
         if isinstance(self.data, list):

@@ -217,7 +217,6 @@ class DriveResponse:
         return list(found.values())
 
     def weaknesses(self) -> list[str]:
-        """What is known of weak wheels."""
         return list(self.weak.values()) or self._lagging()
 
     def _lagging(self) -> list[str]:

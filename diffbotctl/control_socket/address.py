@@ -65,7 +65,6 @@ def group_folder(group: str) -> Path:
 
 
 def run_folder() -> Path:
-    """The folder with the folders of all groups."""
     return Path(os.environ.get(RUN_VARIABLE, "/run"))
 
 
@@ -160,7 +159,6 @@ def _check_length(folder: Path, name: str) -> None:
 
 
 def remove_socket(path: Path) -> None:
-    """Remove the socket and the file beside it."""
     for file in (path, path.with_suffix(".engine")):
         with suppress(OSError):
             file.unlink()

@@ -127,7 +127,6 @@ class ControlClient:
                 return
 
     def close(self) -> None:
-        """Disconnect."""
         self.connection.close()
         if self.ssh is not None:
             self.ssh.close()

@@ -80,7 +80,6 @@ class DriveLease:
         self.client, self.who = command.client, command.who
 
     def end(self) -> None:
-        """No client drives any more."""
         self.client, self.deadline = None, NEVER
 
     def expire(self) -> None:

@@ -40,7 +40,6 @@ class TokenBucket:
         return self.tokens >= 1.0
 
     def spend(self) -> None:
-        """Remove a token."""
         self.tokens -= 1.0
 
 
@@ -53,7 +52,6 @@ class Peer(NamedTuple):
 
 
 def peer_of(connection: socket.socket) -> Peer:
-    """The process that connected."""
     data = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, CREDENTIALS.size)
     return Peer(*CREDENTIALS.unpack(data))
 
@@ -84,7 +82,6 @@ class Client:
         connection.setblocking(False)
 
     def is_late(self, now: float) -> bool:
-        """Whether the time for its hello is over."""
         return not self.name and now - self.connected_at > HELLO_TIMEOUT_S
 
     def reads_nothing(self, now: float) -> bool:
@@ -159,7 +156,6 @@ class Client:
 
     @property
     def is_done(self) -> bool:
-        """Whether the connection can be closed."""
         if self.waits or self.unanswered or (self.is_paused and not self.is_closing):
             return False
         return self.is_closing or not (self.is_readable or self.topics)
@@ -210,5 +206,4 @@ class Subscriptions:
             client.lost += lost
 
     def line(self, wire: str, message: Any) -> bytes:
-        """One message as a line of a stream."""
         return b'{"topic": "%s", "message": %s}\n' % (wire.encode(), self.encoders[wire](message))

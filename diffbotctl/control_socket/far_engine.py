@@ -154,7 +154,6 @@ class EngineTime:
         self.offset: int | None = None  # ns
 
     def note(self, fields: dict[str, Any]) -> None:
-        """Take the time in a line, if it has one."""
         message = fields.get("message", fields)
         stamp = message.get("time") if isinstance(message, dict) else None
         if isinstance(stamp, int) and stamp > 0:

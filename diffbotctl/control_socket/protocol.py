@@ -30,11 +30,9 @@ class RefusalError(Exception):
 
     @property
     def text(self) -> str:
-        """Cause and fix in one line."""
         return f"{self.cause}; {self.fix}" if self.fix else self.cause
 
     def fields(self) -> Fields:
-        """The fields of the error reply."""
         reply = {"ok": False, "error": self.code, "cause": self.cause}
         return {**reply, "fix": self.fix} if self.fix else reply
 
@@ -47,7 +45,6 @@ class LineBuffer:
         self.searched = 0
 
     def add(self, data: bytes) -> None:
-        """Append what came from the socket."""
         self.rest += data
 
     def take(self, data: bytes) -> list[bytes]:
@@ -112,5 +109,4 @@ DECODER = json.JSONDecoder(parse_constant=_refuse_constant)  # made once: 5 us
 
 
 def encode_line(fields: Fields) -> bytes:
-    """One line to send."""
     return json.dumps(fields, allow_nan=False).encode() + b"\n"

@@ -39,7 +39,6 @@ class RequestField(NamedTuple):
     maximum: float = inf
 
     def limits_text(self) -> str:
-        """The bounds with the unit."""
         if self.maximum < inf:
             return f"{self.minimum:g} to {self.maximum:g} {self.unit}".rstrip()
         return f"at least {self.minimum:g} {self.unit}".rstrip()

@@ -94,7 +94,6 @@ class RunHistory:
         self.due = 0
 
     def sample(self, now: int, newest: dict[str, Message]) -> None:
-        """Add the newest message of each topic, when a sample is due."""
         if now < self.due:
             return
         self.due = now + HISTORY_PERIOD
@@ -190,7 +189,6 @@ class RunState:
         self.now = 0
 
     def update(self, update: EngineUpdate) -> None:
-        """Add what the engine sent."""
         if update.loads is not None:
             self.loads = {name: BlockLoad(*load) for name, load in update.loads.items()}
         for instant in update.instants:

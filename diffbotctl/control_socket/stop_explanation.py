@@ -137,7 +137,6 @@ def _motion(state: RunState) -> str:
 
 
 def _imu(state: RunState) -> list[str]:
-    """How the IMU is now, for a robot that has one."""
     imus = [message for message in state.newest.values() if isinstance(message, Imu)]
     return [f"IMU: {imu_text(max(imus, key=lambda imu: imu.time))}."] if imus else []
 
@@ -173,7 +172,6 @@ def _goal(state: RunState) -> str:
 
 
 def _summary(message: Message) -> str:
-    """The main fields of a message."""
     match message:
         case Range():
             return f"{message.state.replace('_', ' ')}, {message.distance:.3f} m"

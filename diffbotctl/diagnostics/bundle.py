@@ -72,7 +72,6 @@ def _flight_entries(path: Path, private: PrivateText) -> Iterator[BundleEntry]:
 
 
 def pack(entries: Iterable[BundleEntry]) -> bytes:
-    """The zip file."""
     output = BytesIO()
     with zipfile.ZipFile(output, "w", zipfile.ZIP_DEFLATED) as file:
         for entry in entries:
@@ -161,7 +160,6 @@ def _problem(problem: Problem) -> dict[str, str]:
 def _recording_entries(
     path: Path, name: str, words: str, private: PrivateText
 ) -> Iterator[BundleEntry]:
-    """The recording, and the files of its run as texts."""
     recording = share_recording(path, private)
     about = "; ".join((words, *recording.notes))
     yield BundleEntry(private.without(f"{name}{RECORDING}"), recording.data, about)

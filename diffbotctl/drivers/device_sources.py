@@ -215,7 +215,6 @@ class DeviceSourcesDriver:
         return min(min(each.poll_due, each.silent_at, each.retry_at) for each in self.sources)
 
     def files(self) -> list[int]:
-        """The files of all open devices."""
         return [source.file for source in self.sources if source.file is not None]
 
     def deliver(self, now: int) -> list[Delivery]:
@@ -255,7 +254,6 @@ class DeviceSourcesDriver:
         return [Delivery("operator.wait", stop)]
 
     def close(self) -> None:
-        """Close all devices."""
         for source in self.sources:
             source.close()
 
@@ -326,7 +324,6 @@ def open_sources(
 
 
 def _open_problem(source: DeviceSource) -> Problem | None:
-    """Open the device; what is wrong if that fails."""
     try:
         source.open(0)
     except DeviceError as error:

@@ -111,7 +111,6 @@ class Operator:
                 )
 
     def on_path(self, now: int, path: Path) -> None:
-        """Add all waypoints of a path to the goals."""
         self.waiting += path.goals
         if self.active is None and self.paused is None:
             self._send_next(now)
@@ -168,7 +167,6 @@ class Operator:
         self._send(now, "resume", Resume(now))
 
     def log(self, now: int, level: LogLevel, source: str, text: str) -> None:
-        """Write a log line for a source that is not a block."""
         self._send(now, "log", LogLine(now, level, source, text))
 
     def set_level(self, now: int, source: str, level: str) -> None:

@@ -103,7 +103,6 @@ class Joystick(DeviceDriver):
         self.publish_due = self.last_event = 0
 
     def device_name(self) -> str:
-        """The device that was found last."""
         return self.path
 
     def open(self) -> int:
@@ -135,7 +134,6 @@ class Joystick(DeviceDriver):
         return [Reading("twist", Twist(now, linear + 0.0, angular + 0.0))]
 
     def close(self) -> None:
-        """Close the device."""
         if self.file >= 0:
             os.close(self.file)
         self.file = -1

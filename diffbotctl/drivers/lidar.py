@@ -121,7 +121,6 @@ class Lidar(DeviceDriver):
         return []
 
     def close(self) -> None:
-        """Stop the motor and close the port."""
         if self.port is None:
             return
         with suppress(OSError):
@@ -241,7 +240,6 @@ class Lidar(DeviceDriver):
 
 
 def new_decoder(model: LidarModel) -> LidarDecoder:
-    """A decoder of what this model sends."""
     return DECODERS[model.protocol](model.rays)
 
 

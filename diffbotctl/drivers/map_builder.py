@@ -79,7 +79,6 @@ class MapSource(DeviceDriver):
         self.last: MapUpdate | None = None
 
     def device_name(self) -> str:
-        """The process."""
         return f"process {self.process.pid}" if self.process is not None else "its process"
 
     def open(self) -> int:

@@ -72,7 +72,6 @@ class MapSession:
             self.not_loaded = self._load(name, bool(self.facts.get("grows")))
 
     def scan(self, points: ScanPoints) -> MapUpdate:
-        """Add a scan."""
         self.scans += 1
         self.time = points.time
         scan = mapped_scan(self.scans, points)
@@ -88,7 +87,6 @@ class MapSession:
         return self._update()
 
     def ask(self, request: MapRequest) -> MapUpdate:
-        """Carry out a request."""
         cause = ""
         if request.task == "save":
             cause = self._save(request.name)
@@ -204,7 +202,6 @@ class MapSession:
 
 
 def grid_tiles(grid: OccupancyGrid) -> dict[Place, str]:
-    """The tiles of a grid."""
     cells = grid.cells
     letters = np.full(cells.shape, ord(UNKNOWN), np.uint8)
     letters[(cells >= 0) & (cells <= 100 * FREE_SHARE)] = ord(FREE)
@@ -224,7 +221,6 @@ def grid_tiles(grid: OccupancyGrid) -> dict[Place, str]:
 
 
 def mapped_scan(number: int, points: ScanPoints) -> MappedScan:
-    """The scan as arrays."""
     xx, xy, xh, yy, yh, hh = points.covariance
     covariance: Array = np.array([[xx, xy, xh], [xy, yy, yh], [xh, yh, hh]])
     return MappedScan(

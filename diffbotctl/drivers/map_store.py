@@ -24,12 +24,10 @@ def maps_folder() -> Path:
 
 
 def map_path(name: str) -> Path:
-    """The file of a map."""
     return maps_folder() / f"{name}{SUFFIX}"
 
 
 def stored_maps() -> list[StoredMap]:
-    """All saved maps, by name."""
     files = sorted(maps_folder().glob(f"*{SUFFIX}"))
     stats = [(path, path.stat()) for path in files if not path.name.startswith(".")]
     return [StoredMap(path.stem, stat.st_size, stat.st_mtime) for path, stat in stats]

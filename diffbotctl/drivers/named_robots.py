@@ -16,21 +16,17 @@ class NamedDriver:
         self.name, self.driver = name, driver
 
     def due(self) -> int:
-        """As of the driver."""
         return self.driver.due()
 
     def files(self) -> list[int]:
-        """As of the driver."""
         return self.driver.files()
 
     def deliver(self, now: int) -> list[Delivery]:
-        """The messages of the driver, for the wires of its robot."""
         return [
             Delivery(f"{self.name}.{wire}", message) for wire, message in self.driver.deliver(now)
         ]
 
     def close(self) -> None:
-        """As of the driver."""
         self.driver.close()
 
 
@@ -53,16 +49,13 @@ class RobotGroup:
         return [file for driver in self.drivers for file in driver.files()]
 
     def deliver(self, now: int) -> list[Delivery]:
-        """What has arrived from any robot."""
         return [delivery for driver in self.drivers for delivery in driver.deliver(now)]
 
     def close(self) -> None:
-        """Close each of them."""
         for driver in self.drivers:
             driver.close()
 
     def command(self, now: int, command: Wheels | Duty) -> None:
-        """Send a command to all."""
         for robot in self.robots:
             robot.command(now, command)
 

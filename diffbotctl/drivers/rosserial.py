@@ -79,7 +79,6 @@ class Rosserial(DeviceDriver):
         return [Reading(name, message) for name, message in messages]
 
     def write(self, now: int, port: str, message: Any) -> None:
-        """Send a message to the sketch."""
         if self.board is None:
             return
         try:
@@ -89,7 +88,6 @@ class Rosserial(DeviceDriver):
         self._flush(now)
 
     def close(self) -> None:
-        """Close the port."""
         self.board = None
         if self.port is not None:
             self.port.close()

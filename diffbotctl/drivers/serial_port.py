@@ -75,12 +75,10 @@ class SerialPortDevice:
             termios.tcflush(self.fd, termios.TCIFLUSH)
 
     def discard_unsent(self) -> None:
-        """Discard what the kernel has not transmitted yet."""
         with suppress(termios.error):
             termios.tcflush(self.fd, termios.TCOFLUSH)
 
     def close(self) -> None:
-        """Close the device."""
         with suppress(OSError):
             os.close(self.fd)
 
@@ -126,7 +124,6 @@ def open_port(device: str, baud: int) -> OpenPort:
 
 
 def disconnected_error(device: str, error: OSError) -> RunError:
-    """The error for a device that has disconnected."""
     if is_socket(device):
         return unreachable(device, error)
     fix = f"is the board plugged in, or the Bluetooth module paired and bound? {FIND_PORT}"

@@ -45,7 +45,6 @@ class BoardWatchdog:
         self.process.report(None, False, b"")
 
     def files(self) -> list[int]:
-        """The channel from the process."""
         return [] if self.process.lost else [self.process.channel.fileno()]
 
     def report(self, now: int, data: bytes) -> None:
@@ -54,7 +53,6 @@ class BoardWatchdog:
         self.process.report(self.host.stop_order(), is_moving, self.written + data)
 
     def wrote(self, data: bytes) -> None:
-        """Note what was written."""
         self.written = (self.written + data)[-WRITTEN_BYTES_MAX:]
 
     def holds(self) -> bool:

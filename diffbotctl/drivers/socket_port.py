@@ -170,7 +170,6 @@ def unreachable(device: str, error: OSError) -> RunError:
 
 
 def _new_socket(device: str) -> tuple[socket.socket, Address]:
-    """A new socket, and the address to connect it to."""
     if device.startswith(SOCKET):
         return socket.socket(socket.AF_UNIX, socket.SOCK_STREAM), device.removeprefix(SOCKET)
     target = parse_port(device)

@@ -101,7 +101,6 @@ class VirtualSources:
         return deliveries
 
     def close(self) -> None:
-        """End their processes."""
         for source in self.sources:
             source.driver.close()
 

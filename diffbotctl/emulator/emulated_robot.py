@@ -207,7 +207,6 @@ class EmulatedRobotDriver:
         return deliveries + self._operator.deliver(now)
 
     def command(self, now: int, command: Wheels | Duty) -> None:
-        """Pass the command to the protocol."""
         self.host.command(now, command)
         self._send(now)
 
@@ -222,7 +221,6 @@ class EmulatedRobotDriver:
         return self.host.stopped
 
     def close(self) -> None:
-        """End the emulator."""
         self.board.emulator.close()
 
     def _send(self, now: int) -> None:
@@ -300,7 +298,6 @@ def _sonars(settings: BoardSettings) -> list[RangeInput]:
 
 
 def sonar_pins(settings: BoardSettings) -> list[SonarPins]:
-    """The pins of the ultrasonic sensors."""
     return [SonarPins(_or_none(sensor.trigger), sensor.pin) for sensor in _sonars(settings)]
 
 

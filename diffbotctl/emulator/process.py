@@ -125,7 +125,6 @@ class StepResult(NamedTuple):
     """a Pico shows its boot drive and runs no program"""
 
     def bytes_of(self, uart: int) -> bytes:
-        """All bytes sent on one UART in this step."""
         return bytes(sent.byte for sent in self.sent if sent.uart == uart)
 
 
@@ -194,7 +193,6 @@ class Emulator:
 
     @property
     def pid(self) -> int:
-        """Process id of the emulator."""
         return self._process.pid
 
     def _ports(self) -> tuple[str, ...]:
@@ -259,7 +257,6 @@ class Emulator:
         return StepResult(self.now, changes, whole, bool(flags & RESET), bool(flags & IN_BOOTSEL))
 
     def reset(self, cause: int = LINE) -> None:
-        """Pull the reset line, or reset for another cause."""
         self._request(bytes((ord("R"), cause)), 1)
 
     def hang(self) -> None:
@@ -275,7 +272,6 @@ class Emulator:
         self._request(b"P" + struct.pack("<BIII", pin, high, low, jitter), 1)
 
     def eeprom(self) -> bytes:
-        """All bytes of the EEPROM."""
         return self._request(b"Q", EEPROM_SIZE)
 
     def set_eeprom(self, content: bytes) -> None:
@@ -283,7 +279,6 @@ class Emulator:
         self._request(b"W" + content.ljust(EEPROM_SIZE, b"\xff"), 1)
 
     def flash(self, offset: int, length: int) -> bytes:
-        """Bytes of the flash."""
         return self._request(b"F" + struct.pack("<II", offset, length), length)
 
     def dirty_writes(self) -> int:
@@ -299,7 +294,6 @@ class Emulator:
         self._request(b"U" + struct.pack("<I", len(image)) + image, 1)
 
     def close(self) -> None:
-        """End the emulator."""
         if self._process.poll() is None:
             self._requests.close()
             try:

@@ -44,7 +44,6 @@ CHIPS = {
 
 
 def image_of(board: BoardCode) -> Path:
-    """The file with our firmware for a board."""
     return FIRMWARE / next(pins.image for pins in BOARDS.values() if pins.chip == board.name)
 
 
@@ -149,5 +148,4 @@ def bootloader(board: BoardCode = BoardCode.MEGA2560) -> Path:
 
 
 def cache() -> Path:
-    """Folder of the compiled emulator."""
     return user_folders.cache_folder()

@@ -103,7 +103,6 @@ class VirtualBoard:
         self.lost = 0.0  # s for which the machine was too slow, and which the board skipped
 
     def links(self) -> list[Path]:
-        """The ports of the board."""
         return [link for link in (self.usb, self.radio) if link is not None]
 
     def serve(self, stop: int, report: Callable[[str], None]) -> None:

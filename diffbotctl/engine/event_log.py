@@ -63,7 +63,6 @@ class JoinedEventLogger:
             part.restore(of_part)
 
     def sinks(self) -> dict[str, Sink]:
-        """The function to call for each wire."""
         return {
             f"{name}.{wire}": sink
             for name, part in self.parts.items()
@@ -94,7 +93,6 @@ class EventLogger:
         self.places.restore(places)
 
     def sinks(self) -> dict[str, Sink]:
-        """The function to call for each wire."""
         sinks: dict[str, Sink] = {
             wire: sink for wire, sink in self._of_drivers().items() if wire in self.graph.sources
         }

@@ -82,7 +82,6 @@ class InstantMonitor:
             self._slow, self._is_slowness_reported = {}, False
 
     def take_events(self) -> list[Delivery]:
-        """The events since the last call."""
         events, self.events, self.stops = self.events, [], False
         return events
 
@@ -122,12 +121,10 @@ class InstantMonitor:
             self._pause("block_overrun", cause)
 
     def check_wake_up(self, late: int) -> None:
-        """Check by how much the loop woke up late."""
         if self.limits.frozen is not None and late > self.limits.frozen:
             self._pause("host_frozen", NOT_RUNNING.format(late / SECOND))
 
     def close(self) -> None:
-        """Close the file of the run delay."""
         if self._schedstat is not None:
             os.close(self._schedstat)
             self._schedstat = None

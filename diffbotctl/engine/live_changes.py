@@ -45,7 +45,6 @@ class LiveChanges:
         self.outcomes: list[CallOutcome] = []
 
     def sinks(self) -> dict[str, Sink]:
-        """The function to call for each wire."""
         return {"operator.setting": self.set, "operator.call": self.call}
 
     def set(self, now: int, change: Setting) -> None:

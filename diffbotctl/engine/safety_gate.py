@@ -233,7 +233,6 @@ class Gate(Block):
             )
 
     def telemetry_stop(self, now: int) -> Stop:
-        """The stop for stale telemetry."""
         limit = f"{self.telemetry_timeout * 1000:.0f} ms"
         return Stop(now, "telemetry_stale", f"no telemetry from the board for {limit}", False)
 

@@ -44,7 +44,6 @@ class CommandedWheelOdometer:
         """Nothing is remembered of the time before."""
 
     def update(self, frame: BoardFrame) -> None:
-        """Apply one frame."""
         last = min(frame.command_since, frame.time), frame.command
         for since, command in (last,) if frame.skipped is None else (frame.skipped, last):
             self._roll(since)

@@ -118,7 +118,6 @@ class EdgeHypothesis:
         return hypotheses
 
     def _update_count(self, frame: WheelFrame) -> list[EdgeHypothesis]:
-        """Apply the count of a frame and its time."""
         steps = abs(frame.edge_count - self.count)
         self.count = frame.edge_count
         if not frame.is_mixed or not self.motion.is_rolling(ROLLING_CREEP_RATIO):
@@ -399,7 +398,6 @@ class EdgeHypothesis:
 
 
 def update_all(hypotheses: list[EdgeHypothesis], frame: WheelFrame) -> list[EdgeHypothesis]:
-    """Update all hypotheses with one frame, including splits."""
     if hypotheses[0].motion.is_dry is None:
         hypotheses = [
             branch

@@ -131,7 +131,6 @@ class FineWheelOdometer:
         return abs(self.speed) * self.lag
 
     def update(self, frame: BoardFrame) -> None:
-        """Apply one frame."""
         time, count, edge_time, command, since, is_duty = frame[:6]
         self.undriven.is_other_driven = frame.is_other_driven
         steps = count - self.count
@@ -312,7 +311,6 @@ class DirectedWheelOdometer(FineWheelOdometer):
     """
 
     def update(self, frame: BoardFrame) -> None:
-        """Apply one frame."""
         time, count, edge_time, command, _, is_duty = frame[:6]
         steps = count - self.count
         self.count = count

@@ -109,7 +109,6 @@ class GyroHeading:
         self._was_sliding = self._pose.has_slid
 
     def bias_text(self) -> str:
-        """The bias with its standard deviation."""
         sd = sqrt(self.gyro.variance)
         return f"bias {degrees(self.gyro.bias):.3f} +- {degrees(sd):.3f} deg/s"
 

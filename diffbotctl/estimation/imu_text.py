@@ -25,5 +25,4 @@ def imu_lines(imu: Imu) -> list[str]:
 
 
 def imu_text(imu: Imu) -> str:
-    """The same in one line."""
     return ", ".join(imu_lines(imu))

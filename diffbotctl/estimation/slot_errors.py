@@ -145,7 +145,6 @@ class SlotErrors:
         return SlotEstimate(error, self.backward_variance)
 
     def predict(self, rows: TransitionRows) -> None:
-        """Note a transition of the motion."""
         self.pending = rows if self.pending is None else _followed(self.pending, rows)
 
     def propagate(self) -> None:
@@ -177,7 +176,6 @@ class SlotErrors:
         return self.covariance[state * entries : (state + 1) * entries]
 
     def variance_of(self, index: int) -> float:
-        """Variance of one error."""
         return self.covariance[(6 + index) * len(self.errors) + index]
 
     def rows(self, index: int) -> tuple[MeasurementRow, list[float]]:

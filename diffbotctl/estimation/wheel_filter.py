@@ -107,7 +107,6 @@ class WheelFilter:
         )
 
     def update(self, frame: WheelFrame) -> None:
-        """Update all hypotheses with one frame."""
         if (
             self.known_edges is not None
             and frame.edge_time is not None

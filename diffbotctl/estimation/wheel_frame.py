@@ -121,7 +121,6 @@ class MotorDuty:
         return duties
 
     def _command(self, target: float) -> float:
-        """The duty with this target."""
         if target * self.target <= 0.0:
             self.addition = 0.0
         self.target = target

@@ -262,7 +262,6 @@ class WheelKalman(PredictedWheel):
             self.coasting_noise = min(max(self.coasting_noise * change, least), NOISE_FACTOR_MAX)
 
     def _update_z(self, scaled_innovation: float, inverse_variance: float) -> None:
-        """Kalman update by a measurement of z."""
         row, disc = self._z_row(), self.disc
         self._update(row, scaled_innovation, inverse_variance)
         if not disc.is_fixed:

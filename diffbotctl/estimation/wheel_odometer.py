@@ -125,7 +125,6 @@ class WheelOdometer:
         self.gaps.pose_is_set()
 
     def update(self, frame: BoardFrame) -> None:
-        """Apply one frame."""
         time, count, edge_time, command, since = frame[:5]
         steps, span = count - self.count, (time - self.time) * 1e-9
         is_mixed = self.count_sign.update(self.time, command, since, steps)

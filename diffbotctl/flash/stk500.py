@@ -30,7 +30,6 @@ class BootloaderRequest(NamedTuple):
     body: bytes
 
     def wire(self, sequence: int) -> bytes:
-        """Its bytes."""
         return message(sequence, self.body)
 
 

@@ -27,7 +27,6 @@ class SyncedRequest(NamedTuple):
     size: int = 0
 
     def wire(self) -> bytes:
-        """Its bytes."""
         return frames.message(self.body)
 
 

@@ -64,7 +64,6 @@ class RunChannels:
             self.rows.append(self._row(topic, f"foxglove.{kind}", json.loads(schema(kind))))
 
     def wires(self, channels: Iterable[int]) -> set[str]:
-        """The wires of the run that these channels need."""
         topics = {self.topics[channel] for channel in channels}
         needed = {topic for topic in topics if topic not in self.viewers.topics}
         if needed != topics:

@@ -44,7 +44,6 @@ class ServiceCall(NamedTuple):
 
 
 def operation(name: str, /, **fields: object) -> str:
-    """A JSON operation of the server."""
     return json.dumps({"op": name, **fields}, separators=(",", ":"), allow_nan=False)
 
 
@@ -59,7 +58,6 @@ def message_data(subscription: int, time: int, data: bytes) -> bytes:
 
 
 def service_response(call: ServiceCall, data: bytes) -> bytes:
-    """The reply to a call."""
     encoding = ENCODING.encode()
     head = SERVICE_HEAD.pack(SERVICE_RESPONSE, call.service, call.call, len(encoding))
     return head + encoding + data

@@ -105,7 +105,6 @@ class ViewerConnection(WebSocketConnection):
             self.disconnect()
 
     def show(self, message: ChannelMessage) -> None:
-        """Queue a message for each subscription to its channel."""
         for subscription, channel in self.subscriptions.items():
             if channel == message.channel:
                 self._show(subscription, message)

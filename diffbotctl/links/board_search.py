@@ -59,7 +59,6 @@ class BaudSearch:
 
     @property
     def rate(self) -> int:
-        """The baud rate to use now."""
         return self._order[self._tries % len(self._order)]
 
     def receive(self, data: bytes) -> None:

@@ -93,7 +93,6 @@ def checksum(payload: bytes) -> int:
 
 
 def encode(frame: Frame) -> bytes:
-    """Bytes of a frame on the wire."""
     return encode_payload(pack(frame))
 
 

@@ -98,7 +98,6 @@ class CommandSender:
         self.confirmed = False
 
     def act(self, action: ActionCode, value: int) -> None:
-        """Queue an action frame."""
         self._actions.append(frames.ActionFrame(action, value))
 
     def board_restarted(self) -> None:
@@ -157,7 +156,6 @@ class CommandSender:
         return frame
 
     def action_frame(self) -> frames.Frame | None:
-        """The oldest waiting action."""
         return self._actions.pop(0) if self._actions else None
 
     # --- telemetry ---

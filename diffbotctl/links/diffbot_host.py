@@ -121,7 +121,6 @@ class DiffbotHost:
         self._enter(now, HostEvent.PORT_OPENED)
 
     def closed(self, now: int, cause: str) -> LinkOutput:
-        """The port is gone."""
         return self._enter(now, HostEvent.PORT_CLOSED, cause)
 
     def receive(self, now: int, data: bytes) -> LinkOutput:
@@ -193,7 +192,6 @@ class DiffbotHost:
     # --- the link ---
 
     def link(self, now: int) -> Link:
-        """State and figures of the link."""
         telemetry, decoder = self._telemetry, self._decoder
         return Link(
             now,

@@ -99,7 +99,6 @@ UNKNOWN_CAUSE = "a wheel fault; see the wiring of motors and encoders"
 
 
 def wheel_fault_cause(flags: int) -> str:
-    """Cause of a wheel fault from the board's flags."""
     causes = []
     for sides, cause in ((STALLS, STALL_CAUSE), (STORMS, STORM_CAUSE)):
         faulty = _sides(flags, sides)

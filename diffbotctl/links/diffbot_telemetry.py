@@ -95,7 +95,6 @@ class Telemetry:
         self.forget()
 
     def wrote(self, sequence: int, sent: SentCommand) -> None:
-        """Note a command that has been written."""
         self._sent[sequence] = sent
 
     def is_newer(self, now: int, frame: State) -> bool:

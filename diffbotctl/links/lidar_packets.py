@@ -33,17 +33,14 @@ class Lds01Decoder(PacketDecoder):
     sync, header = b"\xfa", 2
 
     def size_of(self, start: bytes | bytearray) -> int:
-        """All are equally long."""
         return 42
 
     def is_valid(self, packet: bytes) -> bool:
-        """As PacketDecoder.is_valid."""
         checksum = 0xFF - (sum(packet[:40]) & 0xFF)
         is_index = LDS01_FIRST_INDEX <= packet[1] < LDS01_FIRST_INDEX + LDS01_PACKETS
         return is_index and packet[40] == packet[41] == checksum
 
     def add(self, packet: bytes) -> None:
-        """As PacketDecoder.add."""
         speed = packet[2] | packet[3] << 8
         self.period = 600.0 / speed if speed else None
         first = 6 * (packet[1] - LDS01_FIRST_INDEX)
@@ -59,15 +56,12 @@ class LdrobotDecoder(PacketDecoder):
     sync, header = b"\x54\x2c", 2
 
     def size_of(self, start: bytes | bytearray) -> int:
-        """All are equally long."""
         return 47
 
     def is_valid(self, packet: bytes) -> bool:
-        """As PacketDecoder.is_valid."""
         return crc8(packet) == 0
 
     def add(self, packet: bytes) -> None:
-        """As PacketDecoder.add."""
         speed, first = struct.unpack_from("<HH", packet, 2)
         (last,) = struct.unpack_from("<H", packet, 42)
         self.period = 360.0 / speed if speed else None
@@ -87,7 +81,6 @@ class Lds02Decoder(LdrobotDecoder):
     slope, ahead, aside = 0.11923, 5.9, -20.14  # of the laser's line; mm
 
     def add_sample(self, angle: float, millimetres: int) -> None:
-        """As LdrobotDecoder.add_sample."""
         x, y = millimetres + self.ahead, millimetres * self.slope + self.aside
         if millimetres:
             self.turns.add(angle, hypot(x, y) / 1000.0, angle - degrees(atan2(y, x)))
@@ -106,7 +99,6 @@ class YdlidarDecoder(PacketDecoder):
         return 10 + 2 * start[3]
 
     def is_valid(self, packet: bytes) -> bool:
-        """As PacketDecoder.is_valid."""
         if not packet[3] or not packet[4] & packet[6] & 1:
             return False
         checksum = 0
@@ -115,7 +107,6 @@ class YdlidarDecoder(PacketDecoder):
         return checksum == 0
 
     def add(self, packet: bytes) -> None:
-        """As PacketDecoder.add."""
         kind, count, first, last = struct.unpack_from("<BBHH", packet, 2)
         if kind & 1:
             self.period = 10.0 / (kind >> 1) if kind >> 1 else None

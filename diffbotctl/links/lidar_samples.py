@@ -26,7 +26,6 @@ class RplidarDecoder:
         self.run = 0  # samples since the last error
 
     def receive(self, data: bytes) -> list[Distances]:
-        """As LidarDecoder.receive."""
         self.buffer += data
         while self.is_scanning or self._find_descriptor():
             if len(self.buffer) < SAMPLE_BYTES:

@@ -111,7 +111,6 @@ class PacketDecoder:
         self.buffer = bytearray()
 
     def receive(self, data: bytes) -> list[Distances]:
-        """As LidarDecoder.receive."""
         self.buffer += data
         while True:
             start = self.buffer.find(self.sync)
@@ -139,7 +138,6 @@ class PacketDecoder:
         raise NotImplementedError
 
     def add(self, packet: bytes) -> None:
-        """Take the samples of a valid packet."""
         raise NotImplementedError
 
 

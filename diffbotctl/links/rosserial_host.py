@@ -114,7 +114,6 @@ class RosserialHost:
         self._board_silent()
 
     def closed(self, now: int, cause: str) -> LinkOutput:
-        """The port is gone."""
         self.state, self.cause = "lost", cause
         self.topics.clear()
         self._replies.clear()
@@ -385,7 +384,6 @@ def _time_answer(now: int) -> bytes:
 
 
 def _log_text(now: int, payload: bytes) -> LinkOutput:
-    """The text of a log message."""
     logged = read_log(payload)
     if logged is None:
         return []

@@ -70,7 +70,6 @@ class SketchTopics(Topics):
         self.named: dict[tuple[int, str], RosserialTopicInfo] = {}
 
     def clear(self) -> None:
-        """Forget the board."""
         super().clear()
         self.named.clear()
 
@@ -80,7 +79,6 @@ class SketchTopics(Topics):
         return None if info is None else info._replace(name=port_name(info.name))
 
     def learn(self, role: int, payload: bytes) -> bool:
-        """As Topics.learn."""
         is_learnt = super().learn(role, payload)
         info = self.read(payload)
         if is_learnt and info is not None:

@@ -33,7 +33,6 @@ class StopOrder(NamedTuple):
     right_ticks: int
 
     def pack(self) -> bytes:
-        """As bytes, for the channel to another process."""
         return ORDER.pack(self.left_ticks, self.right_ticks) + self.frames
 
     @classmethod

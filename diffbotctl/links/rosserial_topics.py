@@ -86,7 +86,6 @@ class Topics:
         self._named_subscribers: dict[int, str] = {}  # by number, needed or not
 
     def clear(self) -> None:
-        """Forget the board."""
         for table in (self.numbers, self.sizes, self.problems, self._named_subscribers):
             table.clear()
 

@@ -13,7 +13,6 @@ FLASH = ord("F")
 
 
 def message(body: bytes) -> bytes:
-    """Bytes of a command on the wire."""
     return body + bytes([END_OF_COMMAND])
 
 

@@ -34,7 +34,6 @@ class SystemUser(NamedTuple):
 
 
 def current_user() -> SystemUser:
-    """The user of this process."""
     user = os.geteuid()
     try:
         name = pwd.getpwuid(user).pw_name
@@ -76,7 +75,6 @@ HIDDEN_USER = PortUser("", 0)
 
 
 def running_programs(root: Path) -> Iterator[PortUser]:
-    """Every running program."""
     with suppress(OSError):
         for folder in sorted((root / "proc").iterdir()):
             if folder.name.isdigit() and (name := read_text(folder / "comm")):
@@ -141,7 +139,6 @@ def brltty_claims(root: Path, usb: UsbDevice) -> bool:
 
 
 def modem_manager_runs(root: Path) -> bool:
-    """Whether ModemManager runs."""
     return any(program.name == MODEM_MANAGER for program in running_programs(root))
 
 

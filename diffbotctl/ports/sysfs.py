@@ -31,7 +31,6 @@ class UsbDevice(NamedTuple):
 
     @property
     def chip(self) -> UsbChip | None:
-        """What its identity stands for."""
         return lookup_usb_id(self.vendor, self.product)
 
     @property
@@ -63,7 +62,6 @@ class SerialPort(NamedTuple):
 
     @property
     def name(self) -> str:
-        """The name to give to --port: the stable one if there is one."""
         return self.stable or self.device
 
 
@@ -118,7 +116,6 @@ def _is_usb_device(folder: Path) -> bool:
 
 
 def _usb_parent(device: Path) -> UsbDevice | None:
-    """The USB device that contains a port's folder."""
     if not device.exists():
         return None
     folders = (device.resolve(), *device.resolve().parents)

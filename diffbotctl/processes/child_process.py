@@ -148,7 +148,6 @@ class ChildSender:
         return data.decode() or None
 
     def finish(self) -> None:
-        """Send the end of the stream."""
         self.channel.shutdown(socket.SHUT_WR)
 
     def close(self) -> str:
@@ -174,7 +173,6 @@ class ChildSender:
             return b""
 
     def give_up(self, cause: str) -> None:
-        """Note that something was lost, and why."""
         self.lost = cause
         self.backlog.clear()
         self.on_loss(cause)

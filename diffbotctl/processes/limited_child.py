@@ -70,7 +70,6 @@ class LimitedChild(Generic[Result]):
         return not data
 
     def is_late(self) -> bool:
-        """Whether its wall time is over."""
         return time.monotonic() > self.deadline
 
     def result(self) -> Result:
@@ -99,7 +98,6 @@ class LimitedChild(Generic[Result]):
         return result
 
     def close(self) -> None:
-        """End the child and what it has started."""
         if not self._pid:
             return
         with suppress(ProcessLookupError, PermissionError):

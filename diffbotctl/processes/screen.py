@@ -77,7 +77,6 @@ class ScreenFeed:
         self.lines.append(line)
 
     def idle(self, now: int) -> None:
-        """Send a snapshot when one is due."""
         if now >= self.due:
             self.due = now + SNAPSHOT_PERIOD
             self._send_snapshot(now)

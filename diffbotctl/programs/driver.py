@@ -95,7 +95,6 @@ class ProgramsDriver:
         return min(self.faults.due(), *losses)
 
     def files(self) -> list[int]:
-        """The sockets of all programs, and the supervisor's channel."""
         files = [self.channel.fileno()] if self.is_supervised else []
         return files + [
             link.socket.fileno() for link in self.links.values() if link.socket is not None

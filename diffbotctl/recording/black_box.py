@@ -70,7 +70,6 @@ class BlackBox:
         self.has_reason = False  # something stopped the robot, or the run failed
 
     def stop(self, now: int, stop: Stop) -> None:
-        """A sink for stops."""
         if stop.code and stop.code != STARTING:
             self.has_reason = True
             self.stops.append(StopEvent(now, stop.code, stop.cause))

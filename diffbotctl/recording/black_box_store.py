@@ -55,7 +55,6 @@ class RunMetadata(NamedTuple):
 
 
 def black_box_folder() -> Path:
-    """The folder of this user's black box files."""
     return user_folders.state_folder() / "flights"
 
 

@@ -83,7 +83,6 @@ class ReplayChecker:
         self.compared += len(now)
 
     def finish(self) -> None:
-        """Note a recording that continues after the end of the replay."""
         time, then = self._next()
         if then and self.difference is None:
             wire, data = next(iter(then.items()))

@@ -58,7 +58,6 @@ def choose_columns(names: Sequence[str], wires: dict[str, type]) -> list[Column]
 
 
 def all_columns(wires: dict[str, type]) -> list[Column]:
-    """All fields of all topics."""
     return [column for wire, kind in wires.items() for column in _topic_columns(wire, kind)]
 
 

@@ -62,9 +62,7 @@ class LiveRecording(RecordingFile):
         self.messages += 1
 
     def end(self, cause: str) -> None:
-        """Complete the file, with why it ended."""
         self.finish({"code": "", "cause": cause, "last": str(self.last)})
 
     def close(self) -> None:
-        """Close the file."""
         self.file.close()

@@ -61,7 +61,6 @@ class McapWriter:
         file.write(MAGIC + _packed(Header("", library)))
 
     def add_schema(self, name: str, encoding: str, data: bytes) -> int:
-        """Add a schema. Returns its number."""
         number = len(self._schemas) + 1
         self._schemas.append(Schema(id=number, data=data, encoding=encoding, name=name))
         self._add_to_chunk(_packed(self._schemas[-1]))
@@ -70,7 +69,6 @@ class McapWriter:
     def add_channel(
         self, topic: str, encoding: str, schema: int, metadata: Mapping[str, str]
     ) -> int:
-        """Add the channel of a topic. Returns its number."""
         number = len(self._channels) + 1
         channel = Channel(
             id=number,
@@ -115,7 +113,6 @@ class McapWriter:
         )
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
-        """Add a metadata record."""
         offset, length = self._write(_packed(Metadata(name=name, metadata=dict(values))))
         self._metadata_indexes.append(MetadataIndex(offset=offset, length=length, name=name))
 
@@ -237,7 +234,6 @@ class McapWriter:
 
 
 def _packed(record: Any) -> bytes:
-    """The bytes of a record of the mcap library."""
     builder: Any = RecordBuilder()
     record.write(builder)
     return bytes(builder.end())

@@ -37,7 +37,6 @@ Schema = dict[str, Any]
 
 
 def json_schema(kind: type) -> Schema:
-    """The JSON Schema of a message class, from its field declarations."""
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "description": _first_line(kind),

@@ -84,7 +84,6 @@ class Recorder:
 
 
 def spans_batch(instants: list[tuple[Any, ...]]) -> bool:
-    """Whether the gathered instants cover BATCH_PERIOD."""
     return bool(instants[-1][0] - instants[0][0] >= BATCH_PERIOD)
 
 
@@ -117,8 +116,6 @@ def open_log(
 
 
 def log_sink(log: Recorder) -> Sink:
-    """A sink that records log lines."""
-
     def sink(now: int, line: Any) -> None:
         log.record(line)
 
@@ -126,6 +123,5 @@ def log_sink(log: Recorder) -> Sink:
 
 
 def last_line(outcome: RunOutcome) -> LogLine:
-    """The log line about the end of the run."""
     text = f"ended: {outcome.cause}{FINAL_STOP[outcome.stopped]}"
     return LogLine(outcome.time, END_LEVELS.get(outcome.code, "error"), "engine", text)

@@ -46,7 +46,6 @@ def walls(
 
 
 def robot(time: int, solids: Iterable[Solid]) -> bytes:
-    """The solids of the robot, each in its own frame, moving with it."""
     entities = []
     for solid in solids:
         primitive = _solid(solid)
@@ -71,13 +70,11 @@ def goal(time: int, target: Goal) -> bytes | None:
 
 
 def path(time: int, route: Path) -> bytes:
-    """The waypoints as a line."""
     points = [(each.x, each.y) for each in route.goals if isfinite(each.x) and isfinite(each.y)]
     return _update([_entity(time, "path", WORLD, lines=[_line(points, PATH_COLOUR)])])
 
 
 def trail(time: int, points: Iterable[Point]) -> bytes:
-    """The way that the robot has driven."""
     return _update([_entity(time, "trail", WORLD, lines=[_line(points, TRAIL_COLOUR)])])
 
 
@@ -104,7 +101,6 @@ def _entity(time: int, name: str, frame: str, **primitives: list[Fields]) -> Fie
 
 
 def _solid(solid: Solid) -> dict[str, list[Fields]]:
-    """One primitive by its kind."""
     colour = COLOURS[solid.colour]
     match solid.shape:
         case Box(size):

@@ -150,7 +150,6 @@ class _Reader:
         self.counts: list[int] = []  # of the values in each object, and in those in it
 
     def add(self, name: str, *parts: Any) -> None:
-        """Make the object of one entry."""
         indices = [_index(part, len(self.objects)) for part in parts if type(part) is list]
         depth = 1 + max((self.depths[index] for index in indices), default=0)
         count = 1 + len(parts) + sum(self.counts[index] for index in indices)

@@ -80,7 +80,6 @@ class GraphBox(NamedTuple):
     height: float
 
     def port(self, name: str, is_input: bool) -> Point:
-        """Where a wire ends."""
         ports = self.inputs if is_input else self.outputs
         y = self.y + TITLE_HEIGHT + (ports.index(name) + 0.5) * PORT_HEIGHT
         return (self.x if is_input else self.x + self.width), y

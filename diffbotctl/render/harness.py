@@ -112,12 +112,10 @@ class Harness(NamedTuple):
     driver_rows: dict[str, int]
 
     def colours(self) -> dict[str, str]:
-        """Each colour in use and what it means."""
         used = {wire.colour for wire in self.wires}
         return {colour: meaning for colour, meaning in MEANINGS.items() if colour in used}
 
     def of(self, *keys: str) -> list[HarnessWire]:
-        """The wires between any two of these parts."""
         return [wire for wire in self.wires if {wire.start.part, wire.end.part} <= set(keys)]
 
 
@@ -430,7 +428,6 @@ def notes(robot: Robot) -> Iterator[str]:
 
 
 def _motor_notes(robot: Robot, driver: str) -> Iterator[str]:
-    """What the driver and its motors need."""
     text = pulses_text(robot)
     yield f"{text[0].upper()}{text[1:]}."
     if driver == "L298N" and robot.drive.left.motor.enable is None:

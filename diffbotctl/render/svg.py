@@ -28,7 +28,6 @@ def element(kind: str, *inside: str, **attributes: object) -> str:
 
 
 def text_element(x: float, y: float, text: str, **attributes: object) -> str:
-    """A text with its baseline at y."""
     return element("text", escape(text), x=x, y=y, **attributes)
 
 

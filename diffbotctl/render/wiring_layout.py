@@ -70,7 +70,6 @@ class Layout(NamedTuple):
 
 
 def layout(harness: Harness) -> Layout:
-    """Place all parts and wires."""
     senses = list(_senses(harness))
     runs = list(_runs(harness, {placed.part.key: placed for placed in senses}))
     left = {run.end: _board_pin(harness, run) for run in runs if run.column == DRIVES}

@@ -83,7 +83,6 @@ def wiring_svg(harness: Harness, notes: Iterable[str], title: str) -> str:
 
 
 def _y(row: int) -> int:
-    """The y of the middle of a row."""
     return TOP + row * ROW
 
 

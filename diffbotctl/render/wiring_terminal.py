@@ -33,7 +33,6 @@ Rails = dict[str, tuple[int, int]]  # first and last row of each rail, by colour
 
 
 def wiring_text(harness: Harness) -> Text:
-    """The diagram as text, for a dark or light terminal."""
     plan = layout(harness)
     canvas = _Canvas()
     rails = _rails(plan)

@@ -70,12 +70,10 @@ class RecordedRun(NamedTuple):
 
     @property
     def real(self) -> bool:
-        """Whether a real robot drove."""
         return self.about["port"] not in VIRTUAL_PORTS
 
     @property
     def initial_goals(self) -> tuple[Goal, ...]:
-        """The goals with which the run began."""
         return tuple(Goal(*values) for values in json.loads(self.about.get("goals", "[]")))
 
     def goals(self) -> list[Goal]:

@@ -159,7 +159,6 @@ class _ReplayRun:
             _restore_state(run.path, run.state, self.engine, options.sets)
 
     def go(self) -> ReplayResult:
-        """Replay to the end."""
         outcome = self._run_engine()
         if self.options.check:
             self.checker.finish()

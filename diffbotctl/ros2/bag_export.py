@@ -185,7 +185,6 @@ class BagConverter:
             self.converts[velocity] = _velocity
 
     def knows(self, wire: str) -> bool:
-        """Whether messages of the wire have a topic."""
         return wire in self.converts or wire in self.diagnosis.kinds
 
     def fixed(self, stamp: int) -> list[RosMessage]:
@@ -199,7 +198,6 @@ class BagConverter:
         ]
 
     def messages(self, item: RecordedMessage, epoch: int) -> Iterator[RosMessage]:
-        """What one message of the run becomes."""
         if not self.knows(item.wire):
             return
         fields = item.message._asdict()

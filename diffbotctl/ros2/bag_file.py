@@ -59,7 +59,6 @@ class RosBag:
         self.counts[absolute_name(topic)] += 1
 
     def close(self) -> None:
-        """Write index and metadata."""
         self.writer.close()
 
     def abort(self) -> None:
@@ -87,7 +86,6 @@ class RosBag:
 
 
 def absolute_name(topic: RosTopic) -> str:
-    """The topic's name with its leading slash."""
     return "/" + topic.name.lstrip("/")
 
 

@@ -72,7 +72,6 @@ def odometry(message: Fields) -> Fields:
 
 
 def _pose_covariance(message: Fields) -> list[float]:
-    """A covariance of ROS of a pose in the plane."""
     xx, xy, xh, yy, yh, hh = (number(value) for value in message["covariance"])
     pose_covariance = _diagonal(0.0, 0.0, *[UNKNOWN_VARIANCE] * 3, 0.0)
     values = (xx, xy, xh, xy, yy, yh, xh, yh, hh)

@@ -103,7 +103,6 @@ def find_python(path: str | None) -> RosPython:
 
 
 def missing_problem(python: RosPython) -> Problem:
-    """What the bridge lacks, with the command for it."""
     lacking = [name for name in MODULES if name in python.missing]
     if "rclpy" not in lacking and python.version < PYTHON_MIN:
         cause = f"it is Python {version_text(python)}; the bridge needs 3.11 or newer"

@@ -44,7 +44,6 @@ class BridgeOptions(NamedTuple):
 
 
 def encode_options(options: BridgeOptions) -> str:
-    """The options as JSON."""
     model = options.model
     sensors = {wire: tuple(sensor) for wire, sensor in model.sensors.items()}
     return json.dumps({**options._asdict(), "model": {**model._asdict(), "sensors": sensors}})

@@ -95,7 +95,6 @@ class RunPublishers:
         self._publish_model()
 
     def choose_wires(self, kinds: dict[str, str]) -> list[str]:
-        """Create the publishers for a run with these wires; the wires to subscribe."""
         makers: dict[str, Callable[[str, RosTopic], Publish]] = {
             "Odometry": self._odometry,
             "Encoders": self._joint_states,
@@ -113,7 +112,6 @@ class RunPublishers:
         return list(dict.fromkeys([*self.publish, *self.diagnosis.kinds]))
 
     def message_received(self, wire: str, message: Fields) -> None:
-        """Publish one message of the run."""
         stamp = self.clock.stamp(message["time"], time.time_ns())
         if self.run_time is not None:
             self.run_time.time_passed(stamp)

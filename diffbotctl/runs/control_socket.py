@@ -71,7 +71,6 @@ class RunControlSocket:
     def client_driver(
         self, operator: Operator, changes: LiveChanges, wakes: bool, inputs: InputLeases
     ) -> ControlClientDriver:
-        """A driver that follows the commands of the clients."""
         return ControlClientDriver(self.channel, operator, changes, wakes, inputs)
 
     def end(self) -> None:

@@ -150,7 +150,6 @@ class RunOutputs:
             yield LOG, log_sink(self.log_file)
 
     def record(self) -> Callable[[Instant], object] | None:
-        """What takes each instant of the engine."""
         takers: list[Callable[[Instant], object]] = [
             taker.record
             for taker in (self.recorder, self.black_box, self.digest)

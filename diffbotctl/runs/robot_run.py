@@ -50,7 +50,6 @@ class RunMonitor:
         self.odometry = odometry
 
     def on_link(self, now: int, link: Link) -> None:
-        """Take a state of the link."""
         self.link = link
 
 
@@ -82,7 +81,6 @@ class RobotRun:
         self.client: ControlClientDriver | None = None
 
     def open(self, robot: PortRobot) -> None:
-        """Take the robot at the run's port."""
         self.robot, self.plant = robot
         named_drivers = {} if self.robot is None else {"robot": self.robot}
         self.changes = LiveChanges(self.assembly.graph, named_drivers)

@@ -54,7 +54,6 @@ class CalibrationScreen:
         self.console.print(folded, markup=False, soft_wrap=True)
 
     def progress(self, progress: StepProgress) -> None:
-        """Show a bar."""
         if not self.console.is_terminal:
             return
         if self.bar is None:
@@ -89,7 +88,6 @@ class CalibrationScreen:
             self.console.print(render_scatter(plot.points))
 
     def rest(self) -> None:
-        """Remove the bar."""
         if self.bar is not None:
             self.bar.stop()
             self.bar = None

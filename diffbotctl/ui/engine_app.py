@@ -168,7 +168,6 @@ class EngineApp(App[int]):
                 self.run_view.take_trail(reply)
 
     async def _read_map(self) -> None:
-        """What has changed in the map."""
         while (fields := self.run_view.map_request) is not None:
             if not self.run_view.take_map(await self.client.request("read_map", **fields)):
                 return
@@ -231,7 +230,6 @@ class EngineApp(App[int]):
             self._driver.flush()
 
     def on_cursor_position(self, event: events.CursorPosition) -> None:
-        """The terminal answered a query."""
         self.deadman.on_reply(time.monotonic())
 
     def on_app_blur(self, event: events.AppBlur) -> None:
@@ -241,7 +239,6 @@ class EngineApp(App[int]):
             self.status = "the window lost the focus: the robot is stopped"
 
     def on_key(self, event: events.Key) -> None:
-        """Handle a key that is not for a prompt."""
         if len(self.screen_stack) > 1:
             return
         key = key_name(event)
@@ -261,7 +258,6 @@ class EngineApp(App[int]):
         return False
 
     def next_key_set(self) -> None:
-        """Change to the other set of keys."""
         is_twist = self.keyboard.keys.name == "twist"
         self.keyboard.configure(keys="turtle" if is_twist else "twist")
         self.status = f"letters: {self.keyboard.keys.help}"
@@ -287,7 +283,6 @@ class EngineApp(App[int]):
     # Requests.
 
     def request(self, method: str, **fields: Any) -> None:
-        """Send a request; a refusal is shown."""
         asyncio.create_task(self._request(method, fields))  # noqa: RUF006  the app holds what it needs
 
     async def _request(self, method: str, fields: Fields) -> None:
@@ -324,7 +319,6 @@ class EngineApp(App[int]):
         super().exit(*arguments, **named)
 
     def run_to_end(self) -> int:
-        """Run; returns the exit code."""
         code = self.run()
         if self.exit_timer is not None:
             self.exit_timer.cancel()

@@ -96,7 +96,6 @@ def metrics_table(one: Metrics, other: Metrics, heads: tuple[str, str]) -> Itera
 
 
 def metrics_lines(metrics: Metrics) -> Iterator[str]:
-    """The metrics of one run."""
     for name, (unit, scale) in UNITS.items():
         value = getattr(metrics, name)
         if value is not None:

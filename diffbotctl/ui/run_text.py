@@ -148,7 +148,6 @@ def link_text(link: Link) -> str:
 
 
 def stop_text(stop: Stop | None) -> str:
-    """The cause of a stop, and how it ends."""
     if stop is None or not stop.code:
         return "none"
     end = "waits for `resume`" if stop.latched else "ends by itself"

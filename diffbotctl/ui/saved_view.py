@@ -95,7 +95,6 @@ def _view_of(tree: Value) -> ViewSettings:
 
 
 def view_text(view: ViewSettings) -> str:
-    """The view as a file."""
     lines = [FIRST_LINE, "format: 1", "kind: view", f"panel: {view.panel}", "plots:"]
     lines += [f"  fields: [{', '.join(view.fields)}]", f"  span: {view.span:g} s"]
     if view.place is not None:

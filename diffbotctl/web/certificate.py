@@ -31,7 +31,6 @@ class ServerCertificate(NamedTuple):
 
 
 def state_folder() -> Path:
-    """The folder of the certificate."""
     return user_folders.state_folder() / "web"
 
 

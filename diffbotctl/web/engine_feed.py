@@ -135,7 +135,6 @@ class RunPicture:
         }
 
     def _present(self) -> Fields:
-        """The newest of what is small."""
         snapshot = self.view.snapshot
         odometry = run_text.newest_odometry(snapshot)
         goal = run_text.newest_message(snapshot, Goal)
@@ -191,7 +190,6 @@ def _finite(value: float) -> float | None:
 
 
 def _stop_fields(stop: Fields) -> Fields:
-    """The stop in force, and how it ends."""
     end = "waits for `resume`" if stop["latched"] else "ends by itself"
     return {**{name: stop[name] for name in ("code", "cause", "latched")}, "end": end}
 
@@ -240,7 +238,6 @@ TOPICS_PERIOD_S = 2.0  # topics may appear, and their types are needed
 
 
 def encode(fields: Fields) -> str:
-    """A message to a page."""
     return json.dumps(fields, separators=(",", ":"), allow_nan=False)
 
 
@@ -285,12 +282,10 @@ class EngineFeed:
                 self.publish(encode(self.picture.changes()))
 
     def whole(self) -> str:
-        """Everything, for one page."""
         return encode(self.picture.whole())
 
     @property
     def topics(self) -> Set[str]:
-        """The topics of the run."""
         return self.picture.view.rates.keys()
 
     def history(self, name: str) -> list[tuple[float, float]]:
@@ -308,7 +303,6 @@ class EngineFeed:
             return {"times": [], "fields": {}, "trail": []}
 
     async def _read_map(self) -> None:
-        """What has changed in the map."""
         while (fields := self.picture.view.map_request) is not None:
             reply = await self.client.request("read_map", **fields)
             if not self.picture.take_map(reply):

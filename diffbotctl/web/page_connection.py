@@ -89,7 +89,6 @@ class PageConnection(WebSocketConnection):
         return self.session.name
 
     async def serve(self, request: web.Request) -> web.WebSocketResponse:
-        """Serve until the socket is closed."""
         return await self.serve_client(request, self.server.engine, self.name)
 
     def _refusal_text(self, cause: str) -> str:
@@ -103,7 +102,6 @@ class PageConnection(WebSocketConnection):
         self.server.remove(self)
 
     def note(self, **fields: object) -> None:
-        """Queue a small message."""
         self.notes.append(encode(fields))
         self.has_news.set()
 

@@ -35,7 +35,6 @@ class PlotSamples:
 
     @property
     def topics(self) -> set[str]:
-        """The topics of the chosen fields."""
         return {topic_of(name) for name in self.waiting}
 
     def choose(self, names: Iterable[str]) -> list[str]:
@@ -64,7 +63,6 @@ class PlotSamples:
 
 
 def topic_of(name: str) -> str:
-    """The topic of a field."""
     return name.rpartition(".")[0]
 
 

@@ -68,7 +68,6 @@ class Asset(NamedTuple):
 
 
 def load_assets() -> dict[str, Asset]:
-    """The files of the page by path."""
     folder = files("diffbotctl.web") / "assets"
     assets = {
         f"/{file.name}": Asset(
@@ -265,12 +264,10 @@ class WebServer:
     # Pages.
 
     def add(self, page: PageConnection) -> None:
-        """A page has been opened."""
         page.session.sockets += 1
         self.tell_roles()
 
     def remove(self, page: PageConnection) -> None:
-        """A page has been closed."""
         page.session.sockets -= 1
         self.pages.pop(page, None)
         if self.driver is page:

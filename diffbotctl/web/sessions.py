@@ -78,7 +78,6 @@ class Sessions:
         return session
 
     def find(self, key: str) -> Session | None:
-        """The session of a cookie."""
         return self.by_key.get(key)
 
     def find_proven(self, key: str, proof: str) -> Session | None:

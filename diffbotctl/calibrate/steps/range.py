@@ -142,7 +142,6 @@ class RangeStep:
     def _measure(
         self, session: RobotSession, sensor: str, distance: float, name: str = "range.distance"
     ) -> Generator[Event, Any, RulerPoint]:
-        """The mean voltage at one distance."""
         text = f"{distance * CM:g} cm"
         yield _card_action(sensor, distance, name == "range.distance")
         question = _question(name, text)
@@ -205,7 +204,6 @@ def _findings(sensor: str, fit: RangeFit) -> list[Finding]:
 
 
 def _points_table(fit: RangeFit) -> str:
-    """The points as CSV text."""
     lines = [
         f"{point.distance:.5f},{point.volts:.5f},{point.noise:.5f},{point.readings}"
         for point in fit.points

@@ -46,7 +46,6 @@ class SpinStep:
     lifted: bool = False
 
     def questions(self, robot: Robot) -> Sequence[ExpectedQuestion]:
-        """The heading after each spin."""
         return [
             *floor_drives(self.name, 2 * self.repeats),
             ExpectedQuestion(FACING, 2 * self.repeats),

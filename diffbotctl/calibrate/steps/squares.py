@@ -113,7 +113,6 @@ class SquaresStep:
     def _drive_squares(
         self, session: RobotSession, side: float
     ) -> Generator[Event, Any, SquareErrors]:
-        """The end errors of one round."""
         reach, beside = side * REACH_RATIO, max(map(max, END_PLACES)) * side * MM
         yield MotionNotice(
             self.name,
@@ -223,7 +222,6 @@ def corners(side: float, clockwise: bool, end: tuple[float, float] = (0.0, 0.0))
 
 
 def stated_geometry(robot: Robot) -> Geometry:
-    """The geometry that odometry uses now."""
     drive = robot.drive
     return Geometry(drive.right.wheel.diameter, drive.left.wheel.diameter, drive.track)
 

@@ -45,7 +45,6 @@ class CheckContext:
     moving_parts: set[str] = field(default_factory=set)
 
     def pipeline_value(self, *steps: str | int) -> Value | None:
-        """The value at a path of the pipeline file."""
         return self.pipeline_tree.at(*steps) if self.pipeline_tree else None
 
     def parameter_value(self, block: str, name: str) -> Value | None:
@@ -54,7 +53,6 @@ class CheckContext:
         return value or self.pipeline_value("blocks", block)
 
     def robot_value(self, *steps: str | int) -> Value | None:
-        """The value at a path of the robot file."""
         return self.robot_tree.at(*steps) if self.robot_tree else None
 
     def robot_place(self, *steps: str) -> Place | str:
@@ -107,7 +105,6 @@ class CheckContext:
         self.problems.append(Problem(code, place, cause, fix))
 
     def warn(self, code: str, place: Place | str, cause: str, fix: str) -> None:
-        """Add a warning."""
         self.problems.append(Problem(code, place, cause, fix, "warning"))
 
 

@@ -131,7 +131,6 @@ class Dashboard(EngineApp):
         return self.screen_stack[0]
 
     def draw_run(self) -> None:
-        """Draw the present state."""
         if not self.is_connected:
             return
         panel: PanelName = (
@@ -213,7 +212,6 @@ class Dashboard(EngineApp):
         return self.fields or default_fields(self.run_view)
 
     def plotted_topics(self) -> set[str]:
-        """The topics of the plotted fields."""
         return {name.rpartition(".")[0] for name in self.plotted}
 
     # Keys and mouse.
@@ -269,12 +267,10 @@ class Dashboard(EngineApp):
         return True
 
     def show_panel(self, panel: PanelName) -> None:
-        """Show another panel in place of the map."""
         self.panel = panel
         self.redraw()
 
     def show_next_panel(self) -> None:
-        """Show the next of PANELS."""
         index = PANELS.index(self.panel) if self.panel in PANELS else -1
         self.show_panel(PANELS[(index + 1) % len(PANELS)])
 
@@ -292,18 +288,15 @@ class Dashboard(EngineApp):
         self.push_screen(InputPrompt(question, initial), on_input)
 
     def ask_goal(self) -> None:
-        """Ask for a goal in numbers."""
         if "goal" not in self.met_needs:
             self.status = "no block of this pipeline follows goals"
             return
         self.ask("goal: X Y [HEADING], such as 1.0 0.5 90deg:", "", self._set_goal)
 
     def ask_fields(self) -> None:
-        """Ask for the fields to plot."""
         self.ask("plot (block.port.field ...):", " ".join(self.plotted), self._set_fields)
 
     def ask_view_file(self) -> None:
-        """Ask for the file that gets what is shown."""
         self.ask("save this view as:", VIEW_FILE, self._save_view)
 
     def _save_view(self, text: str | None) -> None:

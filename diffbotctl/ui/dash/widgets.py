@@ -72,7 +72,6 @@ class MapBox(Widget):
         self.strips: list[Strip] = []  # the lines of the picture; empty: to be drawn
 
     def refresh(self, *arguments: Any, **named: Any) -> Self:
-        """Draw again."""
         self.strips = []
         return super().refresh(*arguments, **named)
 
@@ -87,7 +86,6 @@ class MapBox(Widget):
         )
 
     def _draw(self) -> Iterator[Strip]:
-        """The map, with the goal that is being dragged."""
         width, height = self.size
         if self.run_view is None or width < 1 or height < 1:
             return
@@ -101,7 +99,6 @@ class MapBox(Widget):
             yield Strip(segments, width)
 
     def show(self, run_view: RunView) -> None:
-        """Draw this run."""
         self.run_view = run_view
         self.refresh()
 
@@ -163,11 +160,9 @@ class MapBox(Widget):
         self.refresh()
 
     def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
-        """Closer."""
         self.zoom(ZOOM_STEP)
 
     def on_mouse_scroll_down(self, event: events.MouseScrollDown) -> None:
-        """Farther away."""
         self.zoom(1 / ZOOM_STEP)
 
     def _goal(self, camera: Camera, start: Point, end: Point) -> tuple[Point, float | None]:
@@ -226,7 +221,6 @@ class InputPrompt(ModalScreen[str | None]):
         self.question, self.initial = question, initial
 
     def compose(self) -> ComposeResult:
-        """The question and a field."""
         with Horizontal():
             yield Label(self.question, markup=False)
             yield Input(self.initial, select_on_focus=False)
@@ -236,7 +230,6 @@ class InputPrompt(ModalScreen[str | None]):
         self.query_one(Input).focus()
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Return the line."""
         self.dismiss(event.value)
 
     def action_cancel(self) -> None:

@@ -114,7 +114,6 @@ class MapCanvas(CharacterCanvas):
         self.layers: dict[tuple[int, int], MapLayer] = {}
 
     def point(self, point: Point, layer: MapLayer) -> None:
-        """Set the dot at a position."""
         self.layer_dot(*self.camera.dot(point, self.width, self.height), layer)
 
     def line(
@@ -141,12 +140,10 @@ class MapCanvas(CharacterCanvas):
             self.line((start[0] + x, start[1] + y), (end[0] + x, end[1] + y), layer, colour=colour)
 
     def lines(self, corners: Sequence[Point], layer: MapLayer, every: int = 1) -> None:
-        """A line through all corners."""
         for start, end in pairwise(corners):
             self.line(start, end, layer, every)
 
     def circle(self, middle: Point, radius: float, layer: MapLayer) -> None:
-        """A circle."""
         turns = [2 * pi * i / CIRCLE_CORNERS for i in range(CIRCLE_CORNERS + 1)]
         x, y = middle
         self.lines([(x + radius * cos(turn), y + radius * sin(turn)) for turn in turns], layer)
@@ -162,7 +159,6 @@ class MapCanvas(CharacterCanvas):
         self.mark(point, arrows[round(heading / (pi / 4)) % len(arrows)], style)
 
     def write(self, column: int, row: int, text: str, style: str = "dim") -> None:
-        """Put a text over what is there."""
         for at, character in enumerate(text, column):
             self.put(at, row, character, style + self.background)
 

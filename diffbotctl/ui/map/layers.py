@@ -143,7 +143,6 @@ def _draw_goals(canvas: MapCanvas, snapshot: RunSnapshot, pose: Odometry | None)
 
 
 def mark_goal(canvas: MapCanvas, place: Point, heading: float | None) -> None:
-    """A goal, with a line towards its heading."""
     if heading is not None:
         length = HEADING_LINE_CHARACTERS * DOTS_ACROSS / canvas.camera.scale
         canvas.line(place, _ray(place, heading, length), MapLayer.GOAL)

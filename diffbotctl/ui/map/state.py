@@ -97,7 +97,6 @@ class MapState:
         self.tiles = MapTiles()
 
     def update(self, snapshot: RunSnapshot) -> None:
-        """Take the next snapshot."""
         self.snapshot = snapshot
         self.turtle.update(snapshot)
         odometry = newest_odometry(snapshot)

@@ -67,7 +67,6 @@ class CharacterCanvas:
         self.characters[column, row] = (character, style)
 
     def cell(self, column: int, row: int) -> Cell:
-        """The character at a place."""
         place = (column, row)
         if place in self.characters:
             return self.characters[place]
@@ -80,7 +79,6 @@ class CharacterCanvas:
             yield "".join(character for character, _ in run), style or ""
 
     def row(self, row: int) -> Text:
-        """One row with its styles."""
         return Text.assemble(*self.runs(row))
 
     def text(self) -> Text:

@@ -57,7 +57,6 @@ class Figure(NamedTuple):
 
 
 def make_figure(plotted: Sequence[Series], title: str) -> Figure:
-    """The curves in panels, one for each unit."""
     panels: dict[str, list[Series]] = {}
     for series in plotted:
         panels.setdefault(series.unit, []).append(series)
@@ -80,7 +79,6 @@ def make_figure(plotted: Sequence[Series], title: str) -> Figure:
 
 
 def encode_svg(figure: Figure) -> bytes:
-    """The figure as an SVG document."""
     return svg_document(
         figure.width,
         figure.height,

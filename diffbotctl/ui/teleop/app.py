@@ -22,7 +22,6 @@ class Teleop(EngineApp):
     CSS = "Screen { overflow: hidden; }"
 
     def compose(self) -> ComposeResult:
-        """One widget with everything."""
         yield Static(id="all")
 
     def handle_key(self, key: str) -> bool:
@@ -37,7 +36,6 @@ class Teleop(EngineApp):
         return key in actions
 
     def draw_run(self) -> None:
-        """Draw everything again."""
         if not self.is_connected:
             return
         width = min(self.size.width, FACTS_MAX_WIDTH)

@@ -36,7 +36,6 @@ class TerminalHeartbeat:
         return True
 
     def on_reply(self, now: float) -> None:
-        """The terminal answered the oldest query."""
         if self.pending:
             self.round_trip = now - self.pending.pop(0)
 
@@ -95,7 +94,6 @@ class TeleopDeadman:
         return is_latched and self.is_first_reply_late and not self.terminal_answers
 
     def on_reply(self, now: float) -> None:
-        """The terminal answered a query."""
         self.terminal_answers = True
         self.heartbeat.on_reply(now)
         if self.is_releasing and not self.heartbeat.pending:

@@ -174,7 +174,6 @@ class KeyboardVelocity:
         return None if self._expires_at is None else (self.linear, self.angular)
 
     def release(self) -> None:
-        """No key is pressed."""
         self.linear = self.angular = 0.0
         self._expires_at = None
 
