@@ -256,24 +256,19 @@ class Driven(NamedTuple):
     """The drives of one calibrated robot: actual errors in m and rad."""
 
     plain: Short
-    learnt: Short
-    """with calibrated encoder discs, after the next power-on"""
     before: float
     after: float
 
 
 def driven(seed: int, steps: Sequence[str]) -> Driven:
-    """Metre, quarter turn and tour after the chain; metre and turn again with calibrated discs."""
+    """Metre, quarter turn and tour after the chain."""
     with TemporaryDirectory() as name:
         before = _toured_before(seed, Path(name))
         calibrated = chained(Wiring(), seed, Path(name), steps)
         plain = _short(calibrated)
         after = _tour(calibrated.session, calibrated.truths, DEFAULT_STYLE)
-        calibrated.run("discs")
-        calibrated.switch_off_and_on(Random(f"power {seed}"))
-        learnt = _short(calibrated)
         calibrated.session.close()
-    return Driven(plain, learnt, before, after)
+    return Driven(plain, before, after)
 
 
 def _short(calibrated: Chained) -> Short:
@@ -317,7 +312,6 @@ def driving_rows(seed: int, robots: int, steps: int = len(CHAIN)) -> Iterator[Ro
         trials = [*pool.imap(one, range(1000 * seed, 1000 * seed + robots))]
     what = f"after the chain, {robots} robots"
     yield from _short_rows(what, [trial.plain for trial in trials], 6.0)
-    yield from _short_rows(f"{what}, discs learnt", [trial.learnt for trial in trials], 5.0)
     before = median(trial.before for trial in trials) * MM
     after = median(trial.after for trial in trials) * MM
     yield Row(

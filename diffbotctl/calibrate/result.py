@@ -24,7 +24,7 @@ NOT_MEASURED = "not measured"
 VALUE_DIGITS, SD_DIGITS = 6, 2
 PART_SD_DIGITS = 3  # where the rest is the difference of two squares
 
-FindingValue = float | str | bool | tuple[float, ...]
+FindingValue = float | str | bool
 
 
 class Finding(NamedTuple):
@@ -99,8 +99,6 @@ def _unit(field: str) -> str:
 def _format_value(value: FindingValue, unit: str, digits: int = VALUE_DIGITS) -> str:
     if isinstance(value, bool):
         return str(value).lower()
-    if isinstance(value, tuple):
-        return f"[{', '.join(_format_value(each, unit) for each in value)}]"
     if isinstance(value, str):
         return value
     if not isfinite(value):
@@ -135,8 +133,8 @@ def calibration_entries(file: RobotFile, now: datetime) -> list[CalibrationEntry
     return [
         CalibrationEntry(
             field,
-            _short_value(entry.value),
-            _short_value(entry.sd),
+            str(entry.value),
+            "" if entry.sd is None else str(entry.sd),
             format_age(entry.date, now),
             f"{entry.method or ''}{' (SIMULATED robot)' if entry.simulated else ''}",
             str(entry.volts or ""),
@@ -165,11 +163,3 @@ def format_age(date: str | None, now: datetime) -> str:
             count = int(seconds / length)
             return f"{count} {name}{'s' * (count != 1)} old"
     return "just now" if seconds > -MINUTE else "in the future: check the clock"
-
-
-def _short_value(value: object) -> str:
-    if value is None:
-        return ""
-    if isinstance(value, list):
-        return f"{len(value)} values"
-    return str(value)

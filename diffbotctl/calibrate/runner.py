@@ -46,7 +46,6 @@ STEPS_PACKAGE = "diffbotctl.calibrate.steps"
 STEPS = {  # name of the step's command -> module and class, imported when used
     "encoders": "encoders:EncoderStep",
     "motors": "motors:MotorStep",
-    "discs": "discs:DiscStep",
     "distance": "distance:DistanceStep",
     "geometry": "squares:SquaresStep",
     "imu": "imu:ImuStep",
@@ -56,7 +55,6 @@ STEPS = {  # name of the step's command -> module and class, imported when used
 STEP_RESULTS = {  # name of the step's command -> a field that it always finds
     "encoders": "drive.polarity",
     "motors": "drive.left.motor.lag",
-    "discs": "drive.left.encoder.slot_errors",
     "distance": "drive.left.wheel.diameter",
     "geometry": "drive.track",
     "imu": "imu.scale",

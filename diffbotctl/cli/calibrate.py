@@ -32,7 +32,7 @@ def calibrate(
 ) -> None:
     """Find out what the robot's dimensions really are: all steps in order, or one of them.
 
-    encoders, motors, discs (wheels off the ground), distance, geometry, imu (on the floor), range,
+    encoders, motors (wheels off the ground), distance, geometry, imu (on the floor), range and
     battery. Each announces what it will do and waits; any key stops it.
     """
     context = click.get_current_context()

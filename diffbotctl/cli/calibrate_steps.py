@@ -1,6 +1,6 @@
 """`diffbotctl calibrate encoders`, `motors`, ...: single steps, and all of them in order.
 
-`diffbotctl calibrate discs`, `range`, `battery`: single parts of the robot.
+`diffbotctl calibrate range`, `battery`: single parts of the robot.
 """
 
 from __future__ import annotations
@@ -297,16 +297,6 @@ def imu(
     run(["imu"], options, turns=turns, repeats=repeats, lift=lift)
 
 
-@subcommand("discs")
-def discs(options: CalibrateOptions) -> None:
-    """Find out where the slots of both encoders' discs lie.
-
-    Wheels off the ground. They turn forward and backward for some seconds; odometry finds the
-    discs again by their pattern after each power-on.
-    """
-    run(["discs"], options)
-
-
 @subcommand("range")
 def range_(
     options: CalibrateOptions,
@@ -331,4 +321,4 @@ def battery(options: CalibrateOptions) -> None:
     run(["battery"], options)
 
 
-COMMANDS = (encoders, motors, discs, distance, geometry, imu, range_, battery)
+COMMANDS = (encoders, motors, distance, geometry, imu, range_, battery)

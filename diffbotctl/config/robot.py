@@ -234,22 +234,6 @@ class EncoderSection(Section):
         default=False,
         help="True when two channels count down going forward: A and B are exchanged.",
     )
-    slot_errors = Param(
-        list[float],
-        unit="1",
-        default=[],
-        minimum=-0.4,
-        maximum=0.4,
-        help="Angle error of each slot's edge in pitches, in forward order; empty: unknown.",
-    )
-    back_errors = Param(
-        list[float],
-        unit="1",
-        default=[],
-        minimum=-0.4,
-        maximum=0.4,
-        help="As slot_errors, for the edges counted backward, after open_share; empty: unknown.",
-    )
     open_share = Number(
         "1",
         "[0.1, 0.9]",

@@ -95,11 +95,6 @@ class EdgeHypothesis:
         """Hypotheses with equal keys describe the same history."""
         return self.last_edge, self.motion.is_dry, self.motion.kind
 
-    def moves_as(self, other: EdgeHypothesis) -> bool:
-        """Whether both passed the last edge in the same direction, and neither or both reverse."""
-        same = self.edge_direction == other.edge_direction
-        return same and self.is_reversed == other.is_reversed
-
     def copy(self) -> EdgeHypothesis:
         """An independent copy, for a split."""
         return replace(self, motion=self.motion.copy())

@@ -30,7 +30,7 @@ from math import exp, inf, log, sqrt
 from typing import Self
 
 from diffbotctl.control.motor_curve import LAG_DUTY, VISCOUS
-from diffbotctl.estimation.slot_errors import SlotErrors, Slots, TransitionRows
+from diffbotctl.estimation.slot_errors import SlotErrors, TransitionRows
 from diffbotctl.estimation.wheel_side import WIDE_NOISE_RATIO, Priors
 
 UNIFORM_VARIANCE = 1.0 / 12.0  # of a uniform distribution over one pitch
@@ -94,7 +94,6 @@ class PredictedWheel:
         "is_driven",
         "is_dry",
         "is_free_wheeling",
-        "is_last_forward",
         "is_typical",
         "kind",
         "log_lag",
@@ -124,13 +123,10 @@ class PredictedWheel:
         self.is_driven = True  # in the last prediction
         self.elapsed = 0.0  # s, since the last measurement
         self.edges_since_rest = 0  # or since its drive has reversed
-        self.disc: Slots = SlotErrors(
-            slots, priors.slot, priors.open_share, priors.open_share_error
-        )
+        self.disc = SlotErrors(slots, priors.slot, priors.open_share, priors.open_share_error)
         self.z = self.phase = 0.5
         self.speed = self.offset = self.z_shift = 0.0
         self.gain = 1.0
-        self.is_last_forward: bool | None = None  # direction in which the last edge was passed
         # Braked by dry friction when coasting; None: not yet known.
         self.is_dry: bool | None = True if self.is_free_wheeling else None
         self.log_likelihood = 0.0  # of all measurements

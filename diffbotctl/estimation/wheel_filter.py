@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from math import exp, inf
 
-from diffbotctl.estimation.disc_alignment import DiscAlignment
 from diffbotctl.estimation.edge_hypothesis import EdgeHypothesis, prune, update_all
 from diffbotctl.estimation.predicted_wheel import MotorKind
-from diffbotctl.estimation.slot_errors import LEARNABLE_SLOTS_MAX, EdgeErrors, KnownSlotErrors
+from diffbotctl.estimation.slot_errors import LEARNABLE_SLOTS_MAX
 from diffbotctl.estimation.wheel_frame import WheelFrame
 from diffbotctl.estimation.wheel_kalman import WheelKalman
 from diffbotctl.estimation.wheel_side import Priors
@@ -41,16 +40,8 @@ LOG_RATIO_MAX = (
 class WheelFilter:
     """Angle and speed of one wheel. `hypotheses` are the likely ones, best first."""
 
-    def __init__(
-        self,
-        priors: Priors,
-        time: int,
-        count: int,
-        slots: int,
-        known_edges: EdgeErrors | None = None,
-    ) -> None:
-        """`slots` of the disc; their errors are estimated if the board reports edge times.
-        `known_edges`: errors of a measured disc."""
+    def __init__(self, priors: Priors, time: int, count: int, slots: int) -> None:
+        """`slots` of the disc; their errors are estimated if the board reports edge times."""
         kinds = KINDS[priors.decay]
         is_fine = slots > LEARNABLE_SLOTS_MAX
         if is_fine:  # its counts alone are accurate, and a motor model cannot tell its slots apart
@@ -61,8 +52,6 @@ class WheelFilter:
             motion = WheelKalman(priors, slots, kind)
             motion.log_likelihood = log_prior
             self.hypotheses.append(EdgeHypothesis(motion, time, count))
-        self.known_edges = known_edges
-        self.alignment: DiscAlignment | None = None
 
     @property
     def motion(self) -> WheelKalman:
@@ -107,40 +96,8 @@ class WheelFilter:
         )
 
     def update(self, frame: WheelFrame) -> None:
-        if (
-            self.known_edges is not None
-            and frame.edge_time is not None
-            and frame.edge_count != self.hypotheses[0].count
-        ):
-            self.alignment = DiscAlignment(self.known_edges, self.hypotheses)
-            self.known_edges = None
         self.hypotheses = update_all(self.hypotheses, frame)
         if len(self.hypotheses) > 1:
             self.hypotheses = prune(
                 self.hypotheses, HYPOTHESES_MAX, LOG_RATIO_MAX, lambda hypothesis: hypothesis.key
             )
-        if self.alignment is not None:
-            self.alignment.update(frame)
-            self._adopt_alignment(self.alignment)
-
-    def _adopt_alignment(self, alignment: DiscAlignment) -> None:
-        """Adopt the measured slot errors once their rotation is known."""
-        unaligned = max(self.hypotheses, key=lambda hypothesis: hypothesis.motion.log_likelihood)
-        if alignment.has_failed(unaligned):
-            self.alignment = None
-            return
-        aligned = alignment.aligned(unaligned)
-        if aligned is None:
-            return
-        # Those that count other edges until there see the same slot: the pattern does not tell
-        # which of two edges was passed first after a reversal.
-        agreeing = [each for each in self.hypotheses if each.moves_as(aligned)]
-        if not agreeing:
-            return
-        disc = aligned.motion.disc
-        assert isinstance(disc, KnownSlotErrors)
-        for hypothesis in agreeing:
-            later = hypothesis.edge_slot - aligned.edge_slot
-            hypothesis.motion.set_known_slots(KnownSlotErrors(disc.edges, disc.first_slot - later))
-        self.hypotheses = agreeing
-        self.alignment = None

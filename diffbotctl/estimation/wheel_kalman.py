@@ -14,19 +14,12 @@ from math import erf, exp, inf, log, pi, sqrt
 from diffbotctl.estimation.predicted_wheel import (
     DIAGONAL,
     ELAPSED_MIN,
-    PHASE_PHASE,
     UNIFORM_VARIANCE,
-    Z_PHASE,
     Z_SPEED,
     Z_Z,
     PredictedWheel,
 )
-from diffbotctl.estimation.slot_errors import (
-    ADOPTED_SD,
-    KnownSlotErrors,
-    MeasurementRow,
-    SlotErrors,
-)
+from diffbotctl.estimation.slot_errors import MeasurementRow, SlotErrors
 
 
 def is_outlier(ratio: float, cost: float) -> bool:
@@ -89,14 +82,10 @@ class WheelKalman(PredictedWheel):
     def update_edge(self, place: float, slot: int, is_forward: bool) -> None:
         """Kalman update by an edge of `slot`, nominally at z = `place`."""
         disc = self.disc
-        if isinstance(disc, SlotErrors):
-            disc.start_learning()
-            if not disc.is_fixed:
-                self._update_edge_and_slots(disc, place, slot, is_forward)
-                return
-        elif self.is_last_forward is not None and is_forward != self.is_last_forward:
-            self._inflate(disc.edges.open_share.variance)
-        self.is_last_forward = is_forward
+        disc.start_learning()
+        if not disc.is_fixed:
+            self._update_edge_and_slots(disc, place, slot, is_forward)
+            return
         error, variance = disc.edge_estimate(slot, is_forward)
         innovation = place + error - self.z
         innovation_variance = self._add_log_likelihood(innovation, self.covariance[Z_Z] + variance)
@@ -112,9 +101,11 @@ class WheelKalman(PredictedWheel):
         error_row, error_slot_row = disc.rows(index)
         slot_row = [z - error for z, error in zip(disc.row(0), error_slot_row, strict=True)]
         z_variance = self.covariance[Z_Z] - error_row[0]
-        fixed = disc.fixed_estimate(slot, is_forward)
-        noise = fixed.variance or EDGE_SD_MIN * EDGE_SD_MIN + (self.speed * EDGE_TIME_SD) ** 2
-        innovation = place + disc.errors[index] + fixed.error - self.z
+        # The edges seen backward are not learnt slot by slot.
+        noise = disc.slot_variance
+        if is_forward:
+            noise = EDGE_SD_MIN * EDGE_SD_MIN + (self.speed * EDGE_TIME_SD) ** 2
+        innovation = place + disc.errors[index] - self.z
         variance = self._add_log_likelihood(innovation, z_variance - slot_row[index] + noise)
         row = tuple([z - error for z, error in zip(self._z_row(), error_row, strict=True)])
         scaled_innovation = innovation / variance
@@ -122,32 +113,6 @@ class WheelKalman(PredictedWheel):
         disc.update(row, slot_row, scaled_innovation, 1.0 / variance)
         if index == 0:
             disc.stop_learning_if_known()
-
-    def _inflate(self, variance: float) -> None:
-        """Add `variance` to z and phase alike, which leaves the travel unchanged.
-
-        The offset between the forward and the backward edges of a measured disc is uncertain.
-        """
-        covariance = list(self.covariance)
-        for entry in (Z_Z, Z_PHASE, PHASE_PHASE):
-            covariance[entry] += variance
-        self.covariance = tuple(covariance)
-
-    def set_known_slots(self, known: KnownSlotErrors) -> None:
-        """Adopt the errors of a measured disc as measurements of the slot errors."""
-        disc = self.disc
-        assert isinstance(disc, SlotErrors)
-        disc.backward_errors = known.backward_errors()
-        disc.backward_variance = known.edges.backward_variance
-        if disc.is_fixed:
-            return
-        disc.propagate()
-        for slot in range(disc.slots):
-            row, slot_row = disc.rows(slot)
-            variance = slot_row[slot] + ADOPTED_SD * ADOPTED_SD
-            innovation = known.edge_estimate(slot, True).error - disc.errors[slot]
-            self._update(row, innovation / variance, 1.0 / variance)
-            disc.update(row, slot_row, innovation / variance, 1.0 / variance)
 
     def probability_within(self, low: float, high: float) -> float:
         """Predicted probability that z lies between `low` and `high`."""

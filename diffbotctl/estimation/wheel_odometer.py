@@ -8,7 +8,6 @@ from diffbotctl.control.motor_curve import settled_speed
 from diffbotctl.control.speed_loop import speed_gains
 from diffbotctl.estimation.explained_edges import ExplainedEdges
 from diffbotctl.estimation.predicted_wheel import no_load_speed
-from diffbotctl.estimation.slot_errors import EdgeErrors, SlotEstimate
 from diffbotctl.estimation.unexplained_edges import EdgeGaps, UndrivenEdges
 from diffbotctl.estimation.wheel_filter import WheelFilter
 from diffbotctl.estimation.wheel_frame import (
@@ -19,7 +18,6 @@ from diffbotctl.estimation.wheel_frame import (
     WheelFrame,
 )
 from diffbotctl.estimation.wheel_side import (
-    EncoderConfig,
     LinkTiming,
     Priors,
     SideConfig,
@@ -68,8 +66,7 @@ class WheelOdometer:
                 open_share=MEASURED_OPEN_SHARE_SD,
                 open_share_error=side.encoder.open_share - 0.5,
             )
-        edges = known_edges(side.encoder, priors)
-        self.filter = WheelFilter(priors, time, count, slots, edges)
+        self.filter = WheelFilter(priors, time, count, slots)
         self.duty = MotorDuty(speed_gains(motor))
         self.explained = ExplainedEdges(side)
         self.count_sign = CountSign(timing.command_time, timing.is_published_firmware)
@@ -204,11 +201,3 @@ class WheelOdometer:
         self.start_correction = start_shift * self.pitch
         self.travel = (motion.travel - self.reported_travel - start_shift) * self.pitch
         self.reported_travel, self.reported_start = motion.travel, motion.start
-
-
-def known_edges(encoder: EncoderConfig, priors: Priors) -> EdgeErrors | None:
-    """Measured errors of the disc, or None."""
-    if len(encoder.slot_errors) != encoder.slots:
-        return None
-    open_share = SlotEstimate(priors.open_share_error, priors.open_share * priors.open_share)
-    return EdgeErrors(encoder.slot_errors, encoder.back_errors, open_share, priors.slot)

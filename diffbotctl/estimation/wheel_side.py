@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from math import pi
 from typing import NamedTuple, Protocol
 
@@ -89,14 +88,12 @@ class WheelConfig(Protocol):
 
 class EncoderConfig(Protocol):
     """The encoder section of a side; `edge` that is counted, rising, falling or both; `slots`
-    and `counts` per turn, errors in pitches."""
+    and `counts` per turn."""
 
     channels: int
     edge: str
     slots: int
     counts: int
-    slot_errors: Sequence[float]
-    back_errors: Sequence[float]
     open_share: float | None
 
 

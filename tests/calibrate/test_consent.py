@@ -11,7 +11,7 @@ from diffbotctl.prompts.answers_file import AnswersFile
 from tests.support.calibration_robots import SilentScreen
 
 ROBOT = "format: 1\nkind: robot\ninclude: book_2wd\nimu: {type: mpu6050}\n"
-LIFTED = ("encoders", "motors", "discs")
+LIFTED = ("encoders", "motors")
 FLOOR = ("distance", "squares", "spin", "straight", "imu")
 
 

@@ -1,6 +1,5 @@
-"""The steps range, battery and discs on a simulated robot that is other than stated."""
+"""The steps range and battery on a simulated robot that is other than stated."""
 
-import shutil
 from pathlib import Path
 
 import pytest
@@ -202,19 +201,3 @@ def test_a_divider_that_cannot_be_is_refused(board_volts, meter, word):
 )
 def test_how_many_cells_a_voltage_allows(volts, kind, cells):
     assert cell_range(volts, CHEMISTRIES[kind]) == cells
-
-
-def test_the_discs_are_found_and_written(robot):
-    result = calibrate("discs")
-    assert result.exit_code == 0, result.output
-    drive = calibrated(robot).drive
-    for side in (drive.left, drive.right):
-        assert len(side.encoder.slot_errors) == len(side.encoder.back_errors) == 20
-    shutil.rmtree("recordings")
-
-
-def test_discs_need_the_times_of_edges(robot):
-    robot.write_text(robot.read_text().replace("edge_times: true", "edge_times: false"))
-    result = calibrate("discs")
-    assert isinstance(result.exception, RunError)
-    assert "edge_times" in result.exception.problems[0].cause

@@ -168,7 +168,6 @@ def test_a_file_that_is_edited_meanwhile_is_not_written(robot):
         (Finding("drive.track", 0.0625), "0.50 times the stated"),
         (Finding("drive.left.wheel.diameter", 0.059), "1.10 times as large as"),
         (Finding("drive.left.motor.lag", 1.4), "too long for a motor"),
-        (Finding("drive.left.encoder.slot_errors", (0.1, -0.1)), "2 errors for a disc with 20"),
         (Finding("drive.track", -0.1), "must be above"),
     ],
 )

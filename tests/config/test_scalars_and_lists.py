@@ -27,7 +27,7 @@ def errors(folder, robot="", pipeline=""):
         ("drive: {encoder: {slots: \u096a\u0966}}", "write 40"),  # Devanagari
         ("drive: {encoder: {slots: \uff12\uff10}}", "write 20"),  # full width
         ("drive: {track: 0.\u0661\u0665}", "write 0.15"),
-        ("drive: {left: {encoder: {slot_errors: [\u0660.\u0661]}}}", "write 0.1"),
+        ("sensors: {front: {at: [\u0660.\u0661, 0]}}", "write 0.1"),
         ("board: {stop_button: \u0664\u0664}", "write 44"),
         ("link: {baud: \u0669600}", "write 9600"),
         ("drive: {track: \u0661\u0665 cm}", "write 15 cm"),
@@ -65,23 +65,6 @@ def test_a_control_character_is_refused_wherever_it_is(tmp_path, pipeline):
 
 def test_a_tab_and_a_line_break_are_no_control_characters(tmp_path):
     assert "E-YAML-CONTROL" not in {each.code for each in errors(tmp_path, 'name: "a\\tb\\nc"')}
-
-
-@pytest.mark.parametrize("name", ["slot_errors", "back_errors"])
-@pytest.mark.parametrize("place", ["encoder", "left: {encoder", "calibration"])
-@pytest.mark.parametrize(("values", "is_right"), [(ONE_ERROR, False), (TWENTY, True), ("[]", True)])
-def test_a_disc_has_one_error_for_each_slot(tmp_path, name, place, values, is_right):
-    if place == "calibration":
-        line = f"calibration: {{drive.left.encoder.{name}: {{value: {values}, method: discs}}}}"
-    else:
-        line = f"drive: {{{place}: {{{name}: {values}}}}}" + "}" * place.count("{")
-    found = errors(tmp_path, line)
-    if is_right:
-        assert found == []
-        return
-    assert {each.code for each in found} == {"E-SLOT-ERRORS"}
-    assert found[0].cause == "1 error for a disc with 20 slots"
-    assert found[0].place.line == 4
 
 
 @pytest.mark.parametrize(

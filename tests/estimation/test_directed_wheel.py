@@ -16,9 +16,7 @@ LOOP = SimpleNamespace(static=0.1, speed=None, proportional=None, integral=None)
 SIDE = SimpleNamespace(
     motor=SimpleNamespace(rated=10.0, lag=0.1, loop=LOOP, decay="slow", friction=None),
     wheel=SimpleNamespace(diameter=DIAMETER),
-    encoder=SimpleNamespace(
-        channels=2, slots=SLOTS, counts=SLOTS, slot_errors=[], back_errors=[], open_share=None
-    ),
+    encoder=SimpleNamespace(channels=2, slots=SLOTS, counts=SLOTS, open_share=None),
 )
 
 

@@ -8,9 +8,8 @@ from diffbotctl.estimation.wheel_odometer import MEASURED_OPEN_SHARE_SD, LinkTim
 
 
 @pytest.mark.parametrize("slots", [20, 100])  # too many to be learnt
-@pytest.mark.parametrize("both", [False, True])
-def test_backward_edges_have_the_error_of_the_open_share(slots, both):
-    places = SlotErrors(slots, 0.03, 0.01, open_share_error=-0.08, learns_backward=both)
+def test_backward_edges_have_the_error_of_the_open_share(slots):
+    places = SlotErrors(slots, 0.03, 0.01, open_share_error=-0.08)
     for slot in range(slots):
         assert places.edge_estimate(slot, is_forward=True).error == 0.0
         assert places.edge_estimate(slot, is_forward=False).error == -0.08

@@ -188,13 +188,6 @@ class Chained(NamedTuple):
         self.outcomes[name] = run_step(make_step(name), self.session, self.prompter, SilentScreen())
         self.session.recording.clear()
 
-    def switch_off_and_on(self, rng: Random) -> None:
-        """The board starts anew, with both discs somewhere else under their light barriers."""
-        for side in SIDES:
-            self.truths.roll(side, rng.uniform(1.0, 2.0))
-        self.session.try_findings([])
-        self.session.connect()
-
 
 def chained(
     wiring: Wiring,

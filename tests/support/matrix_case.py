@@ -30,7 +30,6 @@ GOAL_SECONDS = 8.0  # of driving at the robot's speed limit, at most
 GOAL_MAX, GOAL_MIN = 2.0, 0.05  # m
 STOPPED_S = 1.0  # after which a latched stop ends a run
 DISTURBANCES = PERTURBATIONS | ENCODER_FAULTS
-DISCS_SHARE = 0.5  # of the robots whose discs were calibrated
 
 
 class Case(NamedTuple):
@@ -133,7 +132,7 @@ def set_up(case: Case, folder: Path) -> CaseSetting:
     nominal = load("goal", str(file), sets).nominal
     assert nominal is not None
     healthy = draw_robot(nominal, nominal, plant_seed)
-    tree["calibration"] = calibrate(healthy, nominal, rng, rng.random() < DISCS_SHARE)
+    tree["calibration"] = calibrate(healthy, nominal, rng)
     if not perturbation.lasting:
         perturbation.apply(simulation, design, rng)
     file.write_text(yaml_text(tree))

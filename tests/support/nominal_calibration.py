@@ -43,8 +43,6 @@ TRACK_ERROR, DIAMETER_ERROR, SPEED_ERROR, LAG_ERROR = 0.003, 0.0015, 0.003, 0.05
 LAG_MAX, LOOP_SPEED_MAX = 0.79, 0.75  # of the robot file
 TURNING_MIN = 0.2  # rad/s
 WEAK_MOTOR = [(1.0, 1.0), (0.9, 0.85), (0.8, 0.7)]  # turns only near full duty
-SLOT_ERROR = 0.006  # pitches
-DISCS_SLOTS_MAX = 60  # finer discs are not learned
 STEP_LOW, STEP_HIGH = 0.35, 0.75  # duties of the steps that measure the lag
 SETTLING_LAGS = 12.0  # twice of what an exponential needs: at a low duty some motors are slower
 COARSE = EncoderDisc((0.1, pi), 0.0, 0.0)  # its edges cost no time, and are not looked at
@@ -52,8 +50,8 @@ COARSE = EncoderDisc((0.1, pi), 0.0, 0.0)  # its edges cost no time, and are not
 Findings = dict[str, dict[str, Any]]
 
 
-def calibrate(plant: SimulatedRobot, nominal: Robot, rng: Random, discs: bool) -> Findings:
-    """The section `calibration` for `plant`; `discs`: the slots were measured as well."""
+def calibrate(plant: SimulatedRobot, nominal: Robot, rng: Random) -> Findings:
+    """The section `calibration` for `plant`."""
     findings: Findings = {}
     for finding in motor_findings(nominal, _motors(plant, rng)):
         value = finding.value
@@ -63,12 +61,6 @@ def calibrate(plant: SimulatedRobot, nominal: Robot, rng: Random, discs: bool) -
     _add_geometry(findings, plant.chassis, rng)
     slip = _slip(plant, rng)
     findings["drive.slip"] = _entry(slip.slip, slip.slip_sd, "squares")
-    if discs and len(plant.discs[0].edges) <= 2 * DISCS_SLOTS_MAX:
-        for side, disc in zip(SIDES, plant.discs, strict=True):
-            for name, first in (("slot_errors", 0), ("back_errors", 1)):
-                errors = [round(error, 4) for error in _slot_errors(disc, first, rng)]
-                path = f"drive.{side}.encoder.{name}"
-                findings[path] = _entry(errors, SLOT_ERROR, "discs")
     return findings
 
 
@@ -191,10 +183,3 @@ def _bare_drive(plant: SimulatedRobot) -> tuple[DriveTrain, SimulatedBattery]:
         WheelModel(motor._replace(ripple=0.0), COARSE, Random(1)) for motor in plant.motors
     )
     return ExponentialDrive(wheels), SimulatedBattery(simulation.battery, full)
-
-
-def _slot_errors(disc: EncoderDisc, first: int, rng: Random) -> list[float]:
-    """Measured errors (pitches, mean removed) of the edges seen forward (0) or backward (1)."""
-    pitch = 4 * pi / len(disc.edges)
-    places = [edge / pitch - slot for slot, edge in enumerate(disc.edges[first::2])]
-    return [place - fmean(places) + rng.gauss(0.0, SLOT_ERROR) for place in places]

@@ -27,25 +27,6 @@ def check_channels(context: CheckContext, left: int, right: int) -> None:
         _check_two(context)
 
 
-@check()
-def check_slot_errors(context: CheckContext) -> None:
-    """Refuse errors of a disc that are not one for each slot; none at all means unknown."""
-    for side in SIDES:
-        for name in ("slot_errors", "back_errors"):
-            path = f"drive.{side}.encoder.{name}"
-            values = context.values(path, f"drive.{side}.encoder.slots")
-            if values is None or len(values[0]) in (0, values[1]):
-                continue
-            count, slots = len(values[0]), values[1]
-            entry = context.robot_value("calibration", path, "value")
-            place = entry.place if entry else context.error_place(path, f"drive.encoder.{name}")
-            cause = f"{count} error{'s' if count > 1 else ''} for a disc with {slots} slots"
-            fix = "calibrate again, or delete the entry"
-            if entry is None:
-                fix = f"write {slots} numbers, or []; `diffbotctl calibrate discs` measures them"
-            context.error("E-SLOT-ERRORS", place, cause, fix)
-
-
 def _check_pin(context: CheckContext, side: str, has_two: bool) -> None:
     assert context.robot is not None
     pin_b = getattr(getattr(context.robot.drive, side).encoder, "pin_b", None)

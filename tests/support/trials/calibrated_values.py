@@ -20,7 +20,7 @@ from tests.support.matrix_case import EQUATIONS
 from tests.support.trials.row import Row
 from tests.support.trials.section import drawn
 
-CHAIN = ("encoders", "motors", "discs", "distance", "geometry")
+CHAIN = ("encoders", "motors", "distance", "geometry")
 WITHIN_SD, SHARE_MIN = 2.0, 0.90
 
 
