@@ -40,18 +40,12 @@ REACH_MARGIN_RATIO = 0.25  # of a distance, for a wrong wheel diameter
 class DriveStyle(NamedTuple):
     """How to drive. The robot's own limits apply where they are lower."""
 
-    speed: float = inf
-    """m/s, maximum"""
-    turn_rate: float = inf
-    """rad/s, maximum"""
-    acceleration: float = inf
-    """m/s2, maximum"""
-    tolerance: float = 0.010
-    """m, of a goal"""
-    heading_tolerance: float = 0.035
-    """rad, of a goal"""
-    method: str = "model"
-    """of odometry"""
+    speed: float = inf  # m/s, maximum
+    turn_rate: float = inf  # rad/s, maximum
+    acceleration: float = inf  # m/s2, maximum
+    tolerance: float = 0.010  # m, of a goal
+    heading_tolerance: float = 0.035  # rad, of a goal
+    method: str = "model"  # of odometry
 
 
 # Slow, as Borenstein and Feng ask, yet fast enough for every motor to run smoothly; gentle, so that

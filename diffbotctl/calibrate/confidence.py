@@ -35,14 +35,10 @@ class RobustMean(NamedTuple):
     """A mean of repeats."""
 
     value: float
-    sd: float
-    """of the mean"""
-    spread: float
-    """standard deviation of one reading"""
-    half_width: float
-    """of the 95 % confidence interval of the mean"""
-    outliers: tuple[int, ...]
-    """indices of the readings that were left out"""
+    sd: float  # of the mean
+    spread: float  # standard deviation of one reading
+    half_width: float  # of the 95 % confidence interval of the mean
+    outliers: tuple[int, ...]  # indices of the readings that were left out
 
 
 def robust_mean(readings: Sequence[float], sd_min: float) -> RobustMean:
@@ -67,8 +63,7 @@ class Interval(NamedTuple):
     """Relative error of one length, or of the ratio."""
 
     sd: float
-    half_width: float
-    """of the 95 % confidence interval"""
+    half_width: float  # of the 95 % confidence interval
 
 
 class Confidence(NamedTuple):

@@ -41,8 +41,7 @@ class CsvTable(NamedTuple):
 
     path: Path
     separator: str
-    names: tuple[str, ...]
-    """of the columns, in lower case"""
+    names: tuple[str, ...]  # of the columns, in lower case
 
     def column(self, name: str) -> int:
         """Number of the column called `name`, from 0."""

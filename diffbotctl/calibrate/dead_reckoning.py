@@ -37,12 +37,9 @@ def wrap_angle(angle: float) -> float:
 class Geometry(NamedTuple):
     """Wheel diameters and track, all in m (or all in another unit of length)."""
 
-    right: float
-    """effective diameter of the right wheel"""
-    left: float
-    """effective diameter of the left wheel"""
-    track: float
-    """distance between the points at which the wheels touch the ground"""
+    right: float  # effective diameter of the right wheel
+    left: float  # effective diameter of the left wheel
+    track: float  # distance between the points at which the wheels touch the ground
 
     @property
     def mean(self) -> float:
@@ -63,12 +60,9 @@ class Geometry(NamedTuple):
 class EndError(NamedTuple):
     """True end minus that of odometry, in the frame of the start."""
 
-    x: float
-    """m"""
-    y: float
-    """m"""
-    heading: float = 0.0
-    """rad, counter-clockwise; nan if not known"""
+    x: float  # m
+    y: float  # m
+    heading: float = 0.0  # rad, counter-clockwise; nan if not known
 
 
 class GroundTruth(StrEnum):
@@ -86,17 +80,14 @@ class RecordedDrive:
     """One recorded drive. Rows may have any rate, and not every row needs a true pose."""
 
     name: str
-    times: Floats
-    """(rows,): s, increasing"""
+    times: Floats  # (rows,): s, increasing
     turns: Floats
     """(rows, 2): turns of the right and left wheel since the first row, forward positive"""
-    rows: NDArray[np.intp]
-    """(poses,): rows with a known true pose, increasing"""
+    rows: NDArray[np.intp]  # (poses,): rows with a known true pose, increasing
     poses: Floats
     """(poses, 3): true x, y in m and unwrapped heading in rad; only the last heading of a drive
     with two poses may be nan"""
-    tick: tuple[float, float]
-    """turns of the right and left wheel per count"""
+    tick: tuple[float, float]  # turns of the right and left wheel per count
     truth: GroundTruth
 
     def turns_at(self, times: Floats) -> Floats:
@@ -110,12 +101,9 @@ class Segment:
 
     rolled: Floats
     """(steps, 2): turns of each wheel times pi in each step; times the diameter it is m"""
-    motion: Floats
-    """(3,): true x, y in m and heading in rad of the end, in the frame of the begin"""
-    tick: tuple[float, float]
-    """turns times pi of one count"""
-    weight: float = 1.0
-    """below 1 if it overlaps with others"""
+    motion: Floats  # (3,): true x, y in m and heading in rad of the end, in the frame of the begin
+    tick: tuple[float, float]  # turns times pi of one count
+    weight: float = 1.0  # below 1 if it overlaps with others
 
 
 def cut_segments(
@@ -191,14 +179,11 @@ def flattened(groups: Sequence[Sequence[Segment]]) -> tuple[list[Segment], Float
 class DeadReckoned(NamedTuple):
     """The end of a segment in the frame of its begin."""
 
-    end: Floats
-    """(3,): x, y in m, heading in rad"""
+    end: Floats  # (3,): x, y in m, heading in rad
     jacobian: Floats
     """(3, 3): derivatives of the end by right diameter, left diameter and track, all in m"""
-    slip: Floats
-    """(3, 3): covariance of the end if each wheel slips by 1 m per square root of m"""
-    counts: Floats
-    """(3, 3): covariance of the end due to the counts"""
+    slip: Floats  # (3, 3): covariance of the end if each wheel slips by 1 m per square root of m
+    counts: Floats  # (3, 3): covariance of the end due to the counts
 
 
 def dead_reckon(segment: Segment, geometry: Geometry) -> DeadReckoned:

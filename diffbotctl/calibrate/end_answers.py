@@ -29,8 +29,7 @@ SCATTER_FACTOR = 4.0  # of robots that slip more
 # Ends that are exactly 0 to the millimetre, or headings to the degree, occur once in ten or in two.
 ZEROS_MAX = {"place": 3, "heading": 4}
 SAME_PLACE_M = 0.005  # between two readings of one end
-Place = tuple[float, float]
-"""forward and left, m"""
+Place = tuple[float, float]  # forward and left, m
 
 FACING = Question(
     "geometry.facing",

@@ -28,10 +28,8 @@ class NoisePrior:
     """A lognormal prior of one standard deviation."""
 
     typical: float
-    factor: float
-    """one standard deviation of the logarithm, as a factor"""
-    values: tuple[float, ...]
-    """of the grid"""
+    factor: float  # one standard deviation of the logarithm, as a factor
+    values: tuple[float, ...]  # of the grid
 
     def log_weights(self) -> list[float]:
         """Of the values, not normalized."""
@@ -98,16 +96,11 @@ class Linearized:
 
     residuals: Floats
     """(segments, 3): dead-reckoned minus measured end, m, m, rad; 0 where it was not measured"""
-    jacobians: Floats
-    """(segments, 3, 3): by the logarithms of mean diameter, wheel ratio and track"""
-    slip: Floats
-    """(segments, 3, 3): covariance if each wheel slips by 1 m per square root of m"""
-    counts: Floats
-    """(segments, 3, 3)"""
-    lever: Floats
-    """(segments, 3): derivatives of the measured end by the heading of the start"""
-    known: NDArray[np.bool_]
-    """(segments, 3): whether it was measured"""
+    jacobians: Floats  # (segments, 3, 3): by the logarithms of mean diameter, wheel ratio and track
+    slip: Floats  # (segments, 3, 3): covariance if each wheel slips by 1 m per square root of m
+    counts: Floats  # (segments, 3, 3)
+    lever: Floats  # (segments, 3): derivatives of the measured end by the heading of the start
+    known: NDArray[np.bool_]  # (segments, 3): whether it was measured
 
     def covariances(self, noise: NoiseGrid) -> Floats:
         """(combinations, segments, 3, 3)"""

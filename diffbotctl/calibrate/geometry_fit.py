@@ -76,8 +76,7 @@ class Outlier(NamedTuple):
     """A drive that was left out."""
 
     name: str
-    ratio: float
-    """of its end error to the usual one"""
+    ratio: float  # of its end error to the usual one
 
 
 class GeometryFit(NamedTuple):
@@ -86,10 +85,8 @@ class GeometryFit(NamedTuple):
     stated: Geometry
     geometry: Geometry
     confidence: Confidence
-    drives: list[RecordedDrive]
-    """the drives used, with clocks aligned"""
-    offsets: list[float]
-    """s; delay added to the counts of each drive used"""
+    drives: list[RecordedDrive]  # the drives used, with clocks aligned
+    offsets: list[float]  # s; delay added to the counts of each drive used
     outliers: list[Outlier]
     sees_diameter: bool
     """False: the drives do not determine the mean diameter, which was kept as stated"""

@@ -37,8 +37,7 @@ class WrongEnds:
     """What is known beforehand of drives whose ends were measured or noted wrongly."""
 
     probability: float
-    reach_ratio: float
-    """of the distance rolled, within which a wrong end lies anywhere"""
+    reach_ratio: float  # of the distance rolled, within which a wrong end lies anywhere
 
 
 RECORDED = WrongEnds(0.08, 1.0)
@@ -72,10 +71,8 @@ class Solution:
     """The most likely geometry."""
 
     geometry: Geometry
-    score: float
-    """logarithm of the evidence, by the posterior around this geometry"""
-    good: Floats
-    """(segments,): probability that each end is not wrong"""
+    score: float  # logarithm of the evidence, by the posterior around this geometry
+    good: Floats  # (segments,): probability that each end is not wrong
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,12 +80,9 @@ class Posterior:
     """Mean and covariance of the logarithms of mean diameter, ratio and track."""
 
     geometry: Geometry
-    covariance: Floats
-    """(3, 3)"""
-    share: Floats
-    """(combinations,): probability of each combination of the noise"""
-    noise: NoiseGrid
-    """one combination, of the expected values"""
+    covariance: Floats  # (3, 3)
+    share: Floats  # (combinations,): probability of each combination of the noise
+    noise: NoiseGrid  # one combination, of the expected values
 
     def with_mean(self, mean: float) -> Posterior:
         """The posterior given this mean diameter (m); its covariance is kept."""

@@ -41,10 +41,8 @@ class CountLog(NamedTuple):
     """The counts of one drive, and poses if the same file contains them."""
 
     name: str
-    times: Floats
-    """(rows,): s, increasing"""
-    turns: Floats
-    """(rows, 2): turns of the right and left wheel since the first row"""
+    times: Floats  # (rows,): s, increasing
+    turns: Floats  # (rows, 2): turns of the right and left wheel since the first row
     tick: tuple[float, float]
     poses: Floats | None
     """(rows, 3): x, y in m and heading in rad, nan if unknown; None without such columns"""

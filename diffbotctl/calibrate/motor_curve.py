@@ -58,14 +58,11 @@ CERTAIN_RATIO_MAX = 0.25
 class FittedMotor(NamedTuple):
     """One motor, without the drop of the battery."""
 
-    static: float
-    """duty at which friction just stops it"""
-    rated: float
-    """rad/s at full duty and the battery's voltage at rest"""
+    static: float  # duty at which friction just stops it
+    rated: float  # rad/s at full duty and the battery's voltage at rest
     static_sd: float
     rated_sd: float
-    decay: Decay | None = None
-    """of the current between two pulses; None: the speeds do not show it"""
+    decay: Decay | None = None  # of the current between two pulses; None: the speeds do not show it
     viscous: float = 0.0
     """with fast decay: friction that grows with the speed, in stall torques at the no-load speed"""
     loaded: float | None = None
@@ -101,8 +98,7 @@ class _CurveFit(NamedTuple):
 
     decay: Decay
     shared: float
-    error: float
-    """sum of the squared relative errors"""
+    error: float  # sum of the squared relative errors
 
     @property
     def is_within(self) -> bool:

@@ -33,10 +33,8 @@ CREEP_ERROR_RATIO_MAX = 0.35
 CM = 100  # in a metre
 
 DIRECTIONS = {"forward": 1, "backward": -1}
-Motion = tuple[str, str]
-"""side and direction, such as ("left", "forward")"""
-SpeedsByMotion = dict[Motion, list[tuple[float, float]]]
-"""(duty, rad/s) at each level"""
+Motion = tuple[str, str]  # side and direction, such as ("left", "forward")
+SpeedsByMotion = dict[Motion, list[tuple[float, float]]]  # (duty, rad/s) at each level
 
 
 class DutyStaircase(NamedTuple):
@@ -44,8 +42,7 @@ class DutyStaircase(NamedTuple):
 
     low: float
     high: float
-    plateau: float
-    """s between two steps"""
+    plateau: float  # s between two steps
     steps: int
     increment: float = 0.0
     """s by which each plateau is longer than the last, so that the phase of the frames varies"""

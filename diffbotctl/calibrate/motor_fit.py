@@ -79,8 +79,7 @@ class StepResponse(NamedTuple):
     is_up: bool
 
 
-Points = Sequence[tuple[float, float]]
-"""(duty, rad/s)"""
+Points = Sequence[tuple[float, float]]  # (duty, rad/s)
 
 
 def fit_line(points: Points) -> FittedMotor:

@@ -57,8 +57,7 @@ BATTERY_DELAY_S, BATTERY_DELAY_SD_S = 0.006, 0.006
 VISCOUS_SD = 0.02  # of one motor from that of both, in stall torques at the no-load speed
 KNOWN_SD_S = 1e-6  # of a dead time that is given
 
-Shares = tuple[float, float]
-"""of the stated lag, those after a step up and after a step down"""
+Shares = tuple[float, float]  # of the stated lag, those after a step up and after a step down
 SAME_LAG: Shares = (1.0, 1.0)
 
 
@@ -67,8 +66,7 @@ class LagFit(NamedTuple):
 
     lag: float
     dead_time: float
-    sd: float
-    """of their sum, or of the lag alone where it depends on the duty"""
+    sd: float  # of their sum, or of the lag alone where it depends on the duty
     split_sd: float = 0.0
     """standard deviation of the dead time, and of the lag given the sum of both"""
 
@@ -120,12 +118,9 @@ def _stated_lag(mean: LagFit, shares: Shares) -> LagFit:
 class StepNoise(NamedTuple):
     """Standard deviations."""
 
-    settled: float
-    """pitches, of an edge at a constant speed"""
-    transition: float | None
-    """pitches, of an edge between; None: these are not used"""
-    lateness: float
-    """s, of a step"""
+    settled: float  # pitches, of an edge at a constant speed
+    transition: float | None  # pitches, of an edge between; None: these are not used
+    lateness: float  # s, of a step
 
 
 @dataclass
@@ -133,16 +128,11 @@ class SteppedWheel:
     """The edges of one wheel around all steps, and its own unknowns."""
 
     shares: Shares
-    times: Floats
-    """(edges,): s since the step"""
-    angles: Floats
-    """(edges,): rad"""
-    steps: NDArray[np.int64]
-    """(edges,): number of the step"""
-    slots: NDArray[np.int64]
-    """(edges,): number of the slot"""
-    is_up: NDArray[np.bool_]
-    """(edges,): whether the step is up"""
+    times: Floats  # (edges,): s since the step
+    angles: Floats  # (edges,): rad
+    steps: NDArray[np.int64]  # (edges,): number of the step
+    slots: NDArray[np.int64]  # (edges,): number of the slot
+    is_up: NDArray[np.bool_]  # (edges,): whether the step is up
     step_count: int
     slot_count: int
     unknowns: Floats

@@ -37,12 +37,9 @@ GOLDEN_RATIO = (sqrt(5.0) - 1.0) / 2.0
 class RulerPoint:
     """Readings of the sensor with an object at a known distance."""
 
-    distance: float
-    """m, from the sensor's front"""
-    volts: float
-    """mean of the readings"""
-    noise: float
-    """V; standard deviation of one reading"""
+    distance: float  # m, from the sensor's front
+    volts: float  # mean of the readings
+    noise: float  # V; standard deviation of one reading
     readings: int
 
     @property
@@ -55,16 +52,12 @@ class RulerPoint:
 class RangeFit:
     """A sensor's curve, and how well it fits the points."""
 
-    a: float
-    """V m"""
-    b: float
-    """m"""
-    c: float
-    """V"""
+    a: float  # V m
+    b: float  # m
+    c: float  # V
     sd: tuple[float, float, float]
     """of a, b and c, from the points' noise, the ruler's, and what the curve leaves over"""
-    points: tuple[RulerPoint, ...]
-    """by rising distance"""
+    points: tuple[RulerPoint, ...]  # by rising distance
 
     def distance(self, point: RulerPoint) -> float:
         """The distance (m) of the curve at the point's voltage."""

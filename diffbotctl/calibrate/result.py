@@ -44,8 +44,7 @@ class PartResult(NamedTuple):
     """What a part of a step came to."""
 
     findings: list[Finding]
-    faults: list[str]
-    """what only a hand mends"""
+    faults: list[str]  # what only a hand mends
     report: list[str]
 
 
@@ -53,16 +52,11 @@ class Provenance(NamedTuple):
     """Common properties of the findings of one step."""
 
     method: str
-    date: str
-    """UTC, such as 2026-05-01T09:30Z"""
-    volts: float | None
-    """of the battery; None if it was not measured"""
-    recording: str | None
-    """hash of the recording"""
-    simulated: bool = False
-    """whether the robot was a simulated one"""
-    pulses: PulsedPins | None = None
-    """where the motors got their pulses"""
+    date: str  # UTC, such as 2026-05-01T09:30Z
+    volts: float | None  # of the battery; None if it was not measured
+    recording: str | None  # hash of the recording
+    simulated: bool = False  # whether the robot was a simulated one
+    pulses: PulsedPins | None = None  # where the motors got their pulses
 
 
 def formatted_value(finding: Finding, origin: Provenance) -> str:

@@ -110,8 +110,7 @@ class StepDone:
     """A finished step: the provenance of its findings, and the files that it left."""
 
     origin: Provenance
-    files: Sequence[Path]
-    """recording and pictures"""
+    files: Sequence[Path]  # recording and pictures
 
 
 def open_session(

@@ -32,8 +32,7 @@ class ComparedValue(NamedTuple):
     field: str
     unit: str
     found: float
-    sd: float | None
-    """standard deviation; None if there is none"""
+    sd: float | None  # standard deviation; None if there is none
     true: float
 
     @property

@@ -56,8 +56,7 @@ class CurvePlot(NamedTuple):
     """A curve and its points for the terminal, x to the right and y up."""
 
     title: str
-    points: dict[str, list[tuple[float, float]]]
-    """by group"""
+    points: dict[str, list[tuple[float, float]]]  # by group
     x_unit: str
     y_unit: str
 
@@ -81,24 +80,19 @@ class Outcome:
 
     method: str
     findings: Sequence[Finding]
-    report: Sequence[str] = ()
-    """lines of text, in order"""
-    faults: Sequence[str] = ()
-    """faults of the robot that settings cannot correct"""
+    report: Sequence[str] = ()  # lines of text, in order
+    faults: Sequence[str] = ()  # faults of the robot that settings cannot correct
     pictures: dict[str, str] = field(default_factory=dict)
     """contents of files by the end of the file name, such as an SVG"""
-    volts: float | None = None
-    """of the battery, if it was measured"""
+    volts: float | None = None  # of the battery, if it was measured
 
 
 class Step(Protocol):
     """One step. `name` is the name of its command."""
 
     name: str
-    title: str
-    """what it measures, in a few words"""
-    lifted: bool
-    """whether the wheels must be off the ground"""
+    title: str  # what it measures, in a few words
+    lifted: bool  # whether the wheels must be off the ground
 
     def questions(self, robot: Robot) -> Sequence[ExpectedQuestion]:
         """What it will ask on this robot; also what it may ask, or would ask on another one."""

@@ -65,10 +65,8 @@ SLIP_MODEL_SD_RATIO = 0.3
 class Angles(NamedTuple):
     """What the squares came to, rad."""
 
-    alpha: float
-    """missed by each quarter turn"""
-    beta: float
-    """gained along each side, to the left"""
+    alpha: float  # missed by each quarter turn
+    beta: float  # gained along each side, to the left
 
 
 def mean_end(ends: Sequence[EndError]) -> EndError:
@@ -109,8 +107,7 @@ def angles_between(used: Geometry, true: Geometry, side: float) -> Angles:
 class SquareErrors(NamedTuple):
     """End errors of both directions; headings or places are nan if not read."""
 
-    side: float
-    """m"""
+    side: float  # m
     clockwise: Sequence[EndError]
     counter: Sequence[EndError]
 
@@ -152,22 +149,15 @@ class SquaresFit(NamedTuple):
     """What the squares came to."""
 
     geometry: Geometry
-    ratio_sd: float
-    """relative standard deviation of the wheel ratio"""
-    track_sd: float
-    """likewise of the track, in multiples of the mean diameter"""
-    slip: float
-    """m; standard deviation of a wheel's slip after one metre"""
+    ratio_sd: float  # relative standard deviation of the wheel ratio
+    track_sd: float  # likewise of the track, in multiples of the mean diameter
+    slip: float  # m; standard deviation of a wheel's slip after one metre
     slip_sd: float | None
     """None if one square in each direction, or headings alone, do not show the slip"""
-    left_out: Sequence[str]
-    """a line for each square whose end lies far from those of the others"""
-    before: float
-    """E_max,syst (m) of the last round; nan without places"""
-    after: float
-    """the same, as predicted with the new geometry"""
-    is_contradicting: bool
-    """whether no geometry explains the centres of both directions"""
+    left_out: Sequence[str]  # a line for each square whose end lies far from those of the others
+    before: float  # E_max,syst (m) of the last round; nan without places
+    after: float  # the same, as predicted with the new geometry
+    is_contradicting: bool  # whether no geometry explains the centres of both directions
 
 
 def advised_side(track: float) -> float:

@@ -50,8 +50,7 @@ class MotorPulse:
 
     output: str
     seen: WheelMotion
-    counts: Mapping[str, int]
-    """by encoder input, without sign"""
+    counts: Mapping[str, int]  # by encoder input, without sign
     directions: Mapping[str, int] = field(default_factory=dict)
     """1 or -1 as two channels counted, by encoder input; empty with one channel"""
 
@@ -60,18 +59,15 @@ class MotorPulse:
 class DetectedWiring:
     """What is wired to what; None where it is not known."""
 
-    wheel: dict[str, str | None] = field(default_factory=dict)
-    """the wheel that each output turns"""
+    wheel: dict[str, str | None] = field(default_factory=dict)  # the wheel that each output turns
     backward: dict[str, bool] = field(default_factory=dict)
     """whether an output turns its wheel backward"""
     input: dict[str, str | None] = field(default_factory=dict)
     """the input that counts the encoder of each wheel"""
     counts_down: dict[str, bool] = field(default_factory=dict)
     """whether the two channels of a wheel's encoder count down going forward, with its settings"""
-    faults: list[str] = field(default_factory=list)
-    """what settings cannot correct"""
-    corrections: list[str] = field(default_factory=list)
-    """what settings can correct"""
+    faults: list[str] = field(default_factory=list)  # what settings cannot correct
+    corrections: list[str] = field(default_factory=list)  # what settings can correct
 
     @property
     def is_complete(self) -> bool:

@@ -44,10 +44,8 @@ class Chapter(NamedTuple):
 
     key: ChapterKey
     title: str
-    ahead: str
-    """what will happen"""
-    truth: str
-    """what is true once it is done"""
+    ahead: str  # what will happen
+    truth: str  # what is true once it is done
 
 
 _TEXTS = yaml.safe_load(Path(__file__).with_name("start.yaml").read_text(encoding="utf-8"))

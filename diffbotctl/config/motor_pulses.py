@@ -25,8 +25,7 @@ class MotorPulses(NamedTuple):
 
     on: PulsedPins
     why: str
-    is_possible: bool = True
-    """false where the robot file states other ones"""
+    is_possible: bool = True  # false where the robot file states other ones
 
 
 def motor_pulses(robot: Robot) -> MotorPulses:

@@ -217,8 +217,7 @@ class EncoderSection(Section):
         "Slots of the disc, or pulses of channel A, per turn of the wheel.",
         reason="the board keeps the counts per turn of a wheel in 16 bits",
     )
-    counts_of_slot = 1
-    """counts that the board makes of a slot; `fill_defaults` sets it"""
+    counts_of_slot = 1  # counts that the board makes of a slot; `fill_defaults` sets it
     edge: CountedEdge = Choice(CountedEdge, "rising", "Edge that is counted.")
     glitch: Any = Number(  # `fill_defaults` sets it
         "s",

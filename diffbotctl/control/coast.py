@@ -24,20 +24,14 @@ class Coast(NamedTuple):
     with the speed.
     """
 
-    time: float
-    """s, of slow wheels"""
+    time: float  # s, of slow wheels
     release_speed: float = 0.0
     """m/s towards the end of the leg, at the last release; 0 after it was used for an update"""
-    variance: float = COAST_SD * COAST_SD
-    """s2; of `time`"""
-    growth: float = 0.0
-    """s2/m; of the coast time with the speed; no friction makes it shrink"""
-    growth_variance: float = COAST_GROWTH_SD * COAST_GROWTH_SD
-    """s4/m2"""
-    covariance: float = 0.0
-    """s3/m; of `time` and `growth`"""
-    release_time: float = 0.0
-    """s; the coast time that the last release was planned with"""
+    variance: float = COAST_SD * COAST_SD  # s2; of `time`
+    growth: float = 0.0  # s2/m; of the coast time with the speed; no friction makes it shrink
+    growth_variance: float = COAST_GROWTH_SD * COAST_GROWTH_SD  # s4/m2
+    covariance: float = 0.0  # s3/m; of `time` and `growth`
+    release_time: float = 0.0  # s; the coast time that the last release was planned with
 
     def at(self, speed: float) -> float:
         """The coast time (s) of wheels released at `speed` (m/s)."""

@@ -67,46 +67,32 @@ class Pursuit(NamedTuple):
     """A goal under way."""
 
     goal: Goal
-    start_distance: float = inf
-    """m to the goal when it was accepted"""
-    time_limit: float = inf
-    """s"""
+    start_distance: float = inf  # m to the goal when it was accepted
+    time_limit: float = inf  # s
     phase: Phase = Phase.TURNING
-    line: float = 0.0
-    """heading (rad) to turn to, or of the robot while it drives"""
-    direction: float = 1.0
-    """1 or -1: of the turn, or of the drive along `line`"""
-    is_released: bool = False
-    """at rest, the next leg is planned"""
-    still_since: int | None = None
-    """ns"""
+    line: float = 0.0  # heading (rad) to turn to, or of the robot while it drives
+    direction: float = 1.0  # 1 or -1: of the turn, or of the drive along `line`
+    is_released: bool = False  # at rest, the next leg is planned
+    still_since: int | None = None  # ns
     turn_radius: float = 0.0
     """m from the middle of the axle to the point about which it turns; 0: on the spot"""
     pivot: tuple[float, float] = (0.0, 0.0)
     """point (m) that the robot holds during a turn on the spot"""
-    turned: float = 0.0
-    """rad that the robot has turned in this leg, in either direction"""
-    driven: float = 0.0
-    """m forwards since the last turn"""
+    turned: float = 0.0  # rad that the robot has turned in this leg, in either direction
+    driven: float = 0.0  # m forwards since the last turn
     rest_way: float = inf
     """m of a wheel, with its sign, that remained when this leg was planned at rest"""
-    stalls: int = 0
-    """successive releases that have not moved the robot"""
+    stalls: int = 0  # successive releases that have not moved the robot
     pushed_for: float = 0.0
     """s for which the wheels have been driven in this leg; infinite when one has counted"""
-    releases: int = 0
-    """in this attempt"""
+    releases: int = 0  # in this attempt
     attempts: int = 0
     opposed_turn: float = 0.0
     """rad that the robot has turned against its command, less those it has turned back"""
-    elapsed: float = 0.0
-    """s, not counting stops"""
-    blocked_for: float = 0.0
-    """s, of all stops at one place"""
-    blocked_at: tuple[float, float] | None = None
-    """m; the place of the first of them"""
-    idle_for: float = 0.0
-    """s of being driven without moving"""
+    elapsed: float = 0.0  # s, not counting stops
+    blocked_for: float = 0.0  # s, of all stops at one place
+    blocked_at: tuple[float, float] | None = None  # m; the place of the first of them
+    idle_for: float = 0.0  # s of being driven without moving
 
     @property
     def is_pushed(self) -> bool:
@@ -158,16 +144,11 @@ class MotionView(NamedTuple):
     """What is known of the motion in one update."""
 
     odometry: Odometry
-    predicted: Motion
-    """until a command that is sent now takes effect"""
-    commanded_turn_rate: float
-    """rad/s, of the last command"""
-    lag: float
-    """s, of the motors by all that is known"""
-    seconds: float
-    """until the next update"""
-    tolerances: tuple[float, float]
-    """m and rad; of the goal"""
+    predicted: Motion  # until a command that is sent now takes effect
+    commanded_turn_rate: float  # rad/s, of the last command
+    lag: float  # s, of the motors by all that is known
+    seconds: float  # until the next update
+    tolerances: tuple[float, float]  # m and rad; of the goal
 
 
 class GoalMotion:

@@ -112,14 +112,10 @@ def approach_speed(
 class Motion(NamedTuple):
     """Predicted motion: distance and angle covered, and the speeds at the end."""
 
-    travel: float
-    """m"""
-    turn: float
-    """rad"""
-    linear: float
-    """m/s"""
-    angular: float
-    """rad/s"""
+    travel: float  # m
+    turn: float  # rad
+    linear: float  # m/s
+    angular: float  # rad/s
 
 
 def predict_motion(

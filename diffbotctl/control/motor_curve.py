@@ -39,14 +39,10 @@ def lagged_motion(speed: float, settled: float, lag: float, span: float) -> tupl
 class MotorCurve(NamedTuple):
     """Motion of a motor by its duty, as far as the robot file states it."""
 
-    static: float
-    """duty that just overcomes the friction"""
-    rated: float
-    """rad/s at full duty"""
-    lag: float
-    """s; with fast decay that at LAG_DUTY"""
-    viscous: float | None = None
-    """with fast decay; None: slow decay"""
+    static: float  # duty that just overcomes the friction
+    rated: float  # rad/s at full duty
+    lag: float  # s; with fast decay that at LAG_DUTY
+    viscous: float | None = None  # with fast decay; None: slow decay
 
     def speed(self, duty: float) -> float:
         """Speed (rad/s) at which it settles with `duty`, 0 to 1."""

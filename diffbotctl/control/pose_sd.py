@@ -21,10 +21,8 @@ STRAIGHT_ANGLE = 180.0  # deg
 class PoseSd(NamedTuple):
     """How well a pose is known: standard deviations."""
 
-    position: float
-    """m, in its worst direction"""
-    heading: float
-    """rad"""
+    position: float  # m, in its worst direction
+    heading: float  # rad
 
     @classmethod
     def of(cls, odometry: Odometry, counts_geometry: bool) -> PoseSd:

@@ -39,8 +39,7 @@ SHORTING = {"enable_low": 1, "both_low": 2, "both_high": 4}  # states of a drive
 EXIT_TIMEOUT_S = 5.0
 ANSWER_TIMEOUT_S = 30.0  # for a step, also on a busy computer; then it is suspended
 
-Firmware = Literal["ours"]
-"""the firmware of diffbotctl for the board"""
+Firmware = Literal["ours"]  # the firmware of diffbotctl for the board
 
 RESET, CRASHED, IN_BOOTSEL = 1, 2, 4  # flags of a step's reply
 
@@ -56,16 +55,11 @@ class GyroFault(IntEnum):
     """What the emulated gyro does wrong."""
 
     NONE = 0
-    SILENT = 1
-    """it does not answer"""
-    BUS_HELD = 2
-    """the bus is low for ever"""
-    BUS_IN_READING = 3
-    """the gyro holds the bus until the clock has ended its reading"""
-    STUCK = 4
-    """its rates do not change any more"""
-    SUPPLY_DIP = 5
-    """it has lost its settings"""
+    SILENT = 1  # it does not answer
+    BUS_HELD = 2  # the bus is low for ever
+    BUS_IN_READING = 3  # the gyro holds the bus until the clock has ended its reading
+    STUCK = 4  # its rates do not change any more
+    SUPPLY_DIP = 5  # it has lost its settings
 
 
 class MotorPins(NamedTuple):
@@ -121,8 +115,7 @@ class StepResult(NamedTuple):
     changes: list[MotorChange]
     sent: list[SentByte]
     was_reset: bool
-    in_bootsel: bool = False
-    """a Pico shows its boot drive and runs no program"""
+    in_bootsel: bool = False  # a Pico shows its boot drive and runs no program
 
     def bytes_of(self, uart: int) -> bytes:
         return bytes(sent.byte for sent in self.sent if sent.uart == uart)

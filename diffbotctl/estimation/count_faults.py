@@ -42,12 +42,9 @@ SLOPE_MAX = 0.3  # of the mean speed in all spans; a faster change is not smooth
 class Deviation(NamedTuple):
     """What five successive spans show."""
 
-    square: float
-    """fourth difference of their edges, squared"""
-    edges: float
-    """in a span, on average"""
-    slope: float
-    """edges by which a span has more than the one before"""
+    square: float  # fourth difference of their edges, squared
+    edges: float  # in a span, on average
+    slope: float  # edges by which a span has more than the one before
 
 
 class CountSpans:

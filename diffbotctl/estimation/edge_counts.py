@@ -60,8 +60,7 @@ class EdgeFaults(NamedTuple):
     extra: int = 0
     unresolved: int = 0
     """edges at which the motion was too uncertain to notice that another one was missing"""
-    suspect: int = 0
-    """those of them before which the counts were not as predicted"""
+    suspect: int = 0  # those of them before which the counts were not as predicted
 
     def log_prior(self, missed: int) -> float:
         """Log probability that `missed` edges were not counted; negative: counted in excess."""
@@ -141,13 +140,10 @@ CERTAIN_PROBABILITY = 0.3  # of the count being right, above which no fault is c
 class PassedCount(NamedTuple):
     """One candidate for the number of edges that were passed."""
 
-    fit: float
-    """log likelihood including the prior"""
+    fit: float  # log likelihood including the prior
     log_prior: float
-    missed: int
-    """edges passed but not counted; negative: counted but not passed"""
-    is_timed: bool
-    """whether the edge time is that of the last edge passed"""
+    missed: int  # edges passed but not counted; negative: counted but not passed
+    is_timed: bool  # whether the edge time is that of the last edge passed
 
 
 EXPECTED_COUNT = (PassedCount(0.0, 0.0, 0, True),)

@@ -71,16 +71,14 @@ BOTH_TEXT = (
 )
 TEXTS = (_LOST, ""), ("", _LOST), (_TWICE, ""), ("", _TWICE), (BOTH_TEXT, BOTH_TEXT)
 
-Probabilities = list[float]
-"""of the faults, in the order of SHIFTS"""
+Probabilities = list[float]  # of the faults, in the order of SHIFTS
 NONE: Probabilities = [0.0] * len(SHIFTS)
 
 
 class PossibleFaults(NamedTuple):
     """Which faults nothing else rules out."""
 
-    of_one: bool = True
-    """one encoder, of one channel"""
+    of_one: bool = True  # one encoder, of one channel
     of_both: bool = True
 
 
@@ -91,8 +89,7 @@ class CountedWheel(Protocol):
     def explained(self) -> ExplainedEdges:
         """its edges, and those that its duty explains"""
 
-    lost_share: float
-    """standard deviation of its travel, relative to it"""
+    lost_share: float  # standard deviation of its travel, relative to it
     lost_text: str
 
 
@@ -212,8 +209,7 @@ Pair = tuple[Sequence[EdgeRatio], Sequence[EdgeRatio]]
 """ratios of the left and the right wheel, by class of duties"""
 
 
-WholePair = tuple[EdgeRatio, EdgeRatio]
-"""the same in all classes together"""
+WholePair = tuple[EdgeRatio, EdgeRatio]  # the same in all classes together
 
 
 class State(NamedTuple):
@@ -240,11 +236,9 @@ class State(NamedTuple):
 class Residual(NamedTuple):
     """What the ratios of a wheel show beyond one load."""
 
-    value: float
-    """mean of the logs"""
+    value: float  # mean of the logs
     variance: float
-    likelihood: float
-    """of the differences between the classes of duties"""
+    likelihood: float  # of the differences between the classes of duties
 
 
 def fault_probabilities(pairs: Sequence[Pair]) -> Probabilities:

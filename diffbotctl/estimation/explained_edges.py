@@ -108,10 +108,8 @@ class EdgeRatio(NamedTuple):
 
     counted: float
     explained: float
-    friction: float
-    """edges that would be explained without friction, less `explained`"""
-    load: float
-    """edges by which a load that takes all of a duty of 1 reduces `explained`"""
+    friction: float  # edges that would be explained without friction, less `explained`
+    load: float  # edges by which a load that takes all of a duty of 1 reduces `explained`
 
     @property
     def log_ratio(self) -> float:

@@ -17,10 +17,8 @@ from diffbotctl.estimation.geometry_deviation import (
 )
 from diffbotctl.messages import Odometry, PoseCovariance
 
-Pose = tuple[float, float, float]
-"""x, y (m) and heading (rad) in odom."""
-Correction = tuple[float, float]
-"""Way ahead (m) and turn (rad) in addition to those of one frame."""
+Pose = tuple[float, float, float]  # x, y (m) and heading (rad) in odom.
+Correction = tuple[float, float]  # Way ahead (m) and turn (rad) in addition to those of one frame.
 # Mean square of the second-order term of a rotation, (angle^2 / 2)^2, over its variance^2: 3/4
 # for a normal distribution. It moves the position towards the point that the path turns about.
 BEND_RATIO = 0.75

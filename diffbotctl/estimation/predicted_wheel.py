@@ -73,10 +73,8 @@ class MotorKind(IntEnum):
 
     LINEAR = 0
     """shorted between the driver's pulses: the speed is linear in the duty, the lag constant"""
-    FREE_WHEELING = 1
-    """without current between the pulses"""
-    UNUSUAL_LINEAR = 2
-    """with wide priors"""
+    FREE_WHEELING = 1  # without current between the pulses
+    UNUSUAL_LINEAR = 2  # with wide priors
     UNUSUAL_FREE_WHEELING = 3
 
 

@@ -40,8 +40,7 @@ def _followed(rows: TransitionRows, later: TransitionRows) -> TransitionRows:
 class SlotEstimate(NamedTuple):
     """Estimated position error of an edge."""
 
-    error: float
-    """pitches, true position minus nominal"""
+    error: float  # pitches, true position minus nominal
     variance: float
 
 

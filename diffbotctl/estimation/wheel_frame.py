@@ -22,14 +22,11 @@ class BoardFrame(NamedTuple):
 
     time: int
     edge_count: int
-    edge_time: int | None
-    """of the last edge; None for a board that does not report edge times"""
+    edge_time: int | None  # of the last edge; None for a board that does not report edge times
     command: float
-    command_since: int
-    """when it took effect"""
+    command_since: int  # when it took effect
     is_duty: bool = False
-    reported_duty: float | None = None
-    """of the motor at its end, if the board reports it"""
+    reported_duty: float | None = None  # of the motor at its end, if the board reports it
     skipped: tuple[int, float] | None = None
     """time and value of the command before, where no frame showed it"""
     has_counted_level: bool | None = None
@@ -43,8 +40,7 @@ class BoardFrame(NamedTuple):
         return (self.command,) if self.skipped is None else (self.skipped[1], self.command)
 
 
-Levels = tuple[bool | None, bool | None]
-"""`has_counted_level` of the left and the right wheel"""
+Levels = tuple[bool | None, bool | None]  # `has_counted_level` of the left and the right wheel
 
 
 def wheel_frames(encoders: Encoders, since: int, levels: Levels) -> tuple[BoardFrame, BoardFrame]:
@@ -78,12 +74,9 @@ class WheelFrame(NamedTuple):
     time: int
     edge_count: int
     edge_time: int | None
-    drive: float
-    """pitches/s at which the commanded motor settles"""
-    drive_since: int | None
-    """ns, when that command took effect, if known"""
-    duty: float
-    """of that command"""
+    drive: float  # pitches/s at which the commanded motor settles
+    drive_since: int | None  # ns, when that command took effect, if known
+    duty: float  # of that command
     skipped: DriveChange | None = None
     is_mixed: bool = False
     """whether edges of both signs may have been counted, of which pairs cancel"""

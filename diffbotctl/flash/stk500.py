@@ -33,8 +33,7 @@ class BootloaderRequest(NamedTuple):
         return message(sequence, self.body)
 
 
-HELLO = BootloaderRequest(bytes([SIGN_ON]))
-"""finds out whether a bootloader is there"""
+HELLO = BootloaderRequest(bytes([SIGN_ON]))  # finds out whether a bootloader is there
 
 Steps = Generator[BootloaderRequest | JobProgress, bytes, Result]
 Procedure = Steps[None]

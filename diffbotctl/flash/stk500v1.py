@@ -30,8 +30,7 @@ class SyncedRequest(NamedTuple):
         return frames.message(self.body)
 
 
-SYNC = SyncedRequest(bytes([frames.SYNC]))
-"""finds out whether a bootloader is there"""
+SYNC = SyncedRequest(bytes([frames.SYNC]))  # finds out whether a bootloader is there
 
 Procedure = Generator[SyncedRequest | JobProgress, bytes | None, None]
 

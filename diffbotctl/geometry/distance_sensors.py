@@ -27,53 +27,37 @@ Points = tuple[tuple[float, float], ...]
 class SensorFold(NamedTuple):
     """Where the curve of a Sharp sensor is ambiguous. Ratios are those of the voltage at `near`."""
 
-    peak_ratio: float
-    """above it the object is about at the peak"""
-    peak_width: float
-    """m; the voltage is above that ratio over so much"""
-    contact_ratio: float
-    """below it an object in front of the peak touches the sensor"""
-    width: float
-    """m; from where the ambiguous part begins to the contact"""
+    peak_ratio: float  # above it the object is about at the peak
+    peak_width: float  # m; the voltage is above that ratio over so much
+    contact_ratio: float  # below it an object in front of the peak touches the sensor
+    width: float  # m; from where the ambiguous part begins to the contact
 
 
 class SharpFacts(NamedTuple):
     """Figures of a Sharp sensor."""
 
     title: str
-    near: float
-    """m; closer is ambiguous"""
-    reach: float
-    """m; the voltage hardly changes beyond"""
-    period: float
-    """s, typical, from one measurement to the next"""
-    period_max: float
-    """s, at most, with the 5 ms until the output is valid"""
-    current: float
-    """A, average"""
+    near: float  # m; closer is ambiguous
+    reach: float  # m; the voltage hardly changes beyond
+    period: float  # s, typical, from one measurement to the next
+    period_max: float  # s, at most, with the 5 ms until the output is valid
+    current: float  # A, average
     curve: tuple[float, float, float]
     """a (V m), b (m), c (V) of volts = a / (distance + b) + c between `near` and `reach`"""
-    tail: tuple[float, float, float]
-    """the same beyond the last point"""
-    points: Points
-    """(m, V), from contact on"""
+    tail: tuple[float, float, float]  # the same beyond the last point
+    points: Points  # (m, V), from contact on
     fold: SensorFold
-    size: tuple[float, float, float]
-    """m: depth, width, height"""
-    mass: float
-    """kg"""
+    size: tuple[float, float, float]  # m: depth, width, height
+    mass: float  # kg
 
 
 class EchoFacts(NamedTuple):
     """Figures of an ultrasonic sensor."""
 
     title: str
-    near: float
-    """m; closer echoes are lost in the burst"""
-    reach: float
-    """m"""
-    current: float
-    """A"""
+    near: float  # m; closer echoes are lost in the burst
+    reach: float  # m
+    current: float  # A
     size: tuple[float, float, float]
     mass: float
 
@@ -85,8 +69,7 @@ SHARPS = {
     if "points" in row
 }
 ECHOES = {name: EchoFacts(**row) for name, row in _ROWS.items() if name not in SHARPS}
-CUSTOM = "sharp_custom"
-"""a Sharp sensor of another type: its reach and curve are in the robot file"""
+CUSTOM = "sharp_custom"  # a Sharp sensor of another type: its reach and curve are in the robot file
 FACTS: dict[str, SharpFacts | EchoFacts] = {**SHARPS, **ECHOES}
 TYPES = (*FACTS, CUSTOM)
 
@@ -144,10 +127,8 @@ def echo_distance(seconds: float, facts: EchoFacts) -> tuple[float, EchoState]:
 class SensorTiming(NamedTuple):
     """How often and how late a board reports a sensor."""
 
-    period: float
-    """s, between two readings"""
-    measuring: float
-    """s, at most, from a change in front of the sensor to a reading that shows it"""
+    period: float  # s, between two readings
+    measuring: float  # s, at most, from a change in front of the sensor to a reading that shows it
 
 
 def is_analog(kind: str) -> bool:

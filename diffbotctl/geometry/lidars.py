@@ -21,22 +21,14 @@ class LidarModel(NamedTuple):
     title: str
     protocol: LidarProtocol
     baud: int
-    near: float
-    """m; closer objects are detected but not measured"""
-    reach: float
-    """m"""
-    rays: int
-    """of one scan, clockwise from the lidar's zero angle"""
-    rate: float
-    """turns a second, typical"""
-    samples: int
-    """a second"""
-    size: tuple[float, float, float]
-    """m: depth, width, height"""
-    mass: float
-    """kg"""
-    start: str = ""
-    """hexadecimal, as all requests; empty: it sends as soon as it has power"""
+    near: float  # m; closer objects are detected but not measured
+    reach: float  # m
+    rays: int  # of one scan, clockwise from the lidar's zero angle
+    rate: float  # turns a second, typical
+    samples: int  # a second
+    size: tuple[float, float, float]  # m: depth, width, height
+    mass: float  # kg
+    start: str = ""  # hexadecimal, as all requests; empty: it sends as soon as it has power
     stop: str = ""
     health: str = ""
     reset: str = ""

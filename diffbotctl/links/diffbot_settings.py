@@ -20,24 +20,18 @@ LAG_UNIT, LAG_MAX = 10 * MILLISECOND, 255
 class RangeInput(NamedTuple):
     """A distance sensor whose measurements come in frames of their own."""
 
-    name: str
-    """output port on which they appear"""
-    pin: int
-    """pin of its echo, or its analog channel"""
-    trigger: int | None = None
-    """pin of its trigger; None: an analog sensor"""
+    name: str  # output port on which they appear
+    pin: int  # pin of its echo, or its analog channel
+    trigger: int | None = None  # pin of its trigger; None: an analog sensor
 
 
 class GyroInput(NamedTuple):
     """A gyro on the board's I2C bus."""
 
     address: int
-    axis: int = 2
-    """its axis that is vertical: 0 x, 1 y, 2 z"""
-    is_reversed: bool = False
-    """true when that axis points down"""
-    is_lsm6: bool = False
-    """an LSM6DS3 or LSM6DSO; else one of the MPU6050's family"""
+    axis: int = 2  # its axis that is vertical: 0 x, 1 y, 2 z
+    is_reversed: bool = False  # true when that axis points down
+    is_lsm6: bool = False  # an LSM6DS3 or LSM6DSO; else one of the MPU6050's family
     is_upward_checked: bool = False
     """whether the board compares the direction of that axis with gravity"""
 
@@ -66,24 +60,15 @@ class WheelSettings:
     enable: int | None
     in1: int
     in2: int | None
-    encoder: int | None
-    """pin of the encoder's (first) channel"""
-    encoder_b: int | None = None
-    """pin of the second channel of a quadrature encoder"""
-    reversed: bool = False
-    """true when in1 high and in2 low turns the wheel backwards"""
-    encoder_reversed: bool = False
-    """true when a quadrature encoder counts down going forward"""
-    start: float = 0.10
-    """duty that just moves the wheel, kS of the speed loop"""
-    gain: float = 0.086
-    """duty per rad/s above that, kV of the speed loop"""
-    proportional: float = 0.086
-    """kP, duty per rad/s of error"""
-    integral: float = 0.86
-    """kI, duty per rad of error"""
-    slots: int = 20
-    """counts per turn of the wheel"""
+    encoder: int | None  # pin of the encoder's (first) channel
+    encoder_b: int | None = None  # pin of the second channel of a quadrature encoder
+    reversed: bool = False  # true when in1 high and in2 low turns the wheel backwards
+    encoder_reversed: bool = False  # true when a quadrature encoder counts down going forward
+    start: float = 0.10  # duty that just moves the wheel, kS of the speed loop
+    gain: float = 0.086  # duty per rad/s above that, kV of the speed loop
+    proportional: float = 0.086  # kP, duty per rad/s of error
+    integral: float = 0.86  # kI, duty per rad of error
+    slots: int = 20  # counts per turn of the wheel
 
     def fields(self) -> dict[str, int]:
         """Fields of the settings frame, without the prefix `left_` or `right_`."""
@@ -109,52 +94,31 @@ class BoardSettings:
 
     left: WheelSettings
     right: WheelSettings
-    board: frames.BoardCode = frames.BoardCode.MEGA2560
-    """the board that the pins are those of"""
-    edge: str = "rising"
-    """edges that count: `rising`, `falling` or `both`"""
+    board: frames.BoardCode = frames.BoardCode.MEGA2560  # the board that the pins are those of
+    edge: str = "rising"  # edges that count: `rising`, `falling` or `both`
     every_edge: bool = False
     """true when all four edges of a slot of two channels count, and so the `slots` of the wheels"""
-    glitch: int = 2_000_000
-    """minimum duration (ns) of a level for the edge at its end to count"""
-    deadman: int = 300_000_000
-    """ns without a valid command after which the board stops the motors"""
-    telemetry: int = 38
-    """state frames a second"""
-    lag: float | None = None
-    """time constant (s) of the slower motor; None: unknown"""
-    edge_times: bool = True
-    """whether frames carry the ages of the last edges"""
-    driver: frames.DriverCode = frames.DriverCode.ENABLE_IN1_IN2
-    """inputs of the motor driver"""
-    standby: int | None = None
-    """pin of its standby input"""
-    brake: bool = False
-    """brake at rest rather than coast"""
-    enable_inverted: bool = False
-    """true when the driver is enabled by a low level"""
-    range_channel: int | None = None
-    """analog channel of the distance sensor"""
-    range_name: str = "range"
-    """output port on which its voltage appears"""
+    glitch: int = 2_000_000  # minimum duration (ns) of a level for the edge at its end to count
+    deadman: int = 300_000_000  # ns without a valid command after which the board stops the motors
+    telemetry: int = 38  # state frames a second
+    lag: float | None = None  # time constant (s) of the slower motor; None: unknown
+    edge_times: bool = True  # whether frames carry the ages of the last edges
+    driver: frames.DriverCode = frames.DriverCode.ENABLE_IN1_IN2  # inputs of the motor driver
+    standby: int | None = None  # pin of its standby input
+    brake: bool = False  # brake at rest rather than coast
+    enable_inverted: bool = False  # true when the driver is enabled by a low level
+    range_channel: int | None = None  # analog channel of the distance sensor
+    range_name: str = "range"  # output port on which its voltage appears
     further_ranges: tuple[RangeInput, ...] = ()
     """HC-SR04 sensors, and analog sensors besides the first one"""
-    gyro: GyroInput | None = None
-    """the gyro whose turn the board sums"""
-    battery_channel: int | None = None
-    """analog channel of the battery's voltage divider"""
-    battery_divider: float = 1.0
-    """battery volts per volt at the pin"""
-    battery_low: float = 0.0
-    """battery voltage (V) below which a low battery is reported"""
-    button: int | None = None
-    """pin of the stop button"""
-    button_high: bool = False
-    """true when pressing gives a high level"""
-    uart: int = 1
-    """the board's UART that the host is connected to: 0 is USB, 1 the radio module"""
-    baud: int = FIRST_BAUD
-    """baud rate of UART1, or of the only UART"""
+    gyro: GyroInput | None = None  # the gyro whose turn the board sums
+    battery_channel: int | None = None  # analog channel of the battery's voltage divider
+    battery_divider: float = 1.0  # battery volts per volt at the pin
+    battery_low: float = 0.0  # battery voltage (V) below which a low battery is reported
+    button: int | None = None  # pin of the stop button
+    button_high: bool = False  # true when pressing gives a high level
+    uart: int = 1  # the board's UART that the host is connected to: 0 is USB, 1 the radio module
+    baud: int = FIRST_BAUD  # baud rate of UART1, or of the only UART
     shares_usb: bool = False
     """true when USB cable and radio module share the only UART, whose rate is `baud` then"""
 

@@ -89,8 +89,7 @@ class LidarDecoder(Protocol):
     """Bytes of a lidar in, whole turns out."""
 
     turns: TurnCollector
-    packets: int
-    """valid ones so far"""
+    packets: int  # valid ones so far
     period: float | None
     """s; time of a turn by the lidar's own measurement; None: it does not send that"""
 

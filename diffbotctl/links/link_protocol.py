@@ -13,8 +13,7 @@ from typing import NamedTuple, Protocol
 
 from diffbotctl.messages import Duty, Message, Wheels
 
-LinkOutput = list[tuple[str, Message]]
-"""(output port, message) pairs, in order"""
+LinkOutput = list[tuple[str, Message]]  # (output port, message) pairs, in order
 
 CRYSTAL_HZ = 16_000_000  # of both kinds of board
 BITS_PER_BYTE = 10  # on the wire: start bit, eight data bits, stop bit
@@ -53,10 +52,8 @@ class Refusal(NamedTuple):
 class LinkProtocol(Protocol):
     """Host side of one link to one board. All times are logical nanoseconds."""
 
-    baud: int
-    """baud rate that the port must have now"""
-    refusal: Refusal | None
-    """set when the board cannot be driven; never set after the link was up"""
+    baud: int  # baud rate that the port must have now
+    refusal: Refusal | None  # set when the board cannot be driven; never set after the link was up
 
     def opened(self, now: int) -> None:
         """The port has been opened, or reopened: forget the board and start the handshake."""

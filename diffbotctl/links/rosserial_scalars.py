@@ -12,8 +12,7 @@ from typing import Any, NamedTuple
 
 from diffbotctl.messages import STD_MSGS, UInt64, fields
 
-RosType = tuple[str, str]
-"""Name of a message type, and the MD5 of its definition."""
+RosType = tuple[str, str]  # Name of a message type, and the MD5 of its definition.
 
 FORMATS = {
     "Bool": "?",

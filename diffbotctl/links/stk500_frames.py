@@ -4,8 +4,7 @@ from __future__ import annotations
 
 BAUD = 115200
 SIGN_ON, LEAVE = 0x01, 0x11
-BOOTLOADER_NAME = b"AVRISP_2"
-"""part of its reply to a sign-on"""
+BOOTLOADER_NAME = b"AVRISP_2"  # part of its reply to a sign-on
 BODY_BYTES_MAX = 512
 START, TOKEN = 0x1B, 0x0E
 HEADER_BYTES, PARITY_BYTES = 5, 1

@@ -29,12 +29,10 @@ class MotionNotice(NamedTuple):
 
     step: str
     text: str
-    turns: float | None = None
-    """maximum for each wheel; the wheels are off the ground"""
+    turns: float | None = None  # maximum for each wheel; the wheels are off the ground
     reach: float | None = None
     """m; maximum distance of the middle of the axle from its present position"""
-    watched: bool = True
-    """whether the encoder counts are reliable enough to enforce the limit"""
+    watched: bool = True  # whether the encoder counts are reliable enough to enforce the limit
 
     @property
     def is_raised(self) -> bool:
@@ -50,10 +48,8 @@ class MarkFloor(NamedTuple):
     """
 
     text: str
-    motion: str
-    """what moves then, and how far, such as `it drives 1 m straight ahead`"""
-    is_placed: bool = True
-    """whether a person puts the robot somewhere, or marks the floor"""
+    motion: str  # what moves then, and how far, such as `it drives 1 m straight ahead`
+    is_placed: bool = True  # whether a person puts the robot somewhere, or marks the floor
     is_repeated: bool = False
     """whether a key has stopped this motion: another press of Enter must not start it"""
 
@@ -101,25 +97,18 @@ class Question:
     """One question. An answers file answers it by its `name`, such as `distance.reading`."""
 
     name: str
-    text: str
-    """what to measure or observe, and how"""
-    unit: str = ""
-    """SI unit of a number (`m`, `rad`, `V`, `1`); empty for a choice"""
-    default_unit: str = ""
-    """unit of a number without one, such as `mm`"""
+    text: str  # what to measure or observe, and how
+    unit: str = ""  # SI unit of a number (`m`, `rad`, `V`, `1`); empty for a choice
+    default_unit: str = ""  # unit of a number without one, such as `mm`
     minimum: float = -inf
     maximum: float = inf
-    limit_reason: str = ""
-    """why no valid answer is outside of `minimum` and `maximum`"""
+    limit_reason: str = ""  # why no valid answer is outside of `minimum` and `maximum`
     choices: tuple[str, ...] = ()
-    quantity: MeasuredQuantity = ""
-    """quantity that a simulated tool measures for this question"""
+    quantity: MeasuredQuantity = ""  # quantity that a simulated tool measures for this question
     labels: tuple[str, ...] = ()
     """what each of the choices is, for a list of them; empty where their names say it"""
-    default: Answer | None = None
-    """answer for an empty line"""
-    is_whole: bool = False
-    """whether only a whole number is valid"""
+    default: Answer | None = None  # answer for an empty line
+    is_whole: bool = False  # whether only a whole number is valid
     is_repeated: bool = False
     """whether the last answer was contradicted; an answers file gives the same again"""
     is_consent: bool = False
@@ -213,8 +202,7 @@ class ExpectedQuestion(NamedTuple):
     """A question, or something for a hand to do, that a step will ask for."""
 
     what: Question | ManualAction
-    times: int = 1
-    """at least; 0: perhaps"""
+    times: int = 1  # at least; 0: perhaps
 
 
 def floor_drives(step: str, times: int) -> list[ExpectedQuestion]:

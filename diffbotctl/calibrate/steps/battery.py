@@ -43,10 +43,8 @@ METER_QUESTION = Question(
 class Chemistry(NamedTuple):
     """One cell."""
 
-    low: float
-    """V under the load of driving, below which it is nearly empty or takes damage"""
-    full: float
-    """V of a fully charged cell at rest"""
+    low: float  # V under the load of driving, below which it is nearly empty or takes damage
+    full: float  # V of a fully charged cell at rest
 
 
 # The usual limits of data sheets; at rest the voltage is about 0.1 V higher.

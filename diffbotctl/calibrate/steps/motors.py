@@ -45,14 +45,11 @@ DEAD_TIME_SD_MIN_S = 0.002
 class MotorFit(NamedTuple):
     """The parameters of one motor."""
 
-    breakaway: dict[str, float]
-    """duty at which it starts, by direction"""
+    breakaway: dict[str, float]  # duty at which it starts, by direction
     points: Points
-    lines: dict[str, FittedMotor]
-    """by direction, under the load of both motors"""
+    lines: dict[str, FittedMotor]  # by direction, under the load of both motors
     lag: LagFit
-    curve: FittedMotor
-    """for both directions, at the battery's voltage at rest"""
+    curve: FittedMotor  # for both directions, at the battery's voltage at rest
 
     @property
     def full_speed(self) -> float:
