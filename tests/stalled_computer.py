@@ -2,8 +2,10 @@
 
 Tests with an emulated board run in real time. A computer that gives its programs no processor for a
 tenth of a second (another virtual machine has it) stops the emulated robot, as it should: such a
-failure shows nothing about the program. A process of its own measures how late it is woken up, so
-that nothing is repeated that failed without a stall, and what fails again has failed.
+failure shows nothing about the program. A process of its own measures how late it is woken up, and
+an engine states that it was not run, or that who drives it was not: beside processes that compute,
+one that sleeps is woken up in time, and the others wait. Nothing is repeated that failed without a
+stall, and what fails again has failed.
 """
 
 import subprocess
@@ -16,6 +18,8 @@ from _pytest.runner import runtestprotocol
 
 STALL_MIN = 0.1  # s; the engine stops the robot when it did not run for 0.15 s
 REPEATS = 2
+# Codes of the stops of an engine that was not run for 0.15 s, or whose driver was not for 0.3 s.
+LATE = ("host_frozen", "operator_lost")
 PROPERTY = "repeated"
 WATCH = f"""
 import select, sys, time
@@ -52,10 +56,14 @@ class StalledComputer:
         for repeats_left in reversed(range(REPEATS + 1)):
             begin = time.monotonic()
             reports = runtestprotocol(item, nextitem=nextitem, log=False)
+            failures = [report for report in reports if report.failed]
             stall = self.longest_since(begin)
-            if not stall or not repeats_left or not any(report.failed for report in reports):
+            text = "".join(report.longreprtext for report in failures)
+            late = [code for code in LATE if code in text]
+            if not failures or not repeats_left or not (stall or late):
                 break
-            stalls.append(f"{item.nodeid}: the computer stood still for {stall:.2f} s")
+            how = f"the computer stood still for {stall:.2f} s" if stall else f"failed by {late[0]}"
+            stalls.append(f"{item.nodeid}: {how}")
             item._initrequest()
         reports[0].user_properties += [(PROPERTY, line) for line in stalls]
         for report in reports:
