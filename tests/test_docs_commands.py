@@ -18,7 +18,7 @@ import pytest
 from diffbotctl.cli.main import commands, program
 from diffbotctl.cli.other_words import ros_answer
 from diffbotctl.processes.real_time import prefer
-from tests.support.command_process import start_in_pipe
+from tests.support.command_process import command_line, start_in_pipe
 from tests.support.terminal import Terminal
 from tests.support.virtual_board import LONGEST, board, outcome
 
@@ -26,6 +26,7 @@ ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 SHOWN = re.compile(r"^    (diffbotctl .*)$", re.M)
 MENTIONED = re.compile(r"`(diffbotctl [^`]+)`|^(diffbotctl .*)$", re.M)  # or fenced: with questions
+SHELL_WORK = re.compile(r"[|<>;&$*?~`\\{]")  # more than one command, or words that a shell changes
 ON_A_BOARD = {"flash", "blink"}  # and whatever names a port
 HELD_TIMES_MAX = 3  # times that a command is typed to a robot which a loaded machine has stopped
 PIPELINES = {"robots.md": "turtles"}  # what runs while a page's commands speak to it; else standby
@@ -126,15 +127,17 @@ class Reader:
         # Files of this test alone; the ports of its board are in /tmp/diffbot-*.
         line = re.sub(r"/tmp/(?!diffbot-)", f"{self.environment['TMPDIR']}/", line)
         options = {"cwd": self.work, "env": self.environment}
-        shell = start_in_pipe(["bash", "-c", line], stdin=subprocess.DEVNULL, **options)
-        prefer(shell.pid)
-        return outcome(shell, **options)
+        is_alone = line.startswith("diffbotctl ") and not SHELL_WORK.search(bare(line))
+        typed = command_line(*words_of(line)) if is_alone else ["bash", "-c", line]
+        process = start_in_pipe(typed, stdin=subprocess.DEVNULL, **options)
+        prefer(process.pid)
+        return outcome(process, **options)
 
     @contextmanager
     def running(self, pipeline):
         """A robot that stands and waits in another terminal, until it is used no more."""
         engine = start_in_pipe(
-            ["bash", "-c", f"exec diffbotctl run {pipeline} --stay"],
+            command_line("run", pipeline, "--stay"),
             cwd=self.work,
             env=self.environment,
             stdin=subprocess.DEVNULL,

@@ -1,21 +1,15 @@
-import subprocess
-from pathlib import Path
-
 import pytest
 
 from diffbotctl.calibrate.log_reader import read_counts
 from diffbotctl.errors import UsageError
-from tests.support.command_process import command_line
+from tests.support.confined import run_command
 from tests.support.trials.calibration import rows
-
-ROOT = Path(__file__).parent.parent.parent
 
 
 def test_counts_of_a_recorded_run(tmp_path):
     file = tmp_path / "run.mcap"
-    command = command_line("run", "pipelines/goal.yaml", "--record", file, "--fast")
-    result = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
-    assert result.returncode == 0, result.stderr
+    done = run_command("run", "goal", "--record", file, "--fast")
+    assert done.code == 0, done.output
     log = read_counts(file, (20, 20))
     # The goal is 1 m ahead or so: each wheel of 0.065 m turns some five times.
     assert 3 < log.turns[-1].mean() < 10

@@ -15,7 +15,7 @@ import pytest
 
 from diffbotctl.cli import main
 from diffbotctl.cli.main import GROUPS, help_rows, program
-from tests.support.running import forked_commands
+from tests.support.confined import run_command
 
 HELP_ROWS_MAX = 24
 # Options that mean the same in every command that has them, so that their text is the same.
@@ -29,8 +29,7 @@ DIFFERENT = {  # command, option: why its text differs
 }  # fmt: skip
 
 
-def run(*words):
-    return forked_commands().run(*words, environment=os.environ)
+run = run_command
 
 
 def commands(group=program, path=()):

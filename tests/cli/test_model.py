@@ -1,16 +1,15 @@
 """The commands that show a robot's model, as a person runs them."""
 
-import subprocess
 from xml.etree import ElementTree
 
-from tests.support.command_process import command_line
+from tests.support.confined import run_command
 
 
 def run(*arguments, cwd=None, code=0):
     """What the program prints for `arguments`."""
-    done = subprocess.run(command_line(*arguments), capture_output=True, text=True, cwd=cwd)
-    assert done.returncode == code, done.stderr
-    return done.stdout if code == 0 else done.stderr
+    done = run_command(*arguments, folder=cwd)
+    assert done.code == code, done.complaints
+    return done.printed if code == 0 else done.complaints
 
 
 def test_frames_prints_the_tree():

@@ -22,6 +22,7 @@ PICTURES = (
 
 
 def output_of(*words, stdout=subprocess.PIPE, cwd=None, preexec_fn=None, **variables):
+    """What a process of its own prints: these are about how it starts and ends."""
     return subprocess.run(
         command_line(*words),
         stdin=subprocess.DEVNULL,

@@ -7,6 +7,7 @@ import time
 
 import pytest
 
+from tests.support.forked_command import ForkedCommand
 from tests.support.running import (
     REPLY_TIMEOUT_S,
     PlainClient,
@@ -31,7 +32,7 @@ def folder(tmp_path_factory):
 def follow(folder, *words):
     """`diffbotctl log words` as a process whose lines can be read as they come."""
     line, environment = command(folder, "log", "--json", *words)
-    return subprocess.Popen(line, env=environment, stdout=subprocess.PIPE, text=True)
+    return ForkedCommand(line[3:], env=environment, stdout=subprocess.PIPE)
 
 
 def until(ask, seen):
@@ -185,7 +186,7 @@ def test_timers_that_a_standstill_made_late_are_counted(tmp_path):
     """The talker speaks each 10 ms; the engine is frozen for longer, so some come too late."""
     quick = ["hello", "--set", "talker.period=10 ms", "--for", "60s"]
     line, environment = command(tmp_path, "run", *quick, "--name", "test")
-    process = subprocess.Popen(line, env=environment, stdout=subprocess.PIPE, text=True)
+    process = ForkedCommand(line[3:], env=environment, stdout=subprocess.PIPE)
     try:
         process.stdout.readline(), process.stdout.readline()
         client = PlainClient(tmp_path)

@@ -1,8 +1,6 @@
 """`diffbotctl map` with a running engine: save, list, load, place, export, delete, and mistakes."""
 
 import json
-import subprocess
-import sys
 import time
 
 import pytest
@@ -10,14 +8,14 @@ import pytest
 from diffbotctl.control_socket.client import ControlClient, choose_engine
 from diffbotctl.geometry.map_tiles import EMPTY_TILE, TILE, MapTiles, decode_tile, encode_tile
 from diffbotctl.messages import MapUpdate
-
-MAIN = [sys.executable, "-c", "from diffbotctl.cli.main import main; main()"]
+from tests.support.confined import run_command
+from tests.support.running import LONGEST_WAIT, running
 
 
 def program(*words, code=0):
-    done = subprocess.run([*MAIN, *words], capture_output=True, text=True, timeout=60)
-    assert done.returncode == code, done.stderr
-    return done.stdout + done.stderr
+    done = run_command(*words)
+    assert done.code == code, done.complaints
+    return done.output
 
 
 @pytest.fixture
@@ -26,22 +24,14 @@ def engine(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     tmp_path.chmod(0o700)
     monkeypatch.chdir(tmp_path)
-    process = subprocess.Popen([*MAIN, "run", "map", "--stay"], stdout=subprocess.DEVNULL)
-    client = None
-    deadline = time.monotonic() + 40
-    while client is None:
-        assert process.poll() is None and time.monotonic() < deadline
-        try:
-            client = ControlClient(choose_engine(None, ""), "test")
-        except Exception:
+    with running(tmp_path, "map", "--stay", sets=[]):
+        client = ControlClient(choose_engine(None, ""), "test")
+        deadline = time.monotonic() + LONGEST_WAIT
+        while client.request("read_map")["sha256"] == "":
+            assert time.monotonic() < deadline
             time.sleep(0.1)
-    while client.request("read_map")["sha256"] == "":
-        assert time.monotonic() < deadline
-        time.sleep(0.1)
-    yield client
-    client.close()
-    process.terminate()
-    process.wait(20)
+        yield client
+        client.close()
 
 
 def test_a_map_is_saved_loaded_exported_and_deleted(engine, tmp_path):

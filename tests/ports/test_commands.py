@@ -4,7 +4,6 @@ import configparser
 import os
 import re
 import shlex
-import subprocess
 import tempfile
 from pathlib import Path
 
@@ -21,7 +20,7 @@ from diffbotctl.errors import RunError
 from diffbotctl.ports.access import SystemUser
 from diffbotctl.ports.diagnosis import survey_ports
 from tests.support.book_board import BookBoardPort
-from tests.support.command_process import command_line
+from tests.support.confined import run_command
 from tests.support.fake_machine import CH340, MEGA, FakeMachine
 
 NOBODY = 65534
@@ -29,10 +28,9 @@ NOBODY = 65534
 
 def run(*words):
     """Exit code, and the output with line breaks folded."""
-    command = command_line(*words)
-    done = subprocess.run(command, capture_output=True, text=True)
-    assert "Traceback" not in done.stderr
-    return done.returncode, " ".join((done.stdout + done.stderr).split())
+    done = run_command(*words)
+    assert "Traceback" not in done.complaints
+    return done.code, " ".join(done.output.split())
 
 
 def run_without_rights(*words):
@@ -148,10 +146,9 @@ ON_A_PORT = (
     [("/dev/ttyUSB987", "connect"), ("/dev/rfcomm98", "use --port bluetooth:ADDRESS")],
 )
 def test_a_port_that_is_not_there_is_two_lines(words, port, fix):
-    command = command_line(*words, "--port", port)
-    done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL)
-    head, reason, *more = done.stderr.splitlines()
-    assert not more and not done.stdout and done.returncode == 1
+    done = run_command(*words, "--port", port)
+    head, reason, *more = done.complaints.splitlines()
+    assert not more and not done.printed and done.code == 1
     assert head == f"error: port {port}  E-PORT-OPEN"
     assert len(reason) <= 80 and fix in reason
 

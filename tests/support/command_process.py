@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
-import signal
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from tests.support.forked_command import FORKED_OPTIONS, ForkedCommand
+
 MAIN = "from diffbotctl.cli.main import main; main()"
-PR_SET_PDEATHSIG = 1  # prctl(2)
 ROOT = Path(__file__).resolve().parents[2]
+READ_AT_START = ("LANG", "LC_ALL", "LC_CTYPE", "PYTHONIOENCODING", "PYTHONUTF8", "PYTHONHASHSEED")
 
 
 def command_line(*words: object) -> list[str]:
@@ -31,15 +31,20 @@ def command_line_with_block(name: str, place: str, *words: object) -> list[str]:
 
 def start_in_pipe(line: Sequence[str], **options: Any) -> subprocess.Popen[str]:
     """Start a command line; both its outputs are one pipe of text."""
-    return subprocess.Popen(
-        line, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, **options
-    )
+    options |= {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+    if _can_be_forked(line, options.get("env")) and options.keys() <= FORKED_OPTIONS:
+        return ForkedCommand(line[3:], **options)
+    return subprocess.Popen(line, text=True, **options)
 
 
 def start_on_terminal(
     line: Sequence[str], slave: int, environment: Mapping[str, str] | None = None
 ) -> subprocess.Popen[str]:
     """Start a command line whose controlling terminal is the pseudo-terminal `slave`."""
+    if _can_be_forked(line, environment):
+        streams = dict.fromkeys(("stdin", "stdout", "stderr"), slave)
+        options: dict[str, Any] = {**streams, "env": environment}
+        return ForkedCommand(line[3:], has_terminal=True, **options)
     return subprocess.Popen(
         ["setsid", "--ctty", *line],
         env=environment,
@@ -50,9 +55,11 @@ def start_on_terminal(
     )
 
 
-def end_with_parent() -> None:
-    """Let the kernel kill this process when its parent ends, also by SIGKILL."""
-    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+def _can_be_forked(line: Sequence[str], environment: Mapping[str, str] | None) -> bool:
+    """Whether it is a command of diffbotctl, and for an interpreter started like this one."""
+    theirs = os.environ if environment is None else environment
+    is_alike = all(theirs.get(name) == os.environ.get(name) for name in READ_AT_START)
+    return is_alike and list(line[:3]) == command_line()
 
 
 def processor_s(pid: int) -> float:

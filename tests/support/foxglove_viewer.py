@@ -20,7 +20,7 @@ from typing import Any, NamedTuple, Self
 
 import aiohttp
 
-from tests.support.command_process import end_with_parent, start_in_pipe
+from tests.support.command_process import start_in_pipe
 from tests.support.page_server import free_port
 from tests.support.running import command
 
@@ -167,7 +167,7 @@ class FoxgloveProcess(NamedTuple):
 def serving_viewers(folder: Path, *words: str) -> Iterator[FoxgloveProcess]:
     """`diffbotctl foxglove words` for the run whose sockets are in `folder`."""
     line, environment = command(folder, "foxglove", "--tcp-port", str(free_port()), *words)
-    process = start_in_pipe(line, env=environment, preexec_fn=end_with_parent)
+    process = start_in_pipe(line, env=environment)
     lines: list[str] = []
     try:
         assert process.stdout is not None

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from tests.support.command_process import end_with_parent, start_in_pipe
+from tests.support.command_process import start_in_pipe
 from tests.support.running import command
 
 LINK = re.compile(r"(https?)://([\d.]+):(\d+)/#(\S+)")
@@ -101,7 +101,7 @@ def serving(folder: Path, *words: str, run: tuple[str, ...] = ()) -> Iterator[Pa
     first = ("run", *run, "--web") if run else ("web",)
     line, environment = command(folder, *first, "--tcp-port", str(free_port()), *words)
     environment |= {"XDG_STATE_HOME": str(folder / "state")}
-    process = start_in_pipe(line, env=environment, preexec_fn=end_with_parent)
+    process = start_in_pipe(line, env=environment)
     try:
         yield PageServer(process)
     finally:

@@ -8,12 +8,12 @@ import subprocess
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import cache
 from pathlib import Path
 from typing import Any
 
+from diffbotctl.processes.real_time import ENGINE_PRIORITY, prefer
 from tests.support.command_process import command_line, start_in_pipe
-from tests.support.confined import ForkedCommands
+from tests.support.confined import run_command
 
 OPEN_FIELD = ["--set", "world.walls=[]"]
 LIVE_LINE = re.compile(r" *\d+\.\d\d s ")  # begins with the run's time
@@ -27,16 +27,10 @@ def command(folder: Path, *words: object) -> tuple[list[str], dict[str, str]]:
     return command_line(*words), environment
 
 
-@cache
-def forked_commands() -> ForkedCommands:
-    """The server of commands of this process, which ends with it."""
-    return ForkedCommands(Path.cwd(), os.environ)
-
-
 def cli(folder: Path, *words: str | Path, cwd: Path | None = None) -> tuple[int, str, str]:
     """Run `diffbotctl words` to its end: (exit code, what it printed, complaints)."""
     _, environment = command(folder)
-    done = forked_commands().run(*words, folder=cwd or Path.cwd(), environment=environment)
+    done = run_command(*words, folder=cwd, environment=environment)
     return done.code, done.printed, done.complaints
 
 
@@ -48,7 +42,11 @@ def running(
     prefix: Sequence[str] = (),
     sets: Sequence[str] = OPEN_FIELD,
 ) -> Iterator[subprocess.Popen[str]]:
-    """`diffbotctl run words` as a process of the command `prefix`, once its socket answers."""
+    """`diffbotctl run words` as a process of the command `prefix`, once its socket answers.
+
+    Its robot is to stop for what the test does, and not because a busy computer gives the engine no
+    processor for 0.3 s, so it is preferred where that is permitted.
+    """
     line, environment = command(folder, "run", *words, *sets, "--name", name)
     process = start_in_pipe([*prefix, *line], env=environment)
     try:
@@ -56,6 +54,7 @@ def running(
         for printed in process.stdout:
             if LIVE_LINE.match(printed):  # the first one after the headline: the socket is there
                 break
+        prefer(process.pid, ENGINE_PRIORITY)
         yield process
     finally:
         process.kill()

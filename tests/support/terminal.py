@@ -110,12 +110,13 @@ class Terminal:
         return self.text
 
     def ended(self) -> int:
-        """Look until the program has ended; its exit code."""
+        """Look until the program has ended, and at all that it wrote; its exit code."""
         deadline = time.monotonic() + SCREEN_TIMEOUT_S
         while self.process.poll() is None:
             self.look()
             assert time.monotonic() < deadline, f"it goes on; the screen:\n{self.text}"
-        self.look()
+        while select.select([self.master], [], [], 0)[0] and self.look():
+            pass
         return self.process.returncode
 
     def hang_up(self) -> None:

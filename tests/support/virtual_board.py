@@ -17,6 +17,7 @@ from diffbotctl.config.load import load_robot
 from diffbotctl.emulator.virtual_board import VirtualBoard, virtual_board
 from diffbotctl.processes.real_time import ENGINE_PRIORITY, prefer
 from tests.support.command_process import command_line, start_in_pipe
+from tests.support.confined import run_command
 
 LONGEST = 600  # s; everything that is waited for takes a few, up to thirty, on an idle machine
 # To the questions of `calibrate encoders`, and all of `start`, about a robot that is wired rightly.
@@ -97,28 +98,24 @@ def outcome(process: subprocess.Popen[str], **options: Any) -> tuple[int, str]:
             try:
                 output, _ = process.communicate(timeout=RESUME_AFTER_S)
             except subprocess.TimeoutExpired as expired:
-                why = _explanation(options)
+                why = _ask("why", options)
                 if time.monotonic() > until:
                     text = (expired.stdout or b"").decode(errors="replace")
                     raise AssertionError(
                         f"no end within {LONGEST} s; output:\n{text}\n{why}"
                     ) from None
                 if any(code in why for code in STALLS):
-                    subprocess.run(
-                        command_line("resume"), capture_output=True, check=False, **options
-                    )
+                    _ask("resume", options)
     finally:
         process.kill()  # a run that is left behind would slow down all tests after it
         process.wait()
     return process.returncode, output
 
 
-def _explanation(options: dict[str, Any]) -> str:
-    """Why the only run is stopped."""
-    reported: subprocess.CompletedProcess[str] = subprocess.run(
-        command_line("why"), capture_output=True, text=True, check=False, **options
-    )
-    return reported.stdout
+def _ask(command: str, options: dict[str, Any]) -> str:
+    """What a command prints about the only run."""
+    folder, environment = options.get("cwd"), options.get("env")
+    return run_command(command, folder=folder, environment=environment).printed
 
 
 def flat(output: str) -> str:
