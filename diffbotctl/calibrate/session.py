@@ -8,7 +8,6 @@ itself, or a wheel beyond the announced limit end the step and stop the robot.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from types import TracebackType
 from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 from diffbotctl.calibrate.result import Finding
@@ -160,12 +159,7 @@ class RobotSession:
     def __enter__(self) -> RobotSession:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        at: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def try_findings(self, findings: Sequence[Finding]) -> None:

@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 from diffbotctl.config.faults import FaultEntry
 from diffbotctl.links.diffbot_frames import SLOTS_MAXIMUM
-from diffbotctl.params import Choice, Count, Number, Param, Section
+from diffbotctl.params import Choice, Count, Number, Param, Section, Spread
 from diffbotctl.units import POSE_MAX
 
 # No gear motor of such a robot starts within less; a shorter one makes steps of no length.
@@ -30,8 +30,8 @@ class MotorTruth(Section):
     """Random spreads of the two gear motors."""
 
     lag = Param(
-        tuple[float, float],
-        default=(0.060, 0.150),
+        Spread,
+        default=Spread(0.060, 0.150),
         unit="s",
         minimum=LAG_MIN_S,
         maximum=5.0,
@@ -47,8 +47,8 @@ class MotorTruth(Section):
         "rad", "[0, 0.5]", 0.0, "Play between encoder and wheel, which each reversal crosses."
     )
     start_duty = Param(
-        tuple[float, float],
-        default=(0.08, 0.16),
+        Spread,
+        default=Spread(0.08, 0.16),
         unit="1",
         minimum=0.0,
         maximum=0.9,

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
-from typing import Protocol
+from abc import ABC, abstractmethod
+from collections.abc import Generator, Iterator
+from types import ModuleType
+from typing import Any
 
 from diffbotctl.drivers.board_ports import LostError, NoSyncError, WrongSignatureError
 from diffbotctl.flash import stk500, stk500v1
@@ -28,40 +30,70 @@ SIGNATURES = {
 }
 
 
-class Bootloader(Protocol):
+class Bootloader(ABC):
     """A kind of bootloader, on a port whose board can be reset."""
 
     title: str
     baud: int
     board: BoardCode
     flash_max: int  # bytes of a program
+    procedures: ModuleType  # which commands identify the chip, write, read and leave
 
+    def __init__(self, session: BoardSession) -> None:
+        self.session = session
+
+    @abstractmethod
     def answers(self, seconds: float) -> bool:
         """Send sign-ons for `seconds` until it replies."""
 
+    @abstractmethod
+    def request(self, request: Any, timeout: float) -> bytes | None:
+        """The reply to a request; None when there is none within `timeout` s."""
+
     def signature(self) -> str:
         """The chip's signature, in hex digits. Raises FlashError."""
+        signature = bytearray()
+        list(self.run(self.procedures.identify(self.session.device, signature)))
+        return signature.hex()
 
     def write(self, image: bytes) -> Iterator[JobProgress]:
         """Write and verify. Raises FlashError."""
+        yield from self.run(self.procedures.write(self.session.device, image))
 
     def read(self, into: bytearray) -> Iterator[JobProgress]:
         """Read the program. Raises FlashError."""
+        yield from self.run(self.procedures.read(self.session.device, into))
 
     def leave(self) -> Iterator[JobProgress]:
         """Start the program."""
+        yield from self.run(self.procedures.leave())
+
+    def run(self, procedure: Generator[Any, bytes | None, None]) -> Iterator[JobProgress]:
+        """Carry out a procedure; yields its progress. Raises what it raises."""
+        step = next(procedure, None)
+        while step is not None:
+            reply: bytes | None = None
+            if isinstance(step, JobProgress):
+                yield step
+            else:
+                reply = self.request(step, REPLY_TIMEOUT_S)
+            try:
+                step = procedure.send(reply)
+            except StopIteration:
+                return
 
 
-class Stk500v2Bootloader:
+class Stk500v2Bootloader(Bootloader):
     """Bootloader of a Mega 2560."""
 
     title = "STK500v2"
     baud = stk500_frames.BAUD
     board = BoardCode.MEGA2560
     flash_max = FLASH_BYTES_MAX
+    procedures = stk500
 
     def __init__(self, session: BoardSession) -> None:
-        self._session = session
+        super().__init__(session)
         self._sequence = 0
         self._replies = stk500_frames.ReplyParser()
 
@@ -69,61 +101,31 @@ class Stk500v2Bootloader:
         """Send sign-ons for `seconds` until it replies."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
-            if self._request(stk500.HELLO, SYNC_TIMEOUT_S) is not None:
+            if self.request(stk500.HELLO, SYNC_TIMEOUT_S) is not None:
                 return True
         return False
 
-    def signature(self) -> str:
-        """The chip's signature, in hex digits. Raises RefusedError."""
-        signature = bytearray()
-        list(self.run(stk500.identify(self._session.device, signature)))
-        return signature.hex()
-
-    def write(self, image: bytes) -> Iterator[JobProgress]:
-        """Write and verify. Raises RefusedError, VerifyMismatchError."""
-        yield from self.run(stk500.write(self._session.device, image))
-
-    def read(self, into: bytearray) -> Iterator[JobProgress]:
-        """Read the program. Raises RefusedError."""
-        yield from self.run(stk500.read(self._session.device, into))
-
-    def leave(self) -> Iterator[JobProgress]:
-        """Start the program."""
-        yield from self.run(stk500.leave())
-
-    def run(self, procedure: stk500.Procedure) -> Iterator[JobProgress]:
-        """Carry out a procedure; yields its progress. Raises what it raises."""
-        step = next(procedure, None)
-        while step is not None:
-            reply = b""
-            if isinstance(step, JobProgress):
-                yield step
-            else:
-                reply = self._request(step, REPLY_TIMEOUT_S) or b""
-            try:
-                step = procedure.send(reply)
-            except StopIteration:
-                return
-
-    def _request(self, request: stk500.BootloaderRequest, timeout: float) -> bytes | None:
+    def request(self, request: stk500.BootloaderRequest, timeout: float) -> bytes | None:
+        """The reply to a request, by its sequence number."""
         self._sequence = (self._sequence + 1) & 0xFF
-        self._session.write(request.wire(self._sequence))
+        self.session.write(request.wire(self._sequence))
         end = time.monotonic() + timeout
         while (remaining := end - time.monotonic()) > 0:
-            reply = self._replies.feed(self._session.read(remaining), self._sequence)
+            reply = self._replies.feed(self.session.read(remaining), self._sequence)
             if reply is not None:
                 return reply
         return None
 
 
-class Stk500v1Bootloader:
+class Stk500v1Bootloader(Bootloader):
     """Bootloader of an Uno or Nano: optiboot at 115200 baud, or ATmegaBOOT at 57600."""
 
     board = BoardCode.ATMEGA328P
     flash_max = stk500v1.FLASH_BYTES_MAX
+    procedures = stk500v1
 
     def __init__(self, session: BoardSession, title: str, baud: int) -> None:
-        self._session = session
+        super().__init__(session)
         self.title, self.baud = title, baud
 
     def answers(self, seconds: float) -> bool:
@@ -131,60 +133,31 @@ class Stk500v1Bootloader:
         time.sleep(START_S)
         end = time.monotonic() + seconds
         while time.monotonic() < end:
-            if self._request(stk500v1.SYNC, SYNC_TIMEOUT_S) is not None:
-                while self._session.read(SYNC_TIMEOUT_S):
+            if self.request(stk500v1.SYNC, SYNC_TIMEOUT_S) is not None:
+                while self.session.read(SYNC_TIMEOUT_S):
                     pass
                 return True
         return False
 
-    def signature(self) -> str:
-        """The chip's signature, in hex digits. Raises LostError."""
-        signature = bytearray()
-        list(self._run(stk500v1.identify(self._session.device, signature)))
-        return signature.hex()
-
     def write(self, image: bytes) -> Iterator[JobProgress]:
-        """Write and verify, from the start again when it stops answering.
-
-        Raises LostError, VerifyMismatchError.
-        """
+        """Write and verify, from the start again when it stops answering. Raises FlashError."""
         for remaining in reversed(range(RESTARTS)):
             try:
-                yield from self._run(stk500v1.write(self._session.device, image))
+                yield from super().write(image)
             except LostError:
                 if not remaining:
                     raise
-                self._session.reset()
+                self.session.reset()
                 self.answers(SYNC_TIME_S)
             else:
                 return
 
-    def read(self, into: bytearray) -> Iterator[JobProgress]:
-        """Read the program. Raises LostError."""
-        yield from self._run(stk500v1.read(self._session.device, into))
-
-    def leave(self) -> Iterator[JobProgress]:
-        """Start the program."""
-        yield from self._run(stk500v1.leave())
-
-    def _run(self, procedure: stk500v1.Procedure) -> Iterator[JobProgress]:
-        step = next(procedure, None)
-        while step is not None:
-            reply: bytes | None = None
-            if isinstance(step, JobProgress):
-                yield step
-            else:
-                reply = self._request(step, REPLY_TIMEOUT_S)
-            try:
-                step = procedure.send(reply)
-            except StopIteration:
-                return
-
-    def _request(self, request: stk500v1.SyncedRequest, timeout: float) -> bytes | None:
-        self._session.write(request.wire())
+    def request(self, request: stk500v1.SyncedRequest, timeout: float) -> bytes | None:
+        """The reply to a request, by its size."""
+        self.session.write(request.wire())
         received, end = b"", time.monotonic() + timeout
         while (remaining := end - time.monotonic()) > 0:
-            received += self._session.read(remaining)
+            received += self.session.read(remaining)
             reply = stk500v1_frames.read_reply(received, request.size)
             if reply is not None:
                 return reply

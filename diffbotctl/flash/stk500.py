@@ -1,7 +1,7 @@
 """Procedures of the Mega's stock bootloader, STK500 version 2, sans-IO.
 
 After Atmel's application note AVR068. A procedure is a generator: it yields requests and is sent
-the replies, b"" for one that did not come, so that the owner of the port decides how to wait; and
+the replies, None for one that did not come, so that the owner of the port decides how to wait; and
 it yields how far it is.
 """
 
@@ -35,7 +35,7 @@ class BootloaderRequest(NamedTuple):
 
 HELLO = BootloaderRequest(bytes([SIGN_ON]))  # finds out whether a bootloader is there
 
-Steps = Generator[BootloaderRequest | JobProgress, bytes, Result]
+Steps = Generator[BootloaderRequest | JobProgress, bytes | None, Result]
 Procedure = Steps[None]
 
 

@@ -18,21 +18,6 @@ GOAL_FAR_M = 100.0
 SLIP_RATIO_MAX = 2.5
 # Keys of simulation.encoder that encoders with two channels ignore.
 OF_ONE_CHANNEL = ("bounce", "covered", "missed", "doubled")
-RANGES = (("simulation", "motor", "lag"), ("simulation", "motor", "start_duty"))
-
-
-@check()
-def check_ranges(context: CheckContext) -> None:
-    """Refuse a range of the simulated robot that ends before it begins."""
-    for path in RANGES:
-        values, value = context.values(".".join(path)), context.robot_value(*path)
-        if values is None or value is None or len(values[0]) != 2 or None in values[0]:
-            continue
-        low, high = values[0]
-        if low > high:
-            first, second = (item.text for item in value.items)
-            cause = f"the range {path[-1]} begins at {first} and ends at {second}"
-            context.error("E-RANGE", value.place, cause, f"write [{second}, {first}]")
 
 
 @check("simulation.slip", "drive.slip")
