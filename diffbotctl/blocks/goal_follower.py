@@ -8,13 +8,7 @@ from math import degrees, hypot, pi
 
 from diffbotctl.block import Block, In, Out
 from diffbotctl.control.coast import COAST_TIME_MAX
-from diffbotctl.control.goal_motion import (
-    STILL_SPEED_MAX,
-    GoalMotion,
-    MotionView,
-    Phase,
-    Pursuit,
-)
+from diffbotctl.control.goal_motion import STILL_SPEED_MAX, GoalMotion, MotionView, Phase, Pursuit
 from diffbotctl.control.motion_profile import MotionLimits, predict_motion, rest_to_rest_time
 from diffbotctl.control.pose_sd import PLACE_RADIUS, PoseSd
 from diffbotctl.control.velocity_limits import VelocityRate

@@ -16,12 +16,7 @@ from math import exp, log, pi
 import numpy as np
 
 from diffbotctl.calibrate.dead_reckoning import Floats, Geometry, Segment
-from diffbotctl.calibrate.end_noise import (
-    UNKNOWN_VARIANCE,
-    Linearized,
-    NoiseGrid,
-    linearize,
-)
+from diffbotctl.calibrate.end_noise import UNKNOWN_VARIANCE, Linearized, NoiseGrid, linearize
 
 ITERATIONS_MAX = 30
 STEP_TOLERANCE = 1e-7

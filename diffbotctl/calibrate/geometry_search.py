@@ -13,12 +13,7 @@ from math import ceil, log, pi
 
 import numpy as np
 
-from diffbotctl.calibrate.dead_reckoning import (
-    Floats,
-    Geometry,
-    Segment,
-    merged_steps,
-)
+from diffbotctl.calibrate.dead_reckoning import Floats, Geometry, Segment, merged_steps
 from diffbotctl.calibrate.end_noise import SEARCH_NOISE
 from diffbotctl.calibrate.geometry_posterior import (
     RECORDED,

@@ -17,13 +17,7 @@ from diffbotctl.cli.bag_play import play
 from diffbotctl.cli.command import ANY_PATH, argument, group, option
 from diffbotctl.cli.contradictions import check_span, exclusive, needs
 from diffbotctl.cli.options import FORCE, JSON, choice_option, quantity_option
-from diffbotctl.cli.output import (
-    CSV_MARK,
-    check_overwrite,
-    open_output,
-    print_json,
-    write_output,
-)
+from diffbotctl.cli.output import CSV_MARK, check_overwrite, open_output, print_json, write_output
 from diffbotctl.errors import Problem, UsageError
 from diffbotctl.printable import PrintableStream, RawStream, keep_lines
 from diffbotctl.time import NEVER, SECOND

@@ -115,11 +115,7 @@ def _placed(
 ) -> list[RecordedDrive]:
     """The drives with their measured poses, of truth files, ends or their own columns."""
     from diffbotctl.calibrate.csv_table import unusable_log
-    from diffbotctl.calibrate.log_reader import (
-        with_end,
-        with_own_poses,
-        with_truth,
-    )
+    from diffbotctl.calibrate.log_reader import with_end, with_own_poses, with_truth
     from diffbotctl.calibrate.measured_ends import read_ends, refuse_part, refuse_too_far
 
     if truth:

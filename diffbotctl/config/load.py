@@ -15,13 +15,7 @@ from pathlib import Path
 from typing import TypeAlias, TypeVar
 
 from diffbotctl.block import Block, robot_fields
-from diffbotctl.config import (
-    lookup,
-    registry,
-    robot_tree,
-    source_tree,
-    yaml_reader,
-)
+from diffbotctl.config import lookup, registry, robot_tree, source_tree, yaml_reader
 from diffbotctl.config.checks import CHECKS
 from diffbotctl.config.checks.block_needs import omit_unusable_blocks
 from diffbotctl.config.checks.context import CheckContext
@@ -43,28 +37,14 @@ from diffbotctl.config.declared_inputs import (
     read_sources,
 )
 from diffbotctl.config.faults import read_sizes
-from diffbotctl.config.motor_pulses import (
-    calibrated_pulses,
-    fields_of_other_pulses,
-    fill_shorted,
-)
+from diffbotctl.config.motor_pulses import calibrated_pulses, fields_of_other_pulses, fill_shorted
 from diffbotctl.config.named_parts import has_parts, join_parts, load_parts
 from diffbotctl.config.named_robots import load_named_robots
-from diffbotctl.config.robot import (
-    Robot,
-    field_value,
-    fill_defaults,
-)
+from diffbotctl.config.robot import Robot, field_value, fill_defaults
 from diffbotctl.config.section_reader import read_parameters, read_section
 from diffbotctl.config.source_tree import Override
 from diffbotctl.config.yaml_tree import Value
-from diffbotctl.errors import (
-    ConfigurationError,
-    Problem,
-    UsageError,
-    UserError,
-    closest_match,
-)
+from diffbotctl.errors import ConfigurationError, Problem, UsageError, UserError, closest_match
 from diffbotctl.params import Section, declared
 from diffbotctl.physics_model import Plant
 

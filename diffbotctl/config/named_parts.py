@@ -15,13 +15,7 @@ from typing import TypeVar
 
 from diffbotctl.block import In, inputs, outputs
 from diffbotctl.config import lookup, source_tree
-from diffbotctl.config.configuration import (
-    BlockUse,
-    Configuration,
-    InputUse,
-    ProgramUse,
-    SourceUse,
-)
+from diffbotctl.config.configuration import BlockUse, Configuration, InputUse, ProgramUse, SourceUse
 from diffbotctl.config.named_robots import NESTED, LoadOne, NamedInclude, read_include, refuse
 from diffbotctl.config.node_ports import NodePorts
 from diffbotctl.config.source_tree import NamedIncludesError, Override

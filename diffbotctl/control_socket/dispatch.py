@@ -11,10 +11,7 @@ from diffbotctl.control_socket.connection import Client
 from diffbotctl.control_socket.engine_channel import EngineLink, EngineRequest, PublishInput
 from diffbotctl.control_socket.handlers import commands, introspection
 from diffbotctl.control_socket.protocol import Fields, RefusalError, parse_line
-from diffbotctl.control_socket.requests import (
-    parse_hello,
-    parse_request,
-)
+from diffbotctl.control_socket.requests import parse_hello, parse_request
 from diffbotctl.control_socket.run_state import RequestContext, RunInfo, RunState
 from diffbotctl.errors import closest_match, join_words
 from diffbotctl.recording.black_box_store import BlackBoxStore

@@ -9,12 +9,7 @@ from diffbotctl.config.configuration import Configuration
 from diffbotctl.drivers.robot_ports import is_duty_board
 from diffbotctl.engine.driver import Delivery
 from diffbotctl.errors import Problem, RunError
-from diffbotctl.links.diffbot_states import (
-    BATTERY_CAUSE,
-    BUTTON_CAUSE,
-    gyro_fix,
-    wheel_fault_cause,
-)
+from diffbotctl.links.diffbot_states import BATTERY_CAUSE, BUTTON_CAUSE, gyro_fix, wheel_fault_cause
 from diffbotctl.messages import Battery, Duty, Encoders, Link, Resume, Stop, Wheels
 from diffbotctl.plant.simulated_robot import CapturedEdge, SimulatedRobot, draw_robot
 from diffbotctl.plant.world import build_world

@@ -23,12 +23,7 @@ from collections.abc import Callable
 from contextlib import suppress
 
 from diffbotctl.errors import Problem, RunError
-from diffbotctl.links.rosserial_stop import (
-    WRITTEN_BYTES_MAX,
-    StandstillDetector,
-    StopOrder,
-    filler,
-)
+from diffbotctl.links.rosserial_stop import WRITTEN_BYTES_MAX, StandstillDetector, StopOrder, filler
 from diffbotctl.processes.child_process import (
     close_inherited_files,
     fork_with_channel,

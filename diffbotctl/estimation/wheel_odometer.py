@@ -17,12 +17,7 @@ from diffbotctl.estimation.wheel_frame import (
     MotorDuty,
     WheelFrame,
 )
-from diffbotctl.estimation.wheel_side import (
-    LinkTiming,
-    Priors,
-    SideConfig,
-    known_decay,
-)
+from diffbotctl.estimation.wheel_side import LinkTiming, Priors, SideConfig, known_decay
 
 UNIFORM_VARIANCE = 1.0 / 12.0  # pitches2; of a place within a slot
 # Pitches, for each reversal: how a motor that free-wheels between the pulses breaks loose depends

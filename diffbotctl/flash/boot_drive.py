@@ -8,11 +8,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from diffbotctl.drivers.board_ports import (
-    BadImageError,
-    FlashError,
-    NoBoardError,
-)
+from diffbotctl.drivers.board_ports import BadImageError, FlashError, NoBoardError
 from diffbotctl.flash.board_session import JobEvent, JobMessage
 from diffbotctl.flash.flasher import load
 from diffbotctl.flash.intel_hex import chip_of

@@ -19,13 +19,7 @@ from diffbotctl.links.board_search import (
 )
 from diffbotctl.links.diffbot_codec import FrameDecoder, encode
 from diffbotctl.links.diffbot_commands import CommandSender
-from diffbotctl.links.diffbot_frames import (
-    ActionCode,
-    ItemCode,
-    ModeCode,
-    RefusalCode,
-    ResetCode,
-)
+from diffbotctl.links.diffbot_frames import ActionCode, ItemCode, ModeCode, RefusalCode, ResetCode
 from diffbotctl.links.diffbot_ranges import further_range, range_fault
 from diffbotctl.links.diffbot_settings import BAUDS, FIRST_BAUD, BoardSettings, settings_name
 from diffbotctl.links.diffbot_states import (

@@ -15,16 +15,7 @@ from typing import Any
 from diffbotctl.config import lookup
 from diffbotctl.geometry.map_tiles import FREE, OCCUPIED, UNKNOWN, CellRows, MapTiles
 from diffbotctl.geometry.trail import Trail
-from diffbotctl.messages import (
-    Goal,
-    LogLine,
-    MapPose,
-    MapUpdate,
-    Odometry,
-    Path,
-    Range,
-    Scan,
-)
+from diffbotctl.messages import Goal, LogLine, MapPose, MapUpdate, Odometry, Path, Range, Scan
 from diffbotctl.model.frames import BASE, GROUND, MAP, WORLD, RobotFrame
 from diffbotctl.recording import scene_update
 from diffbotctl.recording.viewer_model import ViewerModel

@@ -13,14 +13,7 @@ from math import inf, isfinite
 from types import NoneType
 from typing import Annotated, Any, Literal, NamedTuple, cast, get_args, get_origin
 
-from diffbotctl.message_types import (
-    FIELDS_MAX,
-    NESTING_MAX,
-    is_record,
-    is_tuple,
-    parts,
-    type_name,
-)
+from diffbotctl.message_types import FIELDS_MAX, NESTING_MAX, is_record, is_tuple, parts, type_name
 from diffbotctl.messages import Field, fields
 from diffbotctl.recording.json_codec import plain
 

@@ -13,11 +13,7 @@ from math import pi
 from typing import Any
 
 from diffbotctl.calibrate import encoder_fit
-from diffbotctl.calibrate.contradiction import (
-    ATTEMPTS_MAX,
-    pulse_contradiction,
-    turn_contradiction,
-)
+from diffbotctl.calibrate.contradiction import ATTEMPTS_MAX, pulse_contradiction, turn_contradiction
 from diffbotctl.calibrate.result import Finding, PartResult
 from diffbotctl.calibrate.session import NOISE_COUNTS_MIN, RATED_SPEED_RATIO_MAX, RobotSession
 from diffbotctl.calibrate.step import Event, Message, Outcome, StepProgress, StepRun, counted

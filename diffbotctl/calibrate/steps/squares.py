@@ -27,12 +27,7 @@ from diffbotctl.calibrate.end_answers import (
 from diffbotctl.calibrate.known_lengths import is_scale_measured, known_scale_sd, with_scale
 from diffbotctl.calibrate.result import LEFT_DIAMETER, RIGHT_DIAMETER, SLIP, TRACK, Finding
 from diffbotctl.calibrate.session import RobotSession
-from diffbotctl.calibrate.square_ends import (
-    END_PLACES,
-    SquareEnd,
-    end_place,
-    square_errors,
-)
+from diffbotctl.calibrate.square_ends import END_PLACES, SquareEnd, end_place, square_errors
 from diffbotctl.calibrate.step import (
     Event,
     Message,

@@ -26,12 +26,7 @@ from diffbotctl.ui.dash.state import Request, RunView
 from diffbotctl.ui.dash.widgets import ZOOM_STEP, InputPrompt, MapBox, OnInput
 from diffbotctl.ui.engine_app import EngineApp, ScreenOptions
 from diffbotctl.ui.plot.canvas import BRAILLE
-from diffbotctl.ui.saved_view import (
-    PLOT_SPAN_MAX_S,
-    PLOT_SPAN_MIN_S,
-    ViewSettings,
-    save_view,
-)
+from diffbotctl.ui.saved_view import PLOT_SPAN_MAX_S, PLOT_SPAN_MIN_S, ViewSettings, save_view
 from diffbotctl.units import UnitError, parse_pose
 
 FACTS_WIDTH, FACTS_WIDTH_WIDE = 33, 44  # characters
