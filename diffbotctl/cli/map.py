@@ -19,9 +19,9 @@ ANSWER_TIMEOUT_S = 20.0
 POLL_PERIOD_S = 0.05
 
 
-@group("Record", 2, "; save, load, export maps")
+@group("Record", 2, "; save, load, export, import maps")
 def map() -> None:
-    """Save the map of a running robot, find the robot in a saved one, and export maps.
+    """Save the map of a running robot, find the robot in a saved one, and exchange maps with ROS.
 
     `diffbotctl run map` builds one. Saved maps are files of your user; `map list` shows them.
     """
@@ -113,6 +113,37 @@ def export(
         check_overwrite(each, force)
     save_picture(load_map(_existing(name)).grid(), path)
     click.echo(f"{path}, {path.with_suffix('.pgm')}")
+    return 0
+
+
+@map.command("import")
+def import_(
+    file: Path,
+    name: str | None = option("--name", "Name of the map; by default that of the file."),
+    force: bool = FORCE,
+) -> int:
+    """Save a map of ROS's map_server, FILE.yaml and its picture, as a map of your user.
+
+    It has cells alone: a robot is found in it, and followed, but it does not grow.
+    """
+    import numpy as np
+
+    from diffbotctl.blocks.slam import is_map_name
+    from diffbotctl.drivers.map_store import map_path
+    from diffbotctl.mapping.map_file import save_map
+    from diffbotctl.mapping.map_image import load_picture
+    from diffbotctl.mapping.scan_map import Map
+
+    grid = load_picture(file)
+    name = name or file.stem
+    if not is_map_name(name):
+        raise click.UsageError(f"a map's name has letters, digits, - and _; not '{name}': --name")
+    path = map_path(name)
+    check_overwrite(path, force)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    save_map(Map(grid.resolution, (), np.zeros((0, 3)), grid), path)
+    rows, columns = grid.cells.shape
+    click.echo(f"map imported: {name}, {columns} x {rows} cells of {grid.resolution:g} m, {path}")
     return 0
 
 

@@ -149,7 +149,7 @@ class MapSession:
                 request=self.request,
                 refusal=self.refusal,
                 cause=cause,
-                resolution=self.mapper.parameters.resolution,
+                resolution=self.mapper.resolution,
             )
         c = self.correction
         x, y, heading = c.transform.tolist()
@@ -166,7 +166,7 @@ class MapSession:
             map=self.number,
             version=c.version,
             sha256="" if self.changed else tiles_sha256(self.sent),
-            resolution=self.mapper.parameters.resolution,
+            resolution=self.mapper.resolution,
             places=tuple(number for place, _ in tiles for number in place),
             tiles=tuple(text for _, text in tiles),
             request=self.request,

@@ -7,6 +7,7 @@ import zipfile
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,12 @@ from diffbotctl.errors import Problem, RunError
 from diffbotctl.file_replacement import replace_file
 from diffbotctl.mapping.lidar_scan import MappedScan
 from diffbotctl.mapping.match_field import CELL
-from diffbotctl.mapping.occupancy_grid import CELLS_MAX
+from diffbotctl.mapping.occupancy_grid import (
+    CELLS_MAX,
+    RESOLUTION_MAX,
+    RESOLUTION_MIN,
+    OccupancyGrid,
+)
 from diffbotctl.mapping.scan_map import Map
 
 FORMAT = 1
@@ -31,7 +37,10 @@ Arrays = Mapping[str, NDArray[np.float64]]
 
 def map_bytes(scan_map: Map) -> bytes:
     """The content of a map file; the same map gives the same bytes."""
-    scans = scan_map.scans
+    scans, grid = scan_map.scans, scan_map.imported
+    imported: dict[str, Any] = {}
+    if grid is not None:
+        imported = {"cells": grid.cells, "corner": np.array(grid.origin)}
     none = [np.zeros((0, 2))]
     buffer = io.BytesIO()
     np.savez_compressed(
@@ -48,6 +57,7 @@ def map_bytes(scan_map: Map) -> bytes:
         clear_counts=np.array([len(scan.clear) for scan in scans], float),
         points=np.concatenate([*none, *(scan.points for scan in scans)], dtype=np.float32),
         clear=np.concatenate([*none, *(scan.clear for scan in scans)], dtype=np.float32),
+        **imported,
     )
     return buffer.getvalue()
 
@@ -110,8 +120,10 @@ def _map_of_arrays(arrays: Arrays) -> Map:
         raise ValueError(f"its format is {arrays['format'].tolist()}, this program reads {FORMAT}")
     count = len(arrays["poses"])
     resolution = float(arrays["resolution"][0])
-    if count > SCANS_MAX or not 0.01 <= resolution <= 1.0:
+    if count > SCANS_MAX or not RESOLUTION_MIN <= resolution <= RESOLUTION_MAX:
         raise ValueError(f"{count} scans at a resolution of {resolution:g} m")
+    if "cells" in arrays:
+        return Map(resolution, (), np.zeros((0, 3)), _imported(arrays, resolution))
     for name, shape in (("poses", (3,)), ("odometry", (3,)), ("covariances", (3, 3))):
         arrays[name].reshape(count, *shape)
     _check_extent(arrays, resolution)
@@ -139,6 +151,20 @@ def _check_extent(arrays: Arrays, resolution: float) -> None:
         return
     reach = max(np.hypot(*arrays[name].T).max(initial=0.0) for name in ("points", "clear"))
     width, depth = (np.ptp(arrays["poses"][:, :2], axis=0) + 2 * reach).tolist()
+    check_extent(width, depth, resolution)
+
+
+def _imported(arrays: Arrays, resolution: float) -> OccupancyGrid:
+    cells, (x, y) = arrays["cells"], arrays["corner"].tolist()
+    rows, columns = cells.shape
+    if not cells.size or cells.dtype != np.int8 or cells.min() < -1 or cells.max() > 100:
+        raise ValueError("its cells are not -1 to 100")
+    check_extent(columns * resolution, rows * resolution, resolution)
+    return OccupancyGrid(resolution, (x, y), cells.astype(np.int8), 1)
+
+
+def check_extent(width: float, depth: float, resolution: float) -> None:
+    """Raises ValueError for a map of `width` x `depth` m whose rasters would be too large."""
     cell = min(resolution, CELL)
     if width * depth > CELLS_MAX * cell**2:
         raise ValueError(

@@ -6,16 +6,22 @@ Rules: wiki.ros.org/map_server. A picture's row 0 is the top, dark is occupied.
 from __future__ import annotations
 
 import re
-from math import isfinite
 from pathlib import Path
-from typing import Any, BinaryIO, Literal
+from typing import Any, BinaryIO
 
 import numpy as np
 import yaml
 from numpy.typing import NDArray
 
 from diffbotctl.errors import Problem, RunError
-from diffbotctl.mapping.occupancy_grid import CELLS_MAX, OccupancyGrid
+from diffbotctl.mapping.grid_surface import OCCUPIED_MIN
+from diffbotctl.mapping.map_file import LENGTH_MAX, check_extent
+from diffbotctl.mapping.occupancy_grid import (
+    CELLS_MAX,
+    RESOLUTION_MAX,
+    RESOLUTION_MIN,
+    OccupancyGrid,
+)
 
 DESCRIPTION_MAX, HEADER_MAX = 10_000, 4096  # characters, bytes
 OCCUPIED, FREE = 0.65, 0.196
@@ -81,35 +87,50 @@ def _greys(content: BinaryIO) -> NDArray[np.uint8]:
     if header is None:
         raise ValueError("the picture is no binary pgm (P5)")
     columns, rows, highest = map(int, (header[1], header[2], header[3]))
-    if highest > 255 or columns * rows > CELLS_MAX:
+    if highest != 255 or not 0 < columns * rows <= CELLS_MAX:
         raise ValueError(
             f"the picture has {columns} x {rows} cells and greys up to {highest}; "
-            f"{CELLS_MAX:,} cells and 255 are the limits"
+            f"{CELLS_MAX:,} cells are the limit, and 255 is the only highest grey; "
+            "cut off its margins, or scale it down and raise resolution"
         )
     content.seek(header.end())
     body = content.read(columns * rows)
     if len(body) < columns * rows:
-        raise ValueError(f"the picture has {len(body)} of {columns * rows} bytes")
+        raise ValueError(
+            f"the picture has {len(body)} of {columns * rows} bytes: copy the whole file"
+        )
     grey = np.frombuffer(body, np.uint8, columns * rows).reshape(rows, columns)
     return np.flipud(grey)
 
 
 def _grid(text: dict[str, Any], grey: NDArray[np.uint8]) -> OccupancyGrid:
-    """Cells by the rules of map_server's mode: trinary, scale or raw."""
-    mode: Literal["trinary", "scale", "raw"] = text.get("mode", "trinary")
     resolution = float(text["resolution"])
     x, y, turn = (float(each) for each in text["origin"])
-    if not (isfinite(x + y) and 0.001 <= resolution <= 10):
+    if not (abs(x) + abs(y) < LENGTH_MAX and RESOLUTION_MIN <= resolution <= RESOLUTION_MAX):
         raise ValueError(f"resolution {resolution:g} m, origin {x:g} {y:g}")
     if turn:
-        raise ValueError(f"its origin is turned by {turn:g} rad, which map_server ignores too")
+        raise ValueError(
+            f"its origin is turned by {turn:g} rad, but here cells lie along the axes of the map; "
+            "turn the picture by that angle, and state 0"
+        )
+    cells = _cells_of_greys(text)[grey]
+    check_extent(cells.shape[1] * resolution, cells.shape[0] * resolution, resolution)
+    if not ((cells >= OCCUPIED_MIN).any() and (cells == 0).any()):
+        raise ValueError("no cell is occupied, or none is free: look at negate and the thresholds")
+    return OccupancyGrid(resolution, (x, y), cells, 1)
+
+
+def _cells_of_greys(text: dict[str, Any]) -> NDArray[np.int8]:
+    """The cell for each of the 256 greys, by map_server's modes trinary, scale and raw."""
+    grey = np.arange(256)
+    mode = text.get("mode", "trinary")
     if mode == "raw":
-        cells = np.where(grey <= 100, grey, -1)
-    else:
-        share = grey / 255.0 if int(text["negate"]) else (255.0 - grey) / 255.0
-        high, low = float(text["occupied_thresh"]), float(text["free_thresh"])
-        if not 0 <= low < high <= 1:
-            raise ValueError(f"free_thresh {low:g} is not below occupied_thresh {high:g}")
-        between = -1.0 if mode == "trinary" else np.rint(99 * (share - low) / (high - low))
-        cells = np.where(share > high, 100.0, np.where(share < low, 0.0, between))
-    return OccupancyGrid(resolution, (x, y), cells.astype(np.int8), 1)
+        return np.where(grey <= 100, grey, -1).astype(np.int8)
+    if mode not in ("trinary", "scale"):
+        raise ValueError(f"mode is {mode}, not trinary, scale or raw")
+    share = grey / 255.0 if int(text["negate"]) else (255.0 - grey) / 255.0
+    high, low = float(text["occupied_thresh"]), float(text["free_thresh"])
+    if not 0 <= low < high <= 1:
+        raise ValueError(f"free_thresh {low:g} is not below occupied_thresh {high:g}")
+    between = -1.0 if mode == "trinary" else np.rint(99 * (share - low) / (high - low))
+    return np.where(share > high, 100.0, np.where(share < low, 0.0, between)).astype(np.int8)

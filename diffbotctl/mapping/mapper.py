@@ -96,7 +96,7 @@ class Mapper:
         self, parameters: MapperParameters, saved: Map | None = None, grows: bool = False
     ) -> None:
         self.parameters = parameters
-        self._saved = saved if saved is not None and len(saved.scans) else None
+        self._saved = None if saved is None or saved.is_empty else saved
         self._tracker = ScanTracker(np.zeros(3), UNKNOWN)
         self._builder: MapBuilder | None = None
         self._drawn = GridBuilder(parameters.resolution)
@@ -111,7 +111,7 @@ class Mapper:
         self._version = 0
         if self._saved is not None:
             self._drawn, self._field = self._saved.drawn(), self._saved.field()
-            self._search = PlaceSearch(self._field, self._drawn, self._saved.poses)
+            self._search = PlaceSearch(self._field, self._drawn, self._saved.corners())
             self._state = MapperState.SEARCHING
             if grows:
                 self._builder = resumed(parameters.resolution, self._saved)
@@ -174,6 +174,11 @@ class Mapper:
             self._grid = self._drawn.grid(self._version)
         return self._grid
 
+    @property
+    def resolution(self) -> float:
+        """m, of a cell of `grid`: that of a saved map may differ from the parameter's."""
+        return self._drawn.resolution
+
     def map(self) -> Map:
         """What there is to save."""
         if self._saved is not None:
@@ -225,7 +230,7 @@ class Mapper:
         self._mismatches = self._mismatches + 1 if is_wrong and not is_new_view else 0
         if self._mismatches >= MISMATCHES_MAX:
             known = self.map()
-            self._search = PlaceSearch(self._field or known.field(), self._drawn, known.poses)
+            self._search = PlaceSearch(self._field or known.field(), self._drawn, known.corners())
             self._state = MapperState.LOST
         return fit
 

@@ -73,13 +73,6 @@ class MatchField:
         inside = (place >= 0).all(1) & (place[:, 0] < self.rows) & (place[:, 1] < self.columns)
         return np.where(inside, place[:, 0] * self.columns + place[:, 1], 0)
 
-    def score(self, points: Array, pose: Array) -> float:
-        """Mean likelihood of `points` seen from `pose`, 0 to 1."""
-        if not len(points):
-            return 0.0
-        values = self.likelihood[self.cells(transformed(points, pose))]
-        return float(values.sum(dtype=np.int64)) / (FULL * len(points))
-
     @cached_property
     def pyramid(self) -> list[NDArray[np.uint8]]:
         """Rasters whose cells hold the highest likelihood of the next 2**level cells on both axes.

@@ -21,6 +21,7 @@ HIGHEST, LOWEST = 6, -9  # five misses turn the most certain wall into free spac
 CLEARANCE = 0.2  # m before its end, where a ray may touch the cells of what it meets
 GROWTH = 40  # cells, by which the grid grows beyond what it must hold
 CELLS_MAX = 16_000_000  # of one grid: 200 m x 200 m at 5 cm
+RESOLUTION_MIN, RESOLUTION_MAX = 0.01, 1.0  # m
 
 
 class OccupancyGrid:
@@ -53,6 +54,17 @@ class GridBuilder:
         self.low = np.zeros(2, np.int64)  # cell number of [0, 0]
         self.odds = np.zeros((0, 0), np.int8)  # rows: y
         self.seen = np.zeros((0, 0), np.bool_)
+
+    @classmethod
+    def of(cls, grid: OccupancyGrid) -> GridBuilder:
+        """The log-odds of the cells of `grid`, whose origin is rounded to whole cells."""
+        share = np.clip(np.arange(-1, 101), 1, 99) / 100  # by cell; the first is an unknown one
+        odds = np.rint(np.log(share / (1 - share)) / LOG_ODDS).astype(np.int8)
+        odds[0] = 0
+        builder = cls(grid.resolution)
+        builder.low = np.rint(np.array(grid.origin) / grid.resolution).astype(np.int64)
+        builder.odds, builder.seen = odds[grid.cells + 1], grid.cells >= 0
+        return builder
 
     def _hold(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> bool:
         """Grow so that the cells from `low` to `high` (x, y) fit; False when that is too many."""

@@ -35,7 +35,7 @@ EXPLAINED_MIN = 0.7  # share of a scan's points that lie at points of the map
 FIXES_WITHOUT_PLACE = 4  # after so many the map does not fit
 WEAK_PRIOR = np.diag([0.1, 0.1, 0.05]) ** 2
 HINT_REACH = (3.0, 3.0, np.pi)  # m, m, rad, around what a user states
-EDGE = 1.0  # m around the poses of the map
+EDGE = 1.0  # m around `corners`
 
 
 class PlaceCandidate(NamedTuple):
@@ -62,10 +62,10 @@ class PlaceCandidate(NamedTuple):
 class PlaceSearch:
     """Fixes of the robot's place in a map, one after the other as it moves."""
 
-    def __init__(self, field: MatchField, drawn: GridBuilder, poses: Array) -> None:
-        """`field`, `drawn`: of the whole map, in map; `poses`: where a robot has been in it."""
+    def __init__(self, field: MatchField, drawn: GridBuilder, corners: Array) -> None:
+        """`field`, `drawn`: of the whole map, in map; `corners`: around where a robot can be."""
         self.field, self._drawn = field, drawn
-        low, high = poses[:, :2].min(0), poses[:, :2].max(0)
+        low, high = corners
         middle = 0.5 * (low + high)
         self._window = Window(np.array([*middle, 0.0]), 0.5 * float((high - low).max()) + EDGE, 4.0)
         self._recent: deque[tuple[MappedScan, SurfacePoints]] = deque(maxlen=SCANS_MERGED)

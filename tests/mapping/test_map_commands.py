@@ -2,6 +2,7 @@
 
 import json
 import time
+from pathlib import Path
 
 import pytest
 
@@ -46,6 +47,10 @@ def test_a_map_is_saved_loaded_exported_and_deleted(engine, tmp_path):
     program("map", "place", "--x", "0", "--y", "-1cm", "--heading", "0")
     program("map", "export", "flat", "--to", "flat.yaml")
     assert (tmp_path / "flat.pgm").read_bytes().startswith(b"P5")
+    assert "map imported: cells" in program("map", "import", "flat.yaml", "--name", "cells")
+    assert "map loaded: cells" in program("map", "load", "cells")
+    program("map", "import", "flat.yaml", code=2)  # it would overwrite
+    assert "b.pgm" in program("map", "import", write_description("b"), code=1)
     half = tmp_path / "state" / "diffbotctl" / "maps" / "half.npz"
     half.write_bytes(half.with_name("flat.npz").read_bytes()[:900])
     assert "no whole map file" in program("map", "load", "half", code=1)
@@ -53,6 +58,13 @@ def test_a_map_is_saved_loaded_exported_and_deleted(engine, tmp_path):
     assert "letters, digits" in program("map", "save", "../flat", code=1)
     program("map", "delete", "flat", "--yes")
     assert "flat" not in program("map", "list")
+
+
+def write_description(name):
+    """The exported description, with the picture of another name, which does not exist."""
+    text = Path("flat.yaml").read_text().replace("flat.pgm", f"{name}.pgm")
+    Path(f"{name}.yaml").write_text(text)
+    return f"{name}.yaml"
 
 
 def test_tiles_read_back_as_they_were_written():

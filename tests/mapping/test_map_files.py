@@ -4,12 +4,15 @@ import tracemalloc
 
 import numpy as np
 import pytest
+import yaml
 
 from diffbotctl.errors import RunError
+from diffbotctl.mapping.grid_surface import grid_surface
 from diffbotctl.mapping.map_file import load_map, map_bytes, save_map
 from diffbotctl.mapping.map_image import load_picture, save_picture
 from diffbotctl.mapping.mapper import Mapper, MapperParameters
 from diffbotctl.mapping.occupancy_grid import OccupancyGrid
+from diffbotctl.mapping.scan_map import Map
 from tests.support.rooms import Robot, box, polyline
 
 
@@ -19,6 +22,10 @@ def room_map():
     for scan in Robot(box(0, 0, 4, 3)).drive(polyline([(1, 1), (3, 1), (3, 2)], 0.1, 0.3)):
         mapper.add(scan)
     return mapper.map()
+
+
+def imported(grid):
+    return Map(grid.resolution, (), np.zeros((0, 3)), grid)
 
 
 def test_a_saved_map_is_loaded_as_it_was(room_map, tmp_path):
@@ -94,6 +101,48 @@ def test_a_grid_survives_map_server_s_files(room_map, tmp_path):
     assert ((loaded.cells == 0) == ((grid.cells >= 0) & (grid.cells <= 25))).all()
 
 
+def test_an_imported_map_is_exported_as_it_was(room_map, tmp_path):
+    save_picture(room_map.grid(), tmp_path / "room.yaml")
+    grid = load_picture(tmp_path / "room.yaml")
+    save_map(imported(grid), tmp_path / "room.npz")
+    loaded = load_map(tmp_path / "room.npz")
+    save_picture(loaded.grid(), tmp_path / "again.yaml")
+    assert (tmp_path / "again.pgm").read_bytes() == (tmp_path / "room.pgm").read_bytes()
+    again = (tmp_path / "again.yaml").read_text().replace("again", "room")
+    assert again == (tmp_path / "room.yaml").read_text()
+    drawn = loaded.drawn().grid(1)
+    assert (drawn.origin, drawn.cells.shape) == (grid.origin, grid.cells.shape)
+    assert ((drawn.cells >= 65) == (grid.cells == 100)).all()
+    assert ((drawn.cells == -1) == (grid.cells == -1)).all()
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.4, 1.2, 2.5])
+def test_the_surface_of_a_grid_faces_as_its_wall_does(turn):
+    y, x = (np.indices((120, 120)) + 0.5) * 0.05 - 3.0
+    across = np.cos(turn) * y - np.sin(turn) * x
+    cells = np.where(across > 0.5, -1, np.where(across > 0.4, 100, 0)).astype(np.int8)
+    surface = grid_surface(OccupancyGrid(0.05, (-3.0, -3.0), cells, 1))
+    assert surface.is_flat.mean() > 0.9
+    normals = surface.normals[surface.is_flat]
+    assert np.abs(normals @ [-np.sin(turn), np.cos(turn)]).min() > 0.97
+    assert np.abs(surface.points @ [-np.sin(turn), np.cos(turn)] - 0.43).max() < 0.04
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_damaged_imported_map_is_refused_or_can_be_searched(room_map, tmp_path, seed):
+    random = np.random.default_rng(seed)
+    content = bytearray(map_bytes(imported(room_map.grid())))
+    content[random.integers(len(content))] = random.integers(256)
+    path = tmp_path / "damaged.npz"
+    path.write_bytes(bytes(content))
+    try:
+        loaded = load_map(path)
+    except RunError as error:
+        assert "E-MAP-FILE" in str(error)
+    else:
+        assert Mapper(MapperParameters(), loaded).grid().cells.size
+
+
 # Greys of a row, by the rules of wiki.ros.org/map_server.
 @pytest.mark.parametrize(
     ("keys", "cells"),
@@ -118,19 +167,46 @@ def test_pictures_are_read_by_the_rules_of_map_server(tmp_path, keys, cells):
     assert grid.cells.tolist() == [cells]
 
 
+WHOLE = {
+    "image": "a.pgm",
+    "resolution": 0.1,
+    "origin": [0, 0, 0],
+    "negate": 0,
+    "occupied_thresh": 0.65,
+    "free_thresh": 0.196,
+}
+
+
 @pytest.mark.parametrize(
-    ("yaml", "picture", "cause"),
+    ("keys", "picture", "cause"),
     [
-        ("image: a.pgm\nresolution: 0.1\n", b"P5 1 1 255\n0", "origin is missing"),
-        ("- 1\n", b"", "no table"),
-        ("image: b.pgm\n", b"", "b.pgm"),
-        ("image: a.pgm\n", b"P2 1 1 255\n0", "no binary pgm"),
-        ("image: a.pgm\n", b"P5 10000 10000 255\n", "16,000,000"),
-        ("image: a.pgm\n", b"P5 10 10 255\n0", "of 100 bytes"),
+        ({"origin": None}, b"P5 2 1 255\n\0\xff", "origin is missing"),
+        ({"image": "b.pgm"}, b"", "b.pgm"),
+        ({}, b"P2 1 1 255\n0", "no binary pgm"),
+        ({}, b"P5 10000 10000 255\n", "16,000,000"),
+        ({}, b"P5 0 10 255\n", "0 x 10 cells"),
+        ({}, b"P5 10 10 255\n0", "of 100 bytes: copy"),
+        ({"origin": [0, 0, 0.5]}, b"P5 2 1 255\n\0\xff", "turned by 0.5 rad"),
+        ({"mode": "grey"}, b"P5 2 1 255\n\0\xff", "mode is grey"),
+        ({"resolution": float("nan")}, b"P5 2 1 255\n\0\xff", "resolution nan"),
+        ({"resolution": 1.0}, b"P5 4000 4000 255\n" + bytes(16_000_000), "spans 4000 m"),
+        ({"free_thresh": 0.7}, b"P5 2 1 255\n\0\xff", "not below occupied_thresh"),
+        ({}, b"P5 2 1 255\n\xff\xff", "look at negate"),
+        ({"origin": "here"}, b"P5 2 1 255\n\0\xff", "cannot be read"),
     ],
 )
-def test_what_is_no_map_of_map_server_is_refused(tmp_path, yaml, picture, cause):
-    (tmp_path / "a.yaml").write_text(yaml)
+def test_what_is_no_map_of_map_server_is_refused(tmp_path, keys, picture, cause):
+    fields = {name: value for name, value in (WHOLE | keys).items() if value is not None}
+    (tmp_path / "a.yaml").write_text(yaml.safe_dump(fields))
     (tmp_path / "a.pgm").write_bytes(picture)
+    with pytest.raises(RunError, match=cause):
+        load_picture(tmp_path / "a.yaml")
+
+
+@pytest.mark.parametrize(
+    ("text", "cause"), [("- 1\n", "no table"), ("image: [", "cannot be read"), ("", "no table")]
+)
+def test_what_is_no_description_is_refused(tmp_path, text, cause):
+    (tmp_path / "a.yaml").write_text(text)
     with pytest.raises(RunError, match=cause):
         load_picture(tmp_path / "a.yaml")

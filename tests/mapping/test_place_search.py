@@ -5,6 +5,7 @@ import pytest
 
 from diffbotctl.mapping.mapper import Mapper, MapperParameters, MapperState
 from diffbotctl.mapping.plane_pose import between, compose
+from diffbotctl.mapping.scan_map import Map
 from tests.support.rooms import Robot, box, polyline
 
 ROOMS = [
@@ -66,6 +67,17 @@ STARTS = [(1.2, 0.8, 2.0), (1.5, 3.0, -1.0), (3.9, 1.4, 0.5), (6.0, 0.9, 3.0), (
 def test_the_place_is_found_within_three_seconds(rooms, pose):
     found = answers(rooms, ROOMS, pose, 31)
     assert found[-1][0].state == MapperState.LOCALISED
+    correction, true = found[-1]
+    error = between(between(ORIGIN, true), correction.pose)
+    assert np.abs(error) == pytest.approx([0, 0, 0], abs=0.08)
+
+
+@pytest.mark.parametrize("pose", STARTS[2:4])
+def test_the_place_is_found_and_followed_in_a_map_of_cells_alone(rooms, pose):
+    grid = rooms.grid()
+    cells = Map(grid.resolution, (), np.zeros((0, 3)), grid)
+    found = answers(cells, ROOMS, pose, 61)
+    assert found[30][0].state == found[-1][0].state == MapperState.LOCALISED
     correction, true = found[-1]
     error = between(between(ORIGIN, true), correction.pose)
     assert np.abs(error) == pytest.approx([0, 0, 0], abs=0.08)
