@@ -141,7 +141,7 @@ class Slam(Block):
         self.last_update = update
         self.localization.take(update)
         self.alignment.take(update)
-        for text in self.alignment.findings():
+        for text in self.alignment.findings(self.mount):
             self.log.warning(text)
         while self.asked and self.asked[0].number <= update.request:
             done = self.asked.pop(0)

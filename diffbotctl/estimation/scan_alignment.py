@@ -1,18 +1,18 @@
-"""By how much a lidar's times are late, and its declared heading is wrong: scans against wheels.
+"""By how much a lidar's times are late, and its declared place is wrong: scans against wheels.
 
 A scan that is later than stated by d was seen at another heading than the odometry gives for it:
 while the robot turns at w, by d w. So from one scan to the next the pose of odom in the map turns
-by -d (w2 - w1). A lidar that points to the left of its declared heading by a moves, as the map sees
-it, to the right where the wheels drive straight: by sin(a) of the way.
-Both are least squares, over what the map's process has matched.
+by -d (w2 - w1). That is a least squares over what the map's process has matched; the place of the
+lidar is `lidar_mount`.
 """
 
 from __future__ import annotations
 
+from cmath import exp
 from collections import deque
 from math import degrees, hypot, remainder, sqrt, tau
 
-from diffbotctl.estimation.map_localization import between
+from diffbotctl.estimation.lidar_mount import LidarMountFit
 from diffbotctl.geometry.deskew import PlanePose, compose
 from diffbotctl.messages import MapUpdate, Odometry
 from diffbotctl.time import SECOND
@@ -24,11 +24,9 @@ TURN_OUTLIER = 0.25  # rad: a corrected loop, not a lag
 LAG_SD = 0.005  # s, at which the lag is corrected
 LAG_REPORTED = 0.03  # s
 LAG_MAX = 0.5  # s
-LEG = 0.3  # m, straight, of one look at the lidar's direction
-LEG_TURN_MAX, LEG_RATE_MAX = 0.1, 0.1  # rad, rad/s
-LEG_SD = 0.02  # rad, of one leg
-MOUNT_SD = 0.007  # rad, at which the direction is reported
-MOUNT_REPORTED = 0.026  # rad: 1.5 degrees, twice what a bracket of plastic is off
+JUMP = 0.15  # m, from scan to scan: a corrected loop
+HEADING_REPORTED, PLACE_REPORTED = 0.026, 0.02  # rad, m: twice what a bracket of plastic is off
+SURE = 4.0  # standard deviations
 
 
 class ScanAlignment:
@@ -39,10 +37,9 @@ class ScanAlignment:
         self.remembered: deque[Odometry] = deque(maxlen=REMEMBERED_MAX)
         self.last: tuple[Odometry, MapUpdate] | None = None
         self.rates = self.turns = 0.0  # sums of squares and products, of rates and turns
-        self.anchor: tuple[PlanePose, PlanePose] | None = None  # by the wheels, in the map
-        self.legs, self.sides = 0, 0.0
+        self.mount = LidarMountFit()
         self.reported_lag = 0.0
-        self.is_mount_reported = False
+        self.reported = False, False  # whether heading and place of the lidar are
 
     def remember(self, at: Odometry) -> None:
         """Note the odometry with which a scan was sent."""
@@ -52,40 +49,47 @@ class ScanAlignment:
         """Take the answer to a scan."""
         at = next((each for each in self.remembered if each.time == update.time), None)
         if at is None or update.state not in ("mapping", "localised"):
-            self.last = self.anchor = None
+            self.last = None
+            self.mount.interrupt()
             return
+        seen = compose((update.x, update.y, update.heading), (at.x, at.y, at.heading))
         if self.last is not None and at.time > self.last[0].time:
             self._add_turn(*self.last, at, update)
+            last = self.last[1]
+            before = compose((last.x, last.y, last.heading), (at.x, at.y, at.heading))
+            if hypot(seen[0] - before[0], seen[1] - before[1]) > JUMP:
+                self.mount.interrupt()
         self.last = at, update
-        if abs(at.angular) > LEG_RATE_MAX:
-            self.anchor = None  # where the lag turns the pose
-        else:
-            self._add_way((at.x, at.y, at.heading), (update.x, update.y, update.heading))
+        self.mount.add((at.x, at.y, at.heading), seen)
 
-    def findings(self) -> list[str]:
-        """What a person should know, once."""
+    def findings(self, stated: PlanePose) -> list[str]:
+        """What a person should know, once. `stated`: the lidar in base_link, by the robot file."""
         texts = []
         if abs(self.lag - self.reported_lag) > LAG_REPORTED:
             self.reported_lag = self.lag
             texts.append(
                 f"scans are {1e3 * self.lag:.0f} ms later than the wheels; that is corrected"
             )
-        offset = self.mount_offset
-        if offset is not None and abs(offset) > MOUNT_REPORTED and not self.is_mount_reported:
-            self.is_mount_reported = True
-            side = "left" if offset > 0 else "right"
-            texts.append(
-                f"the lidar points {degrees(abs(offset)):.1f} deg further to the {side} than "
-                "at.heading in the robot file states: correct it there"
-            )
-        return texts
+        text = self._mount_text(stated)
+        return [*texts, text] if text else texts
 
-    @property
-    def mount_offset(self) -> float | None:
-        """Direction of the lidar against the declared one, rad; None while it is not known."""
-        if not self.legs or LEG_SD / sqrt(self.legs) > MOUNT_SD:
-            return None
-        return self.sides / self.legs
+    def _mount_text(self, stated: PlanePose) -> str:
+        """What is known and new of the lidar's place; the rest is as stated."""
+        mount = self.mount.mount()
+        if mount is None:
+            return ""
+        place, heading = complex(*stated[:2]), stated[2]
+        seen = mount.place + exp(1j * mount.heading) * place
+        is_turned = abs(mount.heading) > max(HEADING_REPORTED, SURE * mount.heading_sd)
+        is_moved = abs(seen - place) > max(PLACE_REPORTED, SURE * mount.place_sd)
+        if not (is_turned > self.reported[0] or is_moved > self.reported[1]):
+            return ""
+        self.reported = is_turned, is_moved
+        found = seen if is_moved else place, heading + (mount.heading if is_turned else 0.0)
+        return (
+            f"by what it sees, the lidar is at {_at(*found)}, not at {_at(place, heading)} "
+            "as the robot file states: correct `at` there"
+        )
 
     def _add_turn(self, before: Odometry, last: MapUpdate, at: Odometry, update: MapUpdate) -> None:
         change = at.angular - before.angular
@@ -100,17 +104,9 @@ class ScanAlignment:
             self.lag = min(max(self.lag + self.turns / self.rates, -0.1), LAG_MAX)
             self.rates = self.turns = 0.0
 
-    def _add_way(self, wheels: PlanePose, odom: PlanePose) -> None:
-        seen = compose(odom, wheels)
-        if self.anchor is None:
-            self.anchor = wheels, seen
-            return
-        driven = between(self.anchor[0], wheels)
-        moved = between(self.anchor[1], seen)
-        length = hypot(driven[0], driven[1])
-        if abs(driven[2]) > LEG_TURN_MAX:
-            self.anchor = wheels, seen
-        elif length > LEG:
-            self.legs += 1
-            self.sides += (driven[1] - moved[1]) / driven[0] if driven[0] else 0.0
-            self.anchor = wheels, seen
+
+def _at(place: complex, heading: float) -> str:
+    turn = degrees(remainder(heading, tau))
+    return (
+        f"{{x: {100 * place.real:.1f} cm, y: {100 * place.imag:.1f} cm, heading: {turn:.1f} deg}}"
+    )

@@ -1,6 +1,8 @@
 """Scans of a turning lidar: their points, moved to the middle of the turn by odometry."""
 
+import cmath
 import math
+import re
 
 import numpy as np
 import pytest
@@ -74,8 +76,8 @@ def test_the_robot_itself_and_what_is_too_near_are_left_out():
     assert found.clear == pytest.approx((-3.0, 0.0), abs=1e-4)
 
 
-def answers(lag, offset, steps, seed):
-    """Odometry at each scan, and the map's answer, of a lidar that is late and turned."""
+def answers(alignment, lag, offset, place, steps, seed):
+    """Odometry at each scan, and the map's answer, of a lidar that is late and elsewhere."""
     rng = np.random.default_rng(seed)
     x = y = heading = 0.0
     for number in range(1, steps):
@@ -86,30 +88,41 @@ def answers(lag, offset, steps, seed):
             x += linear * 0.01 * math.cos(heading)
             y += linear * 0.01 * math.sin(heading)
         at = Odometry(number * SECOND // 5, x, y, heading, linear, angular, (0.0,) * 6)
-        seen = heading - lag * angular + rng.normal(0, 0.003)
-        c, s = math.cos(-offset), math.sin(-offset)  # the map is turned by the offset
-        place = c * x - s * y + rng.normal(0, 0.003), s * x + c * y + rng.normal(0, 0.003)
+        late = lag - alignment.lag  # what the scan is not corrected for
+        seen = heading - late * angular + rng.normal(0, 0.003)
+        shown = complex(x, y) - late * linear * cmath.exp(1j * heading)
+        # The map has the pose of what is where the lidar would be, if it were as stated.
+        in_map = (shown + (cmath.exp(1j * seen) - 1) * place) * cmath.exp(-1j * offset)
+        in_map += complex(rng.normal(0, 0.003), rng.normal(0, 0.003))
         turn = seen - heading
-        odom_x = place[0] - (math.cos(turn) * x - math.sin(turn) * y)
-        odom_y = place[1] - (math.sin(turn) * x + math.cos(turn) * y)
-        yield at, MapUpdate(at.time, "mapping", odom_x, odom_y, turn)
+        odom = in_map - cmath.exp(1j * turn) * complex(x, y)
+        yield at, MapUpdate(at.time, "mapping", odom.real, odom.imag, turn)
 
 
 @pytest.mark.parametrize("lag", [0.0, 0.14, -0.05])
-@pytest.mark.parametrize("offset", [0.0, 0.09, -0.09])
-def test_lag_and_direction_of_the_lidar_are_found(lag, offset):
+@pytest.mark.parametrize(
+    ("offset", "place"), [(0.0, 0j), (0.09, 0j), (-0.09, 0.05 - 0.04j), (0.0, -0.1j), (2.5, 0.03j)]
+)
+def test_lag_direction_and_place_of_the_lidar_are_found(lag, offset, place):
     alignment = ScanAlignment()
     found = []
-    for at, update in answers(lag, offset, 400, 7):
-        # The scan is corrected with the lag that was found so far.
+    for at, update in answers(alignment, lag, offset, place, 400, 7):
         alignment.remember(at)
-        turn = update.heading + alignment.lag * at.angular
-        alignment.take(update._replace(heading=turn))
-        found += alignment.findings()
+        alignment.take(update)
+        found += alignment.findings((0.1, 0.0, 0.0))
     assert alignment.lag == pytest.approx(lag, abs=0.01)
-    assert alignment.mount_offset == pytest.approx(offset, abs=0.015)
+    mount = alignment.mount.mount()
+    assert mount.heading == pytest.approx(offset, abs=0.015)
+    assert abs(mount.place - place) < 0.01
     assert any("ms later" in text for text in found) == (abs(lag) > 0.03)
-    assert any("the lidar points" in text for text in found) == bool(offset)
+    texts = [text for text in found if "the lidar is at" in text]
+    assert bool(texts) == bool(offset or place)
+    if texts:
+        true = place + cmath.exp(1j * offset) * 0.1
+        values = [float(each) for each in re.findall(r": (-?[0-9.]+) (?:cm|deg)", texts[-1])]
+        angle = math.degrees(offset)
+        assert values[:3] == pytest.approx([100 * true.real, 100 * true.imag, angle], abs=1.5)
+        assert values[3:] == [10.0, 0.0, 0.0]
 
 
 def fitted(points, pose, walls):

@@ -1,7 +1,9 @@
 """Runs with a map: the process beside the engine, its answers, replays, and its death."""
 
 import json
+import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -14,7 +16,7 @@ from mcap_ros2.decoder import DecoderFactory
 from diffbotctl.config.load import load
 from diffbotctl.drivers.map_store import map_path, maps_folder, stored_maps
 from diffbotctl.geometry.map_tiles import MapTiles
-from diffbotctl.messages import MapPose, MapUpdate
+from diffbotctl.messages import LogLine, MapPose, MapUpdate
 from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.replay.recorded_run import read_run
 from diffbotctl.replay.replay import ReplayOptions, replay_run
@@ -207,6 +209,20 @@ def test_a_map_that_cannot_be_loaded_is_named_in_the_whole_run(pipeline, tmp_pat
     path = tmp_path / "run.mcap"
     recorded(pipeline, path, 4.0, (f"map.load={name}",))
     assert all(cause in update.cause for update in messages(path, MapUpdate))
+
+
+def test_a_lidar_that_sits_and_points_elsewhere_is_found_by_its_scans(pipeline, tmp_path):
+    path = tmp_path / "bent.mcap"
+    run = Run(load(pipeline), RunOptions(fast=True, duration=40.0, seed=4, record=path))
+    mounting, scanner = run.plant._sensors.scanners[0]
+    x, y, heading = mounting.x + 0.05, mounting.y - 0.03, mounting.heading + 0.1
+    bent = mounting._replace(x=x, y=y, heading=heading)
+    run.plant._sensors.scanners[0] = bent, scanner
+    run.go()
+    texts = [line.text for line in messages(path, LogLine) if "the lidar is at" in line.text]
+    values = [float(each) for each in re.findall(r": (-?[0-9.]+) (?:cm|deg)", texts[-1])]
+    assert values[:3] == pytest.approx([100 * x, 100 * y, math.degrees(heading)], abs=1.0)
+    assert values[3:] == pytest.approx([100 * mounting.x, 100 * mounting.y, 0.0], abs=0.1)
 
 
 @pytest.mark.parametrize("has_scans", [True, False], ids=["late process", "dead lidar"])
