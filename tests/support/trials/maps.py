@@ -7,11 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
+from diffbotctl.estimation.scan_alignment import ScanAlignment
 from diffbotctl.mapping.lidar_scan import MappedScan
 from diffbotctl.mapping.mapper import Mapper, MapperParameters
 from diffbotctl.mapping.plane_pose import Array
 from diffbotctl.mapping.pose_graph import KEPT_WEIGHT, PoseEdge
-from tests.support.slam_logs import all_poses, crisp_cells, read_intel, read_urg
+from diffbotctl.messages import MapUpdate, Odometry
+from diffbotctl.time import SECOND
+from tests.support.slam_logs import UrgLog, all_poses, crisp_cells, read_intel, read_urg
 from tests.support.trials.row import NoData, Row
 
 EVERY_SCAN = MapperParameters(range_max=20.0, keyframe_distance=0.0)
@@ -21,6 +24,8 @@ FALSE_CLOSURES = 58
 FIRST_SUBMAPS = 10  # without false closures
 FALSE_SIGMA = (0.03, 0.03, 0.008)
 LAG, URG_REACH, CELLS_MAX = 0.14, 4.0, 24_900  # s, m
+LAG_TOLERANCE = 0.04  # s
+RATE_TIME = 0.1  # s, over which the wheels' ticks give a rate: lines are 10 to 266 ms apart
 
 
 def rows(folders: Sequence[Path], seed: int) -> Iterator[Row]:
@@ -31,7 +36,9 @@ def rows(folders: Sequence[Path], seed: int) -> Iterator[Row]:
         return
     yield from _intel(found)
     yield _false_closures(found, seed)
-    yield _urg(found)
+    log = read_urg(found)
+    yield _urg(log)
+    yield _lag(log)
 
 
 def mapped(scans: Sequence[MappedScan], parameters: MapperParameters) -> Array:
@@ -104,8 +111,7 @@ def _false_closures(folder: Path, seed: int) -> Row:
     )
 
 
-def _urg(folder: Path) -> Row:
-    log = read_urg(folder)
+def _urg(log: UrgLog) -> Row:
     scans = [log.scan(index, LAG) for index in range(len(log.times))]
     poses = mapped(scans, MapperParameters(range_max=URG_REACH))
     cells = crisp_cells(scans, poses)
@@ -115,4 +121,32 @@ def _urg(folder: Path) -> Row:
         f"{cells:,}; by odometry alone {odometry:,}",
         f"<= {CELLS_MAX:,}",
         cells <= CELLS_MAX,
+    )
+
+
+def _lag(log: UrgLog) -> Row:
+    """The lag found while the map is built, from none on, each scan corrected with the newest."""
+    mapper, alignment = Mapper(MapperParameters(range_max=URG_REACH)), ScanAlignment()
+    lags: list[float] = []
+    last = -np.inf
+    for index in range(len(log.times)):
+        scan = log.scan(index, alignment.lag)
+        if scan.time > last:
+            last = scan.time
+            time = round(scan.time * SECOND)
+            x, y, heading = scan.odometry.tolist()
+            turn = np.diff(log.poses_at(scan.time + np.array([-0.5, 0.5]) * RATE_TIME)[:, 2])
+            rate = float(turn[0]) / RATE_TIME
+            alignment.remember(Odometry(time, x, y, heading, 0.0, rate, (0.0,) * 6))
+            answer = mapper.add(scan)
+            x, y, heading = answer.transform.tolist()
+            alignment.take(MapUpdate(time, answer.state.value, x, y, heading))
+        lags.append(alignment.lag)
+    settled = 1e3 * np.array(lags[len(lags) // 3 :])
+    return Row(
+        "URG log, lag of the scans found while the map is built",
+        f"{settled[-1]:.0f} ms at the end, {settled.min():.0f} to {settled.max():.0f} ms after "
+        "a third",
+        f"{1e3 * LAG:.0f} +- {1e3 * LAG_TOLERANCE:.0f} ms",
+        bool((np.abs(settled - 1e3 * LAG) <= 1e3 * LAG_TOLERANCE).all()),
     )
