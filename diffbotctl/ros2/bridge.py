@@ -40,15 +40,9 @@ class Bridge:
         self.node, self.engine = node, engine
         status = engine.request("status")
         is_paced = status.get("paced", True)  # an older engine has no such field
-        self.publishers = RunPublishers(node, options, is_paced)
+        self.publishers = RunPublishers(node, options, is_paced, self._read_map)
         topics = {row["topic"]: row["type"] for row in engine.request("list_topics")["topics"]}
         self.wires = self.publishers.choose_wires(topics)
-        if "MapUpdate" in topics.values():
-            grid = self.publishers.map_grid
-            while grid.take_reply(
-                engine.request("read_map", map=grid.tiles.map, since=grid.number)
-            ):
-                pass
         self.commands = RobotCommands(node, engine, options.allows_drive, options.frame_prefix)
         self.parameters = LiveParameters(node, engine, options.allows_drive)
         self.driver = VelocityDriver(
@@ -67,6 +61,14 @@ class Bridge:
                 self._line_received(line)
         except RunError as error:
             print(error, file=sys.stderr)
+
+    def _read_map(self) -> None:
+        """Get the tiles that changed before the subscription, or were dropped from it."""
+        grid = self.publishers.map_grid
+        while grid.take_reply(
+            self.engine.request("read_map", map=grid.tiles.map, since=grid.number)
+        ):
+            pass
 
     def _line_received(self, line: Fields) -> None:
         wire = line.get("topic")

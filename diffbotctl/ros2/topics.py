@@ -6,7 +6,7 @@ frames latched (transient local).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from math import cos, sin
 from typing import Literal, NamedTuple
 
@@ -106,17 +106,21 @@ class MapGrid:
     def __init__(self) -> None:
         self.tiles = MapTiles()
         self.number = 0  # of the last reply to `read_map`
-        self.published = (0, 0)  # map and version
+        self.published = ""  # hash of the tiles
         self.due = 0
 
-    def take(self, fields: Fields) -> Fields | None:
-        """Take a MapUpdate; nav_msgs/OccupancyGrid without its header when one is due."""
+    def take(self, fields: Fields, read: Callable[[], None] = lambda: None) -> Fields | None:
+        """Take a MapUpdate; nav_msgs/OccupancyGrid without its header when one is due.
+
+        `read`: called when tiles are missing, to take the replies to `read_map`.
+        """
         update = MapUpdate(**fields)
         self.tiles.take(update)
-        version = update.map, update.version
-        if not update.sha256 or update.time < self.due or version == self.published:
+        if not update.sha256 or update.time < self.due or update.sha256 == self.published:
             return None
-        self.due, self.published = update.time + MAP_PERIOD, version
+        self.due, self.published = update.time + MAP_PERIOD, update.sha256
+        if not self.tiles.is_whole:
+            read()
         return conversion.occupancy_grid(self.tiles.rows())
 
     def take_reply(self, reply: Fields) -> bool:

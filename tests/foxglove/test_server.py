@@ -1,6 +1,7 @@
 """`diffbotctl foxglove` against a viewer written from the protocol, and a real run."""
 
 import asyncio
+import base64
 import json
 import os
 import signal
@@ -49,6 +50,44 @@ def viewed(server, work, **options):
             return await work(viewer)
 
     return asyncio.run(run())
+
+
+ROAM = """
+format: 1
+kind: pipeline
+include: map
+blocks:
+  wander: {block: wander, in: {scan: robot.scan, odometry: odometry.odometry}}
+  mux: {in: {autonomous: wander.twist}}
+sources:
+  map: {with: {autosave: false}}
+"""
+
+
+def test_a_viewer_sees_the_map_grow_while_the_robot_drives(tmp_path):
+    (tmp_path / "roam.yaml").write_text(ROAM)
+
+    async def work(viewer):
+        await viewer.subscribe("map.update.grid", "tf")
+        validator = Draft7Validator(json.loads(viewer.channels["map.update.grid"]["schema"]))
+        walls, edges = [], set()
+        while len(walls) < 2 or walls[-1] < walls[0] + 100 or ("map", "odom") not in edges:
+            frame = await viewer.until(lambda frame: "topic" in frame)
+            message = frame["message"]
+            if frame["topic"] == "tf":
+                edges.add((message["parent_frame_id"], message["child_frame_id"]))
+                continue
+            validator.validate(message)
+            cells = base64.b64decode(message["data"])
+            assert len(cells) % message["column_count"] == 0 and message["frame_id"] == "map"
+            walls.append(cells.count(255))
+        assert walls[0] > 50
+
+    with (
+        running(tmp_path, str(tmp_path / "roam.yaml"), sets=()),
+        serving_viewers(tmp_path) as server,
+    ):
+        viewed(server, work)
 
 
 @pytest.mark.parametrize("subprotocol", ["foxglove.sdk.v1", "foxglove.websocket.v1"])

@@ -2,7 +2,7 @@
 
 import json
 import re
-from math import pi
+from math import atan2, cos, pi, sin
 from pathlib import Path
 
 import pytest
@@ -130,6 +130,54 @@ def test_a_scan_and_the_log_are_seen(tmp_path):
         assert len(scan["ranges"]) == 360 and scan["header"]["frame_id"] == "scan_sensor_link"
         node.command(watch="/rosout", type="rcl_interfaces/msg/Log", qos="latched")
         node.reply("/rosout", lambda line: line.get("name", "").startswith("diffbotctl."))
+
+
+def test_the_map_and_its_frames_are_seen_by_a_node_that_comes_later(tmp_path):
+    words = ("--stay", "--set", "map.autosave=false")
+    with (
+        running(tmp_path, "map", *words, sets=()),
+        bridge(tmp_path, "--drive"),
+        ros_node(tmp_path, COMMANDED_NODE, "first") as first,
+    ):
+        first.command(watch="/map", type="nav_msgs/msg/OccupancyGrid", qos="latched")
+        begun = first.reply("/map", lambda grid: grid["data"].count(100) > 50)
+        # The robot stands, so the map does not change: a later node gets it because it is latched.
+        with ros_node(tmp_path, COMMANDED_NODE, "second") as node:
+            node.command(watch="/map", type="nav_msgs/msg/OccupancyGrid", qos="latched")
+            grid = node.reply("/map")
+            assert grid["info"] == begun["info"] and grid["header"]["frame_id"] == "map"
+            assert len(grid["data"]) == grid["info"]["width"] * grid["info"]["height"]
+            assert set(grid["data"]) == {-1, 0, 100}
+            node.command(watch="/tf", type="tf2_msgs/msg/TFMessage")
+            kind = "geometry_msgs/msg/PoseWithCovarianceStamped"
+            node.command(watch="/pose", type=kind)
+            pose = {"position": {"x": 0.5, "y": -0.25}, "orientation": {"z": 1.0, "w": 1.0}}
+            fields = {"header": {"frame_id": "map"}, "pose": {"pose": pose}}
+            node.command(publish="/initialpose", type=kind, fields=fields)
+            # What fits within the reach of a click is taken, or else the place that was stated.
+            placed = node.reply("/pose", lambda message: abs(turn_of(message["pose"]["pose"])) > 1)
+            assert placed["header"]["frame_id"] == "map"
+            moved = node.reply("/tf", lambda message: edge(message) == ("map", "odom"))
+            drawn = node.reply("/tf", lambda message: edge(message) == ("odom", "base_footprint"))
+            in_map, in_odom = (each["transforms"][0]["transform"] for each in (moved, drawn))
+            turn = turn_of({"orientation": in_map["rotation"]})
+            assert abs(turn) > 1
+            x, y = in_odom["translation"]["x"], in_odom["translation"]["y"]
+            for name, place in (
+                ("x", cos(turn) * x - sin(turn) * y + in_map["translation"]["x"]),
+                ("y", sin(turn) * x + cos(turn) * y + in_map["translation"]["y"]),
+            ):
+                assert placed["pose"]["pose"]["position"][name] == pytest.approx(place, abs=0.02)
+
+
+def edge(message):
+    """Parent and child of the first transform."""
+    transform = message["transforms"][0]
+    return transform["header"]["frame_id"], transform["child_frame_id"]
+
+
+def turn_of(pose):
+    return 2 * atan2(pose["orientation"]["z"], pose["orientation"]["w"])
 
 
 def test_a_node_with_simulated_time_follows_the_clock_of_an_unpaced_run(tmp_path):
