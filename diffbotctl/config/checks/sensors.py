@@ -178,7 +178,7 @@ def _wires_from(context: CheckContext, sensor: str) -> dict[str, Value]:
 
 
 def _check_views(context: CheckContext) -> None:
-    """Refuse a guard whose sensor looks aside, or stands so far in front that it sees too late."""
+    """Refuse a block that takes one sensor for another, and a guard that looks aside or too late."""
     sensors = {
         name: sensor
         for name, sensor in ((context.robot.sensors or {}) if context.robot else {}).items()
@@ -186,9 +186,11 @@ def _check_views(context: CheckContext) -> None:
     }
     for node, block in context.block_classes.items():
         parameters = context.parameters.get(node)
-        if parameters is None or not issubclass(block, ObstacleStop):
+        if parameters is None or "sensor" not in parameters:
             continue
-        name = guard_sensor(sensors, parameters["sensor"])
+        is_guard = issubclass(block, ObstacleStop)
+        name = parameters["sensor"]
+        name = guard_sensor(sensors, name) if is_guard else name
         measuring = _measuring_sensor(context, node)
         if measuring != name and {measuring, name} <= sensors.keys():
             cause = (
@@ -198,6 +200,8 @@ def _check_views(context: CheckContext) -> None:
             value = context.parameter_value(node, "sensor")
             fix = f"write with: {{sensor: {measuring}}}"
             context.error("E-SENSOR-PLACE", value.place if value else node, cause, fix)
+            continue
+        if not is_guard:
             continue
         mounted = context.values(
             *(f"sensors.{name}.at.{key}" for key in ("x", "y", "heading")),
@@ -235,9 +239,15 @@ def _check_views(context: CheckContext) -> None:
             context.error("E-SENSOR-PLACE", place, cause, "correct at.y of it, or body.width")
 
 
-def _measuring_sensor(context: CheckContext, guard: str) -> str | None:
-    """The sensor whose distances a guard gets from a block `range_sensor`; None: not known."""
-    source = context.pipeline_value("blocks", guard, "in", "range")
+def _measuring_sensor(context: CheckContext, node: str) -> str | None:
+    """The sensor whose distances a block gets, from the robot or from a block `range_sensor`.
+
+    None: not known.
+    """
+    scan = context.pipeline_value("blocks", node, "in", "scan")
+    if scan is not None:
+        return str(scan.data).removeprefix("robot.")
+    source = context.pipeline_value("blocks", node, "in", "range")
     block = str(source.data).partition(".")[0] if source is not None else ""
     if not issubclass(context.block_classes.get(block, ObstacleStop), RangeSensor):
         return None
