@@ -16,7 +16,7 @@ from mcap_ros2.decoder import DecoderFactory
 from diffbotctl.config.load import load
 from diffbotctl.drivers.map_store import map_path, maps_folder, stored_maps
 from diffbotctl.geometry.map_tiles import MapTiles
-from diffbotctl.messages import LogLine, MapPose, MapUpdate
+from diffbotctl.messages import LogLine, MapPose, MapUpdate, ScanPoints
 from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.replay.recorded_run import read_run
 from diffbotctl.replay.replay import ReplayOptions, replay_run
@@ -209,6 +209,38 @@ def test_a_map_that_cannot_be_loaded_is_named_in_the_whole_run(pipeline, tmp_pat
     path = tmp_path / "run.mcap"
     recorded(pipeline, path, 4.0, (f"map.load={name}",))
     assert all(cause in update.cause for update in messages(path, MapUpdate))
+
+
+class LateScanner:
+    """A lidar each fifth of whose scans is the last but one again."""
+
+    def __init__(self, scanner):
+        self.scanner, self.scans = scanner, []
+
+    def __getattr__(self, name):
+        return getattr(self.scanner, name)
+
+    def sweep(self, *facts):
+        scan = self.scanner.sweep(*facts)
+        self.scans += [] if scan is None else [scan]
+        is_late = scan is not None and len(self.scans) % 5 == 0
+        return self.scans[-3] if is_late else scan
+
+
+def test_scans_out_of_order_are_left_out_and_named_once(pipeline, tmp_path):
+    path = tmp_path / "order.mcap"
+    run = Run(load(pipeline), RunOptions(fast=True, duration=8.0, seed=4, record=path))
+    mounting, scanner = run.plant._sensors.scanners[0]
+    run.plant._sensors.scanners[0] = mounting, LateScanner(scanner)
+    assert run.go().failure is None
+    lines = [line.text for line in messages(path, LogLine) if "out of order" in line.text]
+    assert len(lines) == 1
+    times = [scan.time for scan in messages(path, ScanPoints)]
+    assert len(times) > 20 and times == sorted(set(times))
+    poses = messages(path, MapPose)
+    truth = run.plant.truth().pose
+    assert poses[-1].state == "mapping"
+    assert math.hypot(poses[-1].x - truth[0], poses[-1].y - truth[1]) < 0.05
 
 
 def test_a_lidar_that_sits_and_points_elsewhere_is_found_by_its_scans(pipeline, tmp_path):
