@@ -178,7 +178,7 @@ def _wires_from(context: CheckContext, sensor: str) -> dict[str, Value]:
 
 
 def _check_views(context: CheckContext) -> None:
-    """Refuse a block that takes one sensor for another, and a guard that looks aside or too late."""
+    """Refuse a block that takes one sensor for another, and a guard that sees aside or too late."""
     sensors = {
         name: sensor
         for name, sensor in ((context.robot.sensors or {}) if context.robot else {}).items()
