@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
 
 from diffbotctl.block import Block, FromRobot, In, Out, action
@@ -14,6 +15,7 @@ from diffbotctl.params import Param
 from diffbotctl.time import SECOND
 
 LATE_TIME = 2 * SECOND  # without an answer to a scan; then the pose is by odometry alone
+SENT_MAX = 64  # scans that wait for their answer
 MAP_NAME_MAX = 60  # characters
 
 
@@ -74,6 +76,8 @@ class Slam(Block):
         self.waiting: Scan | None = None  # for the odometry up to its end
         self.requests: list[MapRequest] = []
         self.asked: list[MapRequest] = []  # that wait for their answer
+        self.sent: deque[Odometry] = deque(maxlen=SENT_MAX)
+        self.since = 0  # ns, of the first scan that was sent
         self.number = 0
         self.is_order_reported = False
         self.reported = ""
@@ -139,8 +143,9 @@ class Slam(Block):
 
     def _take_update(self, update: MapUpdate) -> None:
         self.last_update = update
-        self.localization.take(update)
-        self.alignment.take(update)
+        at = next((each for each in self.sent if each.time == update.time), None)
+        self.localization.take(update, at)
+        self.alignment.take(update, at)
         for text in self.alignment.findings(self.mount):
             self.log.warning(text)
         while self.asked and self.asked[0].number <= update.request:
@@ -164,8 +169,8 @@ class Slam(Block):
         self.waiting = None
         corrected = deskew(scan, lag, self.mount, self.outline, self.history, self.clear_distance)
         at = corrected.at
-        self.localization.remember(at)
-        self.alignment.remember(at)
+        self.since = self.since or at.time
+        self.sent.append(at)
         return ScanPoints(
             at.time,
             at.x,
@@ -181,7 +186,7 @@ class Slam(Block):
         """Why the pose is by odometry alone; empty while scans come and are answered."""
         if self.last_scan is None or now - self.last_scan.time > LATE_TIME:
             return "no scan comes from the lidar"
-        newest = self.last_update.time if self.last_update is not None else self.localization.since
+        newest = self.last_update.time if self.last_update is not None else self.since
         if now - newest > LATE_TIME:
             return f"the map's process has not answered for {(now - newest) // SECOND} s"
         return ""

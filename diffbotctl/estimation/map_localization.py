@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections import deque
 from math import cos, remainder, sin, sqrt, tau
 
 from diffbotctl.geometry.deskew import PlanePose, compose
 from diffbotctl.messages import MapPose, MapUpdate, Odometry, PoseCovariance
-
-REMEMBERED_MAX = 64  # scans that wait for their answer
 
 
 class MapLocalization:
@@ -23,18 +20,9 @@ class MapLocalization:
         self.odom: PlanePose = (0.0, 0.0, 0.0)  # in the map
         self.update: MapUpdate | None = None
         self.at: Odometry | None = None  # the odometry of the scan that the answer is for
-        self.since = 0  # ns, of the first scan
-        self.remembered: deque[Odometry] = deque(maxlen=REMEMBERED_MAX)
 
-    def remember(self, at: Odometry) -> None:
-        """Note the odometry with which a scan was sent."""
-        if not self.remembered:
-            self.since = at.time
-        self.remembered.append(at)
-
-    def take(self, update: MapUpdate) -> None:
-        """Take an answer; the odometry of its scan was remembered."""
-        at = next((each for each in self.remembered if each.time == update.time), None)
+    def take(self, update: MapUpdate, at: Odometry | None) -> None:
+        """Take an answer, and the odometry of its scan."""
         if at is None and self.at is None:
             return
         self.update, self.at = update, at or self.at

@@ -9,7 +9,6 @@ lidar is `lidar_mount`.
 from __future__ import annotations
 
 from cmath import exp
-from collections import deque
 from math import degrees, hypot, remainder, sqrt, tau
 
 from diffbotctl.estimation.lidar_mount import LidarMountFit
@@ -17,7 +16,6 @@ from diffbotctl.geometry.deskew import PlanePose, compose
 from diffbotctl.messages import MapUpdate, Odometry
 from diffbotctl.time import SECOND
 
-REMEMBERED_MAX = 64  # scans that wait for their answer
 HEADING_SD = 0.006  # rad, of a matched heading against the one before
 RATE_CHANGE_MIN = 0.05  # rad/s; from a smaller one the lag does not show
 TURN_OUTLIER = 0.25  # rad: a corrected loop, not a lag
@@ -30,24 +28,18 @@ SURE = 4.0  # standard deviations
 
 
 class ScanAlignment:
-    """Takes the odometry of each scan, then the answer to it. `lag` in s."""
+    """Takes the answers to scans. `lag` in s."""
 
     def __init__(self) -> None:
         self.lag = 0.0
-        self.remembered: deque[Odometry] = deque(maxlen=REMEMBERED_MAX)
         self.last: tuple[Odometry, MapUpdate] | None = None
         self.rates = self.turns = 0.0  # sums of squares and products, of rates and turns
         self.mount = LidarMountFit()
         self.reported_lag = 0.0
         self.reported = False, False  # whether heading and place of the lidar are
 
-    def remember(self, at: Odometry) -> None:
-        """Note the odometry with which a scan was sent."""
-        self.remembered.append(at)
-
-    def take(self, update: MapUpdate) -> None:
-        """Take the answer to a scan."""
-        at = next((each for each in self.remembered if each.time == update.time), None)
+    def take(self, update: MapUpdate, at: Odometry | None) -> None:
+        """Take the answer to a scan, and the odometry with which it was sent."""
         if at is None or update.state not in ("mapping", "localised"):
             self.last = None
             self.mount.interrupt()

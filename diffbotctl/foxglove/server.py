@@ -31,7 +31,6 @@ from diffbotctl.foxglove.commands import TOPICS, Command, service_row, services
 from diffbotctl.foxglove.parameters import Values, connection_graph, parameter_values
 from diffbotctl.foxglove.protocol import Fields
 from diffbotctl.foxglove.viewer_connection import ViewerConnection
-from diffbotctl.messages import MapUpdate
 from diffbotctl.recording.viewer_model import viewer_model
 from diffbotctl.ros2.robot_model import configuration_of_run
 
@@ -129,12 +128,9 @@ class FoxgloveServer:
         for wire in self.channels.map_wires:
             self.subscribed.add(wire)
             self.client.send("subscribe", "subscribe", topic=wire)
-            tiles, number, is_last = self.channels.viewers.map_tiles, 0, False
-            while not is_last:
-                reply = await self.client.request("read_map", map=tiles.map, since=number)
-                number, is_last = reply["number"], reply["is_last"]
-                names = ("map", "resolution", "places", "tiles")
-                tiles.take(MapUpdate(0, "starting", **{name: reply[name] for name in names}))
+            tiles, ask = self.channels.viewers.map_tiles, self.client.request
+            while tiles.take_reply(await ask("read_map", map=tiles.map, since=tiles.read)):
+                pass
 
     def _configuration(self, status: Fields) -> Configuration | None:
         try:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from diffbotctl.messages import MapUpdate
 
@@ -67,6 +67,7 @@ class MapTiles:
         self.tiles: dict[Place, str] = {}
         self.changes: dict[Place, int] = {}  # number of the update that changed each tile
         self.number = 0  # of the last update
+        self.read = 0  # number of the last reply to `read_map`
         self.points: dict[Place, list[tuple[float, float]]] = {}  # as they were asked for
         self.map = self.version = 0
         self.sha256 = ""
@@ -85,6 +86,15 @@ class MapTiles:
         for place in places:
             self.points.pop(place, None)
         return places
+
+    def take_reply(self, reply: Mapping[str, Any]) -> bool:
+        """Take a reply to `read_map`. True when there are more."""
+        names = ("map", "resolution", "places", "tiles")
+        self.take(MapUpdate(0, "starting", **{name: reply[name] for name in names}))
+        self.read = int(reply["number"])
+        if reply["is_last"]:
+            self.version, self.sha256 = reply["version"], reply["sha256"]
+        return not reply["is_last"]
 
     def since(self, map_number: int, number: int) -> tuple[list[Place], int]:
         """The tiles that changed after update `number` of that map, a part of them.

@@ -160,7 +160,7 @@ def _imported(arrays: Arrays, resolution: float) -> OccupancyGrid:
     if not cells.size or cells.dtype != np.int8 or cells.min() < -1 or cells.max() > 100:
         raise ValueError("its cells are not -1 to 100")
     check_extent(columns * resolution, rows * resolution, resolution)
-    return OccupancyGrid(resolution, (x, y), cells.astype(np.int8), 1)
+    return OccupancyGrid(resolution, (x, y), cells.astype(np.int8))
 
 
 def check_extent(width: float, depth: float, resolution: float) -> None:

@@ -29,30 +29,20 @@ GREY_OCCUPIED, GREY_FREE, GREY_UNKNOWN = 0, 254, 205
 HEADER = re.compile(rb"P5\s+(?:#[^\n]*\n\s*)*(\d+)\s+(?:#[^\n]*\n\s*)*(\d+)\s+(\d+)\s")
 
 
-def picture_bytes(grid: OccupancyGrid) -> bytes:
-    """The grid as a binary pgm: black occupied, white free, grey unknown."""
+def save_picture(grid: OccupancyGrid, path: Path) -> None:
+    """Write `path` (NAME.yaml) and NAME.pgm beside it: black occupied, white free, grey unknown."""
     grey = np.full(grid.cells.shape, GREY_UNKNOWN, np.uint8)
     grey[grid.cells >= 100 * OCCUPIED] = GREY_OCCUPIED
     grey[(grid.cells >= 0) & (grid.cells <= 100 * FREE)] = GREY_FREE
     rows, columns = len(grey), grey.size // max(1, len(grey))
-    return f"P5\n{columns} {rows}\n255\n".encode() + np.flipud(grey).tobytes()
-
-
-def description(grid: OccupancyGrid, picture: str) -> str:
-    """The text of the yaml file beside the file named `picture`."""
+    picture = path.with_suffix(".pgm")
+    picture.write_bytes(f"P5\n{columns} {rows}\n255\n".encode() + np.flipud(grey).tobytes())
     x, y = grid.origin
-    return (
-        f"image: {picture}\nmode: trinary\nresolution: {grid.resolution:.6g}\n"
+    path.write_text(
+        f"image: {picture.name}\nmode: trinary\nresolution: {grid.resolution:.6g}\n"
         f"origin: [{x:.6g}, {y:.6g}, 0]\nnegate: 0\n"
         f"occupied_thresh: {OCCUPIED}\nfree_thresh: {FREE}\n"
     )
-
-
-def save_picture(grid: OccupancyGrid, path: Path) -> None:
-    """Write `path` (NAME.yaml) and NAME.pgm beside it."""
-    picture = path.with_suffix(".pgm")
-    picture.write_bytes(picture_bytes(grid))
-    path.write_text(description(grid, picture.name))
 
 
 def load_picture(path: Path) -> OccupancyGrid:
@@ -117,7 +107,7 @@ def _grid(text: dict[str, Any], grey: NDArray[np.uint8]) -> OccupancyGrid:
     check_extent(cells.shape[1] * resolution, cells.shape[0] * resolution, resolution)
     if not ((cells >= OCCUPIED_MIN).any() and (cells == 0).any()):
         raise ValueError("no cell is occupied, or none is free: look at negate and the thresholds")
-    return OccupancyGrid(resolution, (x, y), cells, 1)
+    return OccupancyGrid(resolution, (x, y), cells)
 
 
 def _cells_of_greys(text: dict[str, Any]) -> NDArray[np.int8]:

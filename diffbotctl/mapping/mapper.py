@@ -171,7 +171,7 @@ class Mapper:
     def grid(self) -> OccupancyGrid:
         """The map up to the last scan that changed it."""
         if self._grid is None:
-            self._grid = self._drawn.grid(self._version)
+            self._grid = self._drawn.grid()
         return self._grid
 
     @property

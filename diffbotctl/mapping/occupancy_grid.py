@@ -6,8 +6,7 @@ is limited on both sides, so that five looks clear what has been moved away.
 
 from __future__ import annotations
 
-import hashlib
-from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,26 +23,15 @@ CELLS_MAX = 16_000_000  # of one grid: 200 m x 200 m at 5 cm
 RESOLUTION_MIN, RESOLUTION_MAX = 0.01, 1.0  # m
 
 
-class OccupancyGrid:
-    """An immutable picture of the map, row after row from the lowest y on."""
+class OccupancyGrid(NamedTuple):
+    """A picture of the map, row after row from the lowest y on."""
 
-    def __init__(
-        self, resolution: float, origin: tuple[float, float], cells: NDArray[np.int8], version: int
-    ) -> None:
-        """`resolution`: m a cell. `origin`: x, y of the lower left corner of cell [0, 0] in map, m.
-
-        `cells`: rows (y) x columns (x): -1 unknown, 0 free to 100 occupied.
-        """
-        self.resolution = resolution
-        self.origin = origin
-        self.cells = cells
-        self.version = version
-
-    @cached_property
-    def sha256(self) -> str:
-        """Of resolution, origin, shape and cells."""
-        head = f"{self.resolution!r} {self.origin!r} {self.cells.shape!r} "
-        return hashlib.sha256(head.encode() + self.cells.tobytes()).hexdigest()
+    resolution: float
+    """m, of a cell"""
+    origin: tuple[float, float]
+    """x, y of the lower left corner of cell [0, 0] in map, m"""
+    cells: NDArray[np.int8]
+    """rows (y) x columns (x): -1 unknown, 0 free to 100 occupied"""
 
 
 class GridBuilder:
@@ -134,9 +122,9 @@ class GridBuilder:
         index = np.where(inside, row * columns + column, 0)
         return float(((self.odds.reshape(-1)[index] > 0) & inside).any(1).mean())
 
-    def grid(self, version: int) -> OccupancyGrid:
+    def grid(self) -> OccupancyGrid:
         """The grid with a probability for each cell: 50 where free and occupied balance."""
         cells = np.rint(100 / (1 + np.exp(-LOG_ODDS * self.odds.astype(float)))).astype(np.int8)
         cells[~self.seen] = -1
         x, y = (self.low * self.resolution).tolist()
-        return OccupancyGrid(self.resolution, (x, y), cells, version)
+        return OccupancyGrid(self.resolution, (x, y), cells)

@@ -47,9 +47,9 @@ class Map(NamedTuple):
             builder.insert(scan, pose)
         return builder
 
-    def grid(self, version: int = 1) -> OccupancyGrid:
+    def grid(self) -> OccupancyGrid:
         """The cells: those that were imported, or those that all scans give."""
-        return self.imported or self.drawn().grid(version)
+        return self.imported or self.drawn().grid()
 
     def field(self) -> MatchField:
         """Of the whole map, from at most FIELD_SCANS scans."""

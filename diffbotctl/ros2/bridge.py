@@ -40,7 +40,7 @@ class Bridge:
         self.node, self.engine = node, engine
         status = engine.request("status")
         is_paced = status.get("paced", True)  # an older engine has no such field
-        self.publishers = RunPublishers(node, options, is_paced, self._read_map)
+        self.publishers = RunPublishers(node, options, is_paced, engine.request)
         topics = {row["topic"]: row["type"] for row in engine.request("list_topics")["topics"]}
         self.wires = self.publishers.choose_wires(topics)
         self.commands = RobotCommands(node, engine, options.allows_drive, options.frame_prefix)
@@ -61,14 +61,6 @@ class Bridge:
                 self._line_received(line)
         except RunError as error:
             print(error, file=sys.stderr)
-
-    def _read_map(self) -> None:
-        """Get the tiles that changed before the subscription, or were dropped from it."""
-        grid = self.publishers.map_grid
-        while grid.take_reply(
-            self.engine.request("read_map", map=grid.tiles.map, since=grid.number)
-        ):
-            pass
 
     def _line_received(self, line: Fields) -> None:
         wire = line.get("topic")

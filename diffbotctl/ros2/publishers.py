@@ -80,11 +80,11 @@ class RunPublishers:
     """Publishes the messages of the wires in `wires`, which maps each to its type.
 
     `is_paced`: the run follows the clock of the machine; of any other the time is on /clock.
-    `read_map`: gets the tiles of `map_grid` that are missing.
+    `ask`: requests of the engine.
     """
 
     def __init__(
-        self, node: Any, options: BridgeOptions, is_paced: bool, read_map: Callable[[], None]
+        self, node: Any, options: BridgeOptions, is_paced: bool, ask: Callable[..., Fields]
     ) -> None:
         self.node, self.options = node, options
         self.clock = StampClock(None if is_paced else 0)
@@ -92,7 +92,7 @@ class RunPublishers:
         self.prefix = options.frame_prefix
         self.publish: dict[str, Publish] = {}
         self.diagnosis = Diagnosis({})
-        self.map_grid, self.read_map = MapGrid(), read_map
+        self.map_grid = MapGrid(ask)
         self.diagnostics = self._publisher(DiagnosticArray, DIAGNOSTICS)
         self.transforms = self._transform_publisher(TRANSFORMS, QoSProfile(depth=MANY))
         self._publish_model()
@@ -207,7 +207,7 @@ class RunPublishers:
         publisher = self._publisher(OccupancyGrid, topic)
 
         def publish(fields: Fields, stamp: int) -> None:
-            grid = self.map_grid.take(fields, self.read_map)
+            grid = self.map_grid.take(fields)
             if grid is not None:
                 message = fill_header(fill(OccupancyGrid(), grid), stamp, self.prefix + MAP)
                 publisher.publish(message)

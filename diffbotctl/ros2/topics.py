@@ -101,34 +101,27 @@ class Diagnosis:
 
 
 class MapGrid:
-    """Collects the tiles of the map, and decides when to publish it as a whole."""
+    """Collects the tiles of the map, and decides when to publish it as a whole.
 
-    def __init__(self) -> None:
-        self.tiles = MapTiles()
-        self.number = 0  # of the last reply to `read_map`
+    `ask`: requests of the engine, for tiles that are missing; none for a recording.
+    """
+
+    def __init__(self, ask: Callable[..., Fields] | None = None) -> None:
+        self.tiles, self.ask = MapTiles(), ask
         self.published = ""  # hash of the tiles
         self.due = 0
 
-    def take(self, fields: Fields, read: Callable[[], None] = lambda: None) -> Fields | None:
-        """Take a MapUpdate; nav_msgs/OccupancyGrid without its header when one is due.
-
-        `read`: called when tiles are missing, to take the replies to `read_map`.
-        """
-        update = MapUpdate(**fields)
-        self.tiles.take(update)
+    def take(self, fields: Fields) -> Fields | None:
+        """Take a MapUpdate; nav_msgs/OccupancyGrid without its header when one is due."""
+        update, tiles = MapUpdate(**fields), self.tiles
+        tiles.take(update)
         if not update.sha256 or update.time < self.due or update.sha256 == self.published:
             return None
         self.due, self.published = update.time + MAP_PERIOD, update.sha256
-        if not self.tiles.is_whole:
-            read()
-        return conversion.occupancy_grid(self.tiles.rows())
-
-    def take_reply(self, reply: Fields) -> bool:
-        """Take a reply to `read_map`; False when it was the last."""
-        names = ("map", "resolution", "places", "tiles")
-        self.tiles.take(MapUpdate(0, "starting", **{name: reply[name] for name in names}))
-        self.number = reply["number"]
-        return not reply["is_last"]
+        if self.ask is not None and not tiles.is_whole:
+            while tiles.take_reply(self.ask("read_map", map=tiles.map, since=tiles.read)):
+                pass
+        return conversion.occupancy_grid(tiles.rows())
 
 
 def robot_frame(frames: tuple[ModelFrame, ...]) -> str:

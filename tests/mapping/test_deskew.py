@@ -107,8 +107,7 @@ def test_lag_direction_and_place_of_the_lidar_are_found(lag, offset, place):
     alignment = ScanAlignment()
     found = []
     for at, update in answers(alignment, lag, offset, place, 400, 7):
-        alignment.remember(at)
-        alignment.take(update)
+        alignment.take(update, at)
         found += alignment.findings((0.1, 0.0, 0.0))
     assert alignment.lag == pytest.approx(lag, abs=0.01)
     mount = alignment.mount.mount()

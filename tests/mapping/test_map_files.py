@@ -110,7 +110,7 @@ def test_an_imported_map_is_exported_as_it_was(room_map, tmp_path):
     assert (tmp_path / "again.pgm").read_bytes() == (tmp_path / "room.pgm").read_bytes()
     again = (tmp_path / "again.yaml").read_text().replace("again", "room")
     assert again == (tmp_path / "room.yaml").read_text()
-    drawn = loaded.drawn().grid(1)
+    drawn = loaded.drawn().grid()
     assert (drawn.origin, drawn.cells.shape) == (grid.origin, grid.cells.shape)
     assert ((drawn.cells >= 65) == (grid.cells == 100)).all()
     assert ((drawn.cells == -1) == (grid.cells == -1)).all()
@@ -121,7 +121,7 @@ def test_the_surface_of_a_grid_faces_as_its_wall_does(turn):
     y, x = (np.indices((120, 120)) + 0.5) * 0.05 - 3.0
     across = np.cos(turn) * y - np.sin(turn) * x
     cells = np.where(across > 0.5, -1, np.where(across > 0.4, 100, 0)).astype(np.int8)
-    surface = grid_surface(OccupancyGrid(0.05, (-3.0, -3.0), cells, 1))
+    surface = grid_surface(OccupancyGrid(0.05, (-3.0, -3.0), cells))
     assert surface.is_flat.mean() > 0.9
     normals = surface.normals[surface.is_flat]
     assert np.abs(normals @ [-np.sin(turn), np.cos(turn)]).min() > 0.97

@@ -48,7 +48,6 @@ class RunView(MapState):
         self.parameters: list[Fields] = []
         self.held: Fields | None = None
         self.readers: dict[str, Any] = {}
-        self.map_number = 0
         self.ended = False
 
     def take_reply(self, request: Request, reply: Fields) -> None:
@@ -88,17 +87,11 @@ class RunView(MapState):
         read = self.tiles
         if update is None or (update.map, update.version) == (read.map, read.version):
             return None
-        return {"map": read.map, "since": self.map_number}
+        return {"map": read.map, "since": read.read}
 
     def take_map(self, reply: Fields) -> bool:
         """Take the tiles in a reply to `read_map`. True when there are more."""
-        update = MapUpdate(0, "mapping", map=reply["map"], resolution=reply["resolution"])
-        places, tiles = tuple(reply["places"]), tuple(reply["tiles"])
-        self.tiles.take(update._replace(places=places, tiles=tiles))
-        self.map_number = int(reply["number"])
-        if reply["is_last"]:
-            self.tiles.version, self.tiles.sha256 = reply["version"], reply["sha256"]
-        return not reply["is_last"]
+        return self.tiles.take_reply(reply)
 
     def take_history(self, topic: str, reply: Fields) -> None:
         """Put the numbers in a reply to `read_history` before those that came since."""

@@ -137,10 +137,10 @@ def _lag(log: UrgLog) -> Row:
             x, y, heading = scan.odometry.tolist()
             turn = np.diff(log.poses_at(scan.time + np.array([-0.5, 0.5]) * RATE_TIME)[:, 2])
             rate = float(turn[0]) / RATE_TIME
-            alignment.remember(Odometry(time, x, y, heading, 0.0, rate, (0.0,) * 6))
+            at = Odometry(time, x, y, heading, 0.0, rate, (0.0,) * 6)
             answer = mapper.add(scan)
             x, y, heading = answer.transform.tolist()
-            alignment.take(MapUpdate(time, answer.state.value, x, y, heading))
+            alignment.take(MapUpdate(time, answer.state.value, x, y, heading), at)
         lags.append(alignment.lag)
     settled = 1e3 * np.array(lags[len(lags) // 3 :])
     return Row(
