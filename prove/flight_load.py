@@ -9,6 +9,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -38,7 +39,7 @@ def hub(folder: Path) -> Iterator[tuple[BlackBox, RunControlSocket, Assembly]]:
     """A hub with a flight recorder; the engine is this program."""
     setup = load("goal", None, [])
     assembly = assemble(setup, real=False)
-    facts = run_facts(setup, RunOptions(), [])
+    facts = partial(run_facts, setup, RunOptions(), [])
     flight, keeper = start_black_box(
         folder,
         setup,

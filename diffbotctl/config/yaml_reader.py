@@ -54,7 +54,7 @@ def parse(source: Source) -> Value:
         return root
     if root is None or root.data is None:
         cause = "this file is empty"
-        fix = "begin it with `format: 1` and `kind: robot` or `pipeline`"
+        fix = "begin it with `format: 1` and `kind:` robot, pipeline or trials"
         raise ConfigurationError(Problem("E-YAML-TOP", source.name, cause, fix))
     kind = "a list" if isinstance(root.data, list) else "a single value"
     cause = f"the file is {kind}, but a mapping is required"

@@ -46,7 +46,7 @@ Instant = tuple[Any, ...]
 class RunReports(NamedTuple):
     """What the outputs ask of their run, and where they report."""
 
-    facts: dict[str, str]  # metadata of the recording
+    facts: Callable[[], dict[str, str]]  # metadata of the recording; reads all files
     progress: Callable[[], tuple[int, int]]  # goals reached, and goals in all
     take_snapshot: Callable[[], bytes | None]  # the state of all blocks; raises StateError
     announce: Report  # called with each black box file that was written
@@ -101,7 +101,7 @@ class RunOutputs:
                 reports.loss(f"{text}; the run continues, the file is incomplete")
 
             self.recorder, pid = record_to(
-                path, configuration, assembly, reports.facts, options.fast, lost
+                path, configuration, assembly, reports.facts(), options.fast, lost
             )
             self.children.append(pid)
         elif options.flights is not None and (configuration.robot or configuration.robots):
@@ -313,7 +313,7 @@ def start_black_box(
     name = f"{datetime.now():%Y%m%d-%H%M%S}-{configuration.name}-{os.getpid()}"
     ours, theirs = socket.socketpair()
     ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, child_process.BUFFER_BYTES)
-    about = RunMetadata(folder, name, wires, reports.facts, tuple(graph.kinds.values()))
+    about = RunMetadata(folder, name, wires, reports.facts(), tuple(graph.kinds.values()))
     store = BlackBoxStore(theirs, about)
 
     def lost(cause: str) -> None:

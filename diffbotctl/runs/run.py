@@ -145,7 +145,7 @@ class Run:
         self, show: Show | None, screen_closed: Callable[[], None] | None
     ) -> RunOutputs:
         reports = RunReports(
-            run_facts(self.configuration, self.options, self._goals()),
+            partial(run_facts, self.configuration, self.options, self._goals()),
             partial(all_goals, self.robots),
             self._take_snapshot,
             self.tell,

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import copy
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from itertools import product
+from math import prod
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
@@ -36,6 +38,10 @@ from diffbotctl.trials.sections import CaseEntry, Expectation, RandomRobots, Tri
 FOLDER = Path("trials")  # in which a name is looked up
 TRIES_MAX = 20  # robots that are drawn for each that `check` accepts
 NO_CASE = "plain"  # name of the case of a file without cases
+RUNS_MAX = 100_000  # some hours of two processors
+# In the name of a run / separates its parts, * ? and [ match several in --only, and - begins an
+# option.
+NAME = re.compile(r"\w[^/*?[]*")
 
 
 class Trial(NamedTuple):
@@ -149,11 +155,13 @@ class _PlanReader:
             value = self.tree.at("cases", case_name, "faults")
             if case is not None and value is not None:
                 read_sizes(case.faults, value.items, self.problems)
+        self._refuse_names()
         self._raise()
         robots = self._configurations(section)
         self._raise()
         for configuration in robots.values():
             self._check(section, configuration)
+        self._refuse_too_many(section, len(robots))
         self._raise()
         trials = tuple(self._trials(section, robots))
         warnings = tuple(
@@ -166,6 +174,24 @@ class _PlanReader:
     def _raise(self) -> None:
         if any(problem.severity == "error" for problem in self.problems):
             raise ConfigurationError(self.problems)
+
+    def _refuse_names(self) -> None:
+        """Refuse names of cases and worlds that --only could not choose."""
+        for key in ("cases", "worlds"):
+            named = self.tree.at(key)
+            for name, value in named.entries.items() if named is not None else ():
+                if not NAME.fullmatch(name):
+                    cause = f"'{name}' cannot be a name in {key}"
+                    fix = "begin it with a letter or digit, and leave out / * ? and ["
+                    self.problems.append(Problem("E-NAME", value.name_place, cause, fix))
+
+    def _refuse_too_many(self, section: Trials, robots: int) -> None:
+        of_each = [len(each) or 1 for each in (section.cases, section.worlds, section.goals)]
+        runs = robots * prod(of_each) * section.seeds
+        if runs > RUNS_MAX:
+            cause = f"these are {runs:,} runs; at most {RUNS_MAX:,} are possible in a file"
+            fix = "write fewer seeds, robots or goals"
+            self.problems.append(Problem("E-TRIALS", self.tree.place, cause, fix))
 
     def _configurations(self, section: Trials) -> dict[str, Configuration]:
         """The pipeline with each robot, by the name of the robot."""

@@ -4,6 +4,7 @@ import os
 import pickle
 import select
 import socket
+from functools import partial
 
 import pytest
 
@@ -102,7 +103,7 @@ def hub(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     configuration = load("goal")
     assembly = assemble(configuration, real=False)
-    facts = run_facts(configuration, RunOptions(), [])
+    facts = partial(run_facts, configuration, RunOptions(), [])
     reports, folder = [], tmp_path / "flights"
     flight, keeper = start_black_box(
         folder,

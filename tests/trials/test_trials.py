@@ -153,6 +153,12 @@ def test_a_run_that_crashes_or_does_not_end_is_a_result_and_the_others_go_on(tmp
         ("pipeline: goal", "pipeline: goalie", "E-FILE-NAME", "did you mean goal?"),
         ("8 s, error", "8 kg, error", "E-UNIT", "kg"),
         ("kind: trials", "kind: trails", "E-KIND", "write `kind: trials`"),
+        ("  healthy:", "  'a/b*':", "E-NAME", "leave out /"),
+        ("  healthy:", "  '':", "E-NAME", "begin it with a letter"),
+        ("seeds: 2", "seeds: 60000", "E-TRIALS", "120,000 runs; at most 100,000"),
+        ("  healthy:", "  'a/b*':", "E-NAME", "leave out /"),
+        ("  healthy:", "  '':", "E-NAME", "begin it with a letter"),
+        ("seeds: 2", "seeds: 60000", "E-TRIALS", "120,000 runs; at most 100,000"),
     ],
 )
 def test_a_mistake_is_shown_where_it_is_and_nothing_runs(tmp_path, old, new, code, part):
@@ -297,3 +303,14 @@ def test_a_fault_of_a_program_that_is_not_there_is_refused(tmp_path, old, new, p
     with pytest.raises(UserError) as caught:
         read_plan(str(file))
     assert part in " ".join(str(caught.value).replace("|", " ").split())
+
+
+def test_runs_that_prove_nothing_are_named(tmp_path):
+    late = "  late: {faults: [{fault: battery_cut, at: 100 s}]}\n"
+    text = TWO_CASES.replace("seeds: 2", "seeds: 1").partition("  blocked")[0] + late
+    done = command(trials_file(tmp_path, text))
+    assert "1 ended before their first fault began" in done.stdout
+    assert "nothing is expected" not in done.stdout
+    text = text.replace("expect: {reach: 8 s, error: 30 mm}", "")
+    done = command(trials_file(tmp_path, text), "--only", "healthy")
+    assert "nothing is expected of them" in done.stdout and done.returncode == 0
