@@ -1,20 +1,23 @@
 """Random robots, perturbations and goals on both plants: what is reached, reported and given up.
 
-`python -m prove.matrix --seed N --runs N` prints tables by perturbation and robot, and the worst
-cases; each can be run alone: `python -m prove.matrix --case SEED:ROBOT:PERTURBATION:PLANT:NUMBER`.
+`python -m prove.matrix --seed N --runs N` prints a table of the perturbations, as that of
+`diffbotctl trials`, and the worst cases; each can be run alone:
+`python -m prove.matrix --case SEED:ROBOT:PERTURBATION:PLANT:NUMBER`.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
-from math import ceil, degrees, sqrt
+from math import ceil, sqrt
 from multiprocessing import Pool
 from pathlib import Path
 from statistics import median
 
 from diffbotctl.trials.random_robots import STOCK_FIRST
+from diffbotctl.trials.summary import case_lines, worst_first
+from diffbotctl.trials.verdict import JudgedRun
 from tests.support.matrix_case import EQUATIONS, Case, CaseResult, run_case
 from tests.support.random_robots import ENCODER_FAULTS, PERTURBATIONS
 from tests.support.trials.row import Row
@@ -30,7 +33,7 @@ FALSE_SIGMAS, FALSE_MIN, FALSE_WORST = 4.0, 0.020, 0.100
 TRAVEL_MAX_S, STANDING_MAX_S = 1.0, 5.0
 MODESTY_MAX = 1.5
 STOCK_DIVISOR, STOCK_TEXT = 4, "the book's firmware, "
-WORST = 5  # cases that are named with a row
+WORST = 20  # cases that are named
 
 
 def cases(
@@ -73,8 +76,8 @@ def stock_cases(seed: int, runs: int, plants: Iterable[int]) -> list[Case]:
 
 def _plant_rows(name: str, results: list[CaseResult]) -> Iterator[Row]:
     feasible = [result for result in results if result.is_feasible]
-    reached = [result for result in feasible if result.is_claimed]
-    unsure = sum(result.end == "reached_unsure" for result in reached)
+    reached = [result.trial for result in feasible if result.trial.is_claimed]
+    unsure = sum(trial.outcome == "reached_unsure" for trial in reached)
     share = len(reached) / max(len(feasible), 1)
     yield Row(
         f"{name}: {len(feasible)} feasible goals reached",
@@ -83,11 +86,11 @@ def _plant_rows(name: str, results: list[CaseResult]) -> Iterator[Row]:
         share >= 0.97,
     )
     yield from _given_up_row(name, results)
-    late = [result for result in results if result.farther > result.farther_limit]
-    worst = max(results, key=lambda result: result.farther / result.farther_limit)
+    late = [result for result in results if result.trial.farther > result.farther_limit]
+    worst = max(results, key=lambda result: result.trial.farther / result.farther_limit)
     yield Row(
         f"{name}: farther than the start by more than allowed",
-        f"{len(late)}, worst {worst.farther:.2f} m",
+        f"{len(late)}, worst {worst.trial.farther:.2f} m",
         "0: max(0.3 m, speed x (1 s + lag))",
         not late,
     )
@@ -102,7 +105,7 @@ def _plant_rows(name: str, results: list[CaseResult]) -> Iterator[Row]:
     yield from _coverage_rows(name, results)
     calm = [result for result in results if result.case.perturbation == "none"]
     if calm:
-        hesitant = sum(result.end == "reached_unsure" for result in calm) / len(calm)
+        hesitant = sum(result.trial.outcome == "reached_unsure" for result in calm) / len(calm)
         yield Row(
             f"{name}: reached_unsure without perturbation",
             f"{hesitant:.1%} of {len(calm)}",
@@ -114,7 +117,7 @@ def _plant_rows(name: str, results: list[CaseResult]) -> Iterator[Row]:
 def is_false(result: CaseResult) -> bool:
     """Whether it claims a goal from which it is farther than it reported."""
     return (
-        result.end == "reached"
+        result.trial.outcome == "reached"
         and result.true_error > FALSE_MIN
         and result.position_sigmas > FALSE_SIGMAS
     )
@@ -126,12 +129,12 @@ def is_late(result: CaseResult) -> bool:
         result.travel_after > TRAVEL_MAX_S
         or result.standing_after > STANDING_MAX_S
         or not result.cause
-        or result.end == "time limit"
+        or result.trial.outcome in ("time_limit", "ended")
     )
 
 
 def _given_up_row(name: str, results: list[CaseResult]) -> Iterator[Row]:
-    given_up = [result for result in results if not result.is_feasible and not result.is_claimed]
+    given_up = [each for each in results if not each.is_feasible and not each.trial.is_claimed]
     if not given_up:
         return
     late = sum(is_late(result) for result in given_up)
@@ -150,9 +153,13 @@ def _given_up_row(name: str, results: list[CaseResult]) -> Iterator[Row]:
 
 def _coverage_rows(name: str, results: list[CaseResult]) -> Iterator[Row]:
     """Shares within 1, 2, 3 reported standard deviations of the worst robot and perturbation."""
-    for what, target, sigmas, reported, error in (
-        ("heading", HEADING_TARGET, _heading_sigmas, _reported_heading, _heading_error),
-        ("position", POSITION_TARGET, _position_sigmas, _reported_position, _position_error),
+    headings = [(each.reported_heading, each.estimate_turn) for each in results]
+    positions = [
+        (each.reported_position * sqrt(2.0), each.trial.estimate_error or 0.0) for each in results
+    ]
+    for what, target, sigmas, pairs in (
+        ("heading", HEADING_TARGET, _heading_sigmas, headings),
+        ("position", POSITION_TARGET, _position_sigmas, positions),
     ):
         for kind, groups in (("all", {"": results}), *_groups(results)):
             if not groups:
@@ -166,7 +173,7 @@ def _coverage_rows(name: str, results: list[CaseResult]) -> Iterator[Row]:
                 ">= " + "/".join(f"{100 * part:.0f}" for part in target),
                 _margin(shares, target) >= 0.0,
             )
-        ratio = modesty(results, reported, error)
+        ratio = modesty(pairs)
         yield Row(
             f"{name}: {what}: median reported sd over actual RMS",
             f"{ratio:.2f}",
@@ -196,26 +203,10 @@ def _position_sigmas(result: CaseResult) -> float:
     return result.position_sigmas
 
 
-def _reported_heading(result: CaseResult) -> float:
-    return result.reported_heading
-
-
-def _reported_position(result: CaseResult) -> float:
-    return result.reported_position * sqrt(2.0)
-
-
-def _heading_error(result: CaseResult) -> float:
-    return result.estimate_turn
-
-
-def _position_error(result: CaseResult) -> float:
-    return result.estimate_error
-
-
-def modesty(results: list[CaseResult], reported: Measure, error: Measure) -> float:
-    """Median of the reported standard deviation over the RMS of the actual error."""
-    rms = sqrt(sum(error(result) ** 2 for result in results) / len(results))
-    return median(reported(result) for result in results) / rms if rms else 0.0
+def modesty(pairs: list[tuple[float, float]]) -> float:
+    """Median of the reported standard deviations over the RMS of the actual errors."""
+    rms = sqrt(sum(error * error for _, error in pairs) / len(pairs))
+    return median(reported for reported, _ in pairs) / rms if rms else 0.0
 
 
 def _shares(results: list[CaseResult], sigmas: Measure) -> tuple[float, ...]:
@@ -228,91 +219,47 @@ def _margin(shares: tuple[float, ...], target: tuple[float, ...]) -> float:
 
 
 def summary(results: list[CaseResult]) -> Iterator[str]:
-    """What ended how, tables by perturbation and by robot, and the worst cases."""
-    for plant in EQUATIONS:
-        of_plant = [result for result in results if result.case.plant == plant]
-        if not of_plant:
+    """The table of the perturbations and the worst cases, on each plant."""
+    for plant, equations in EQUATIONS.items():
+        judged = [judge(result) for result in results if result.case.plant == plant]
+        if not judged:
             continue
-        yield f"\nplant {plant}: {len(of_plant)} runs"
-        ends = Counter(
-            (result.end, result.stop, "feasible" if result.is_feasible else "infeasible")
-            for result in of_plant
-        )
-        for (end, stop, feasible), count in ends.most_common():
-            yield f"  {count:6d}  {end:<16}{stop:<18}{feasible}"
-        yield from _table("perturbation", of_plant, lambda result: result.case.perturbation)
-        yield from _table("robot", of_plant, lambda result: str(result.case.robot))
-        yield from _worst(of_plant)
+        yield f"\nplant {plant} ({equations}): {len(judged)} runs"
+        yield from case_lines(judged)
+        for each in worst_first([each for each in judged if not each.passed])[:WORST]:
+            yield line(each)
 
 
-def _table(kind: str, results: list[CaseResult], key: Callable[[CaseResult], str]) -> Iterator[str]:
-    yield (
-        f"  {kind:<13} runs feas reach false late |  heading 1/2/3 sd    sd/rms | "
-        "position 1/2/3 sd    sd/rms | true median p95 mm"
-    )
-    groups = defaultdict(list)
-    for result in results:
-        groups[key(result)].append(result)
-    for name, group in groups.items():
-        feasible = [result for result in group if result.is_feasible]
-        reached = sum(result.is_claimed for result in feasible) / max(len(feasible), 1)
-        heading = "/".join(f"{100 * share:3.0f}" for share in _shares(group, _heading_sigmas))
-        position = "/".join(f"{100 * share:3.0f}" for share in _shares(group, _position_sigmas))
-        errors = sorted(result.true_error * 1000 for result in group if result.is_claimed) or [0.0]
-        late = sum(is_late(result) for result in group if not result.is_claimed)
-        yield (
-            f"  {name:<13} {len(group):4d} {len(feasible):4d} {reached:5.0%} "
-            f"{sum(map(is_false, group)):5d} {late:4d} | {heading:>17} "
-            f"{modesty(group, _reported_heading, _heading_error):9.2f} | {position:>17} "
-            f"{modesty(group, _reported_position, _position_error):9.2f} | "
-            f"{median(errors):6.0f} {errors[ceil(0.95 * len(errors)) - 1]:6.0f}"
-        )
+def judge(result: CaseResult) -> JudgedRun:
+    """What of a case is not as the rows ask for."""
+    found = result.trial
+    unmet = {
+        "feasible, not reached": result.is_feasible and not found.is_claimed,
+        "given up late": not (result.is_feasible or found.is_claimed) and is_late(result),
+        "farther than allowed": found.farther > result.farther_limit,
+        "false claim": is_false(result),
+        "position beyond 4 sd": _position_sigmas(result) > FALSE_SIGMAS,
+        "heading beyond 4 sd": _heading_sigmas(result) > FALSE_SIGMAS,
+    }
+    return JudgedRun(found, tuple(text for text, is_so in unmet.items() if is_so))
 
 
-def _worst(results: list[CaseResult]) -> Iterator[str]:
-    """The worst cases of each row, to be run alone."""
-    unreached = [result for result in results if result.is_feasible and not result.is_claimed]
-    lists: tuple[tuple[str, list[CaseResult], Measure], ...] = (
-        ("feasible, not reached", unreached, lambda result: result.true_error),
-        (
-            "farther than allowed",
-            [result for result in results if result.farther > result.farther_limit],
-            lambda result: result.farther,
-        ),
-        ("false claim", [result for result in results if is_false(result)], _true_error),
-        ("heading beyond 4 sd", [r for r in results if _heading_sigmas(r) > 4], _heading_sigmas),
-        (
-            "position beyond 4 sd",
-            [r for r in results if _position_sigmas(r) > 4],
-            _position_sigmas,
-        ),
-    )
-    for title, group, measure in lists:
-        yield f"  {title}: {len(group)}"
-        for result in sorted(group, key=measure, reverse=True)[:WORST]:
-            yield f"    {line(result)}"
-
-
-def _true_error(result: CaseResult) -> float:
-    return result.true_error
-
-
-def line(result: CaseResult) -> str:
+def line(judged: JudgedRun) -> str:
     """One line about a run."""
+    found = judged.result
     return (
-        f"{result.case!s:<26} {result.end:<14} {result.seconds:6.1f} s  "
-        f"true {result.true_error * 1000:5.0f} mm {degrees(result.true_turn):5.1f} deg  "
-        f"estimate off {result.estimate_error * 1000:5.0f} mm ({result.position_sigmas:.1f} sd) "
-        f"{degrees(result.estimate_turn):6.1f} deg ({result.heading_sigmas:.1f} sd)  "
-        f"farther {result.farther:.2f} m  {result.cause}"
+        f"{found.name:<26} {found.outcome:<14} {found.time:6.1f} s  "
+        f"true {(found.error or 0.0) * 1000:5.0f} mm  "
+        f"estimate off {(found.estimate_error or 0.0) * 1000:5.0f} mm  "
+        f"farther {found.farther:.2f} m  {', '.join(judged.unmet)}: {found.cause}"
     )
 
 
 def case_text(case: Case, folder: Path | None) -> str:
     """All that is known of one case."""
     result = run_case(case, folder)
-    fields = "\n".join(f"{name:<16} {value}" for name, value in result._asdict().items())
-    return f"{line(result)}\n{fields}"
+    fields = result._asdict() | result.trial._asdict()
+    return "\n".join(f"{name:<16} {value}" for name, value in fields.items() if name != "trial")
 
 
 ENCODER_FAULT_TEXTS = {
@@ -350,7 +297,7 @@ def encoder_rows(results: list[CaseResult]) -> Iterator[Row]:
 def _encoder_row(what: str, group: list[CaseResult]) -> Row:
     false = [result for result in group if is_false(result)]
     most = max((result.true_error for result in false), default=0.0)
-    farther = sum(result.farther > result.farther_limit for result in group)
+    farther = sum(result.trial.farther > result.farther_limit for result in group)
     return Row(
         f"{what}: reached, but > 4 sd and > 20 mm off",
         f"{len(false)}, worst {most * 1000:.0f} mm; {farther} farther than allowed",

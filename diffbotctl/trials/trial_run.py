@@ -196,8 +196,13 @@ class TrialRun(Run):
 def run_trial(trial: Trial) -> TrialResult:
     """Run a trial to its end. Raises whatever a block or the plant raises."""
     run = TrialRun(trial)
-    result = run.go()
+    return trial_result(run, run.go())
+
+
+def trial_result(run: TrialRun, result: RunResult) -> TrialResult:
+    """What came of a run that has ended."""
     assert run.plant is not None
+    trial = run.trial
     outcome = run.outcome(result)
     stops = [StopRecord(stop.time / SECOND, stop.code, stop.cause) for stop in result.stops]
     state = run.state
@@ -233,9 +238,5 @@ def _with_errors(found: TrialResult, result: RunResult, goal: Goal | None) -> Tr
         found = found._replace(error=hypot(goal.x - at.x, goal.y - at.y), heading_error=turn)
     if pose is None:
         return found
-    off = hypot(pose.x - at.x, pose.y - at.y)
-    found = found._replace(estimate_error=off)
-    if not any(pose.covariance):
-        return found
-    sd = PoseSd.of(pose, counts_geometry=True).position
-    return found._replace(estimate_sigmas=off / sd if sd > 0.0 else None)
+    off, sd = hypot(pose.x - at.x, pose.y - at.y), PoseSd.of(pose, counts_geometry=True).position
+    return found._replace(estimate_error=off, estimate_sigmas=off / sd if sd > 0.0 else None)

@@ -28,7 +28,7 @@ def test_a_drawn_robot_is_within_the_bounds(number):
 @each_once(name=list(PERTURBATIONS), plant=[1, 2])
 def test_each_perturbation_gives_a_robot_that_is_accepted(name, plant, tmp_path):
     setting = set_up(Case(3, len(name), name, plant, 0), tmp_path)
-    simulation = setting.configuration.nominal.simulation
+    simulation = setting.trial.configuration.nominal.simulation
     assert simulation.equations == ("exponential", "torque")[plant - 1]
     assert setting.robot.drive.left.motor.rated != setting.robot.drive.right.motor.rated
 
@@ -85,19 +85,19 @@ def fine_robot(number):
 @pytest.mark.parametrize("number", [0, 1, 2])
 def test_a_goal_is_not_claimed_when_an_encoder_loses_every_second_slot(number):
     result = run_case(Case(11, fine_robot(number), "halved", 1, 0))
-    assert result.end in ("reached_unsure", "given_up")
+    assert result.trial.outcome in ("reached_unsure", "given_up")
     assert f"{result.wheel} wheel: counts half the edges" in result.cause
 
 
 @each_once(number=[0, 1, 2], plant=[1, 2])
 def test_the_cost_of_moments_without_edges_is_reported(number, plant):
     result = run_case(Case(11, fine_robot(number), "silent_for_moments", plant, 0))
-    assert result.end != "reached" or result.true_error < 0.05
+    assert result.trial.outcome != "reached" or result.true_error < 0.05
 
 
 @pytest.mark.parametrize("number", [0, 1, 3])
 def test_a_goal_is_not_claimed_when_both_encoders_lose_every_second_slot(number):
     """A robot that is heavy for its motors looks nearly the same, and does reach its goals."""
     result = run_case(Case(11, fine_robot(number), "both_halved", 1, 0))
-    assert result.end in ("reached_unsure", "given_up")
+    assert result.trial.outcome in ("reached_unsure", "given_up")
     assert "every second one is missing" in result.cause

@@ -8,17 +8,18 @@ from random import Random
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
-from diffbotctl.config.configuration import Configuration
 from diffbotctl.config.load import load
 from diffbotctl.config.robot import Robot
+from diffbotctl.control.motion_profile import shortest_turn
 from diffbotctl.graph import Sink
-from diffbotctl.messages import GOAL_EXIT_CODES, Duty, Goal, GoalState, Odometry, Wheels
+from diffbotctl.messages import Duty, Goal, Odometry, Wheels
 from diffbotctl.plant.simulated_robot import draw_robot
-from diffbotctl.runs.build_graph import wires_of
-from diffbotctl.runs.options import RunOptions, RunResult
-from diffbotctl.runs.run import Run
+from diffbotctl.runs.options import RunResult
 from diffbotctl.time import SECOND
+from diffbotctl.trials.plan import Trial
 from diffbotctl.trials.random_robots import RobotDesign, draw_design, yaml_text
+from diffbotctl.trials.sections import Expectation
+from diffbotctl.trials.trial_run import TrialResult, TrialRun, trial_result
 from tests.support.nominal_calibration import calibrate
 from tests.support.random_robots import ENCODER_FAULTS, PERTURBATIONS
 from tests.support.true_pose_controller import TruePoseController
@@ -28,7 +29,6 @@ DURATION_S = 300.0  # of simulated time, beyond every time limit of the follower
 ORACLE_S = 120.0  # of simulated time, for the controller that knows the true pose
 GOAL_SECONDS = 8.0  # of driving at the robot's speed limit, at most
 GOAL_MAX, GOAL_MIN = 2.0, 0.05  # m
-STOPPED_S = 1.0  # after which a latched stop ends a run
 DISTURBANCES = PERTURBATIONS | ENCODER_FAULTS
 
 
@@ -54,21 +54,14 @@ class Case(NamedTuple):
 
 
 class CaseResult(NamedTuple):
-    """How a run ended. Lengths m, angles rad, times s."""
+    """How the trial of a case ended. Lengths m, angles rad, times s."""
 
     case: Case
-    end: str
+    trial: TrialResult
     cause: str
+    """of the end of the goal, or of the run"""
     is_feasible: bool
-    oracle_seconds: float | None
-    seconds: float
-    start_distance: float
-    farther: float
     farther_limit: float
-    true_error: float
-    true_turn: float
-    estimate_error: float
-    """of the position"""
     estimate_turn: float
     position_sigmas: float
     """error of the estimated position over the reported one in its direction"""
@@ -79,7 +72,6 @@ class CaseResult(NamedTuple):
     travel_after: float
     """seconds of motion after the reason for giving up could be known"""
     standing_after: float
-    stop: str
     wheel: str
     """the disturbed wheel, left or right, or empty"""
 
@@ -89,19 +81,17 @@ class CaseResult(NamedTuple):
         return self.wheel in self.cause
 
     @property
-    def is_claimed(self) -> bool:
-        """Whether it ended at the goal, as it reported."""
-        return self.end in ("reached", "reached_unsure")
+    def true_error(self) -> float:
+        """Distance from the goal to where the robot really is."""
+        return self.trial.error or 0.0
 
 
 class CaseSetting(NamedTuple):
     """What a case consists of."""
 
-    configuration: Configuration
+    trial: Trial
     robot: Robot
-    goal: Goal
     tolerances: tuple[float, float]
-    plant_seed: int
     known_at: float
     """s; before it nothing is wrong"""
     is_fatal: bool
@@ -141,12 +131,22 @@ def set_up(case: Case, folder: Path) -> CaseSetting:
     faults = simulation.get("faults", [])
     sides = {fault["side"] for fault in faults if "side" in fault}
     wheel = sides.pop() if len(sides) == 1 else ""
-    return CaseSetting(
+    goal = _draw_goal(configuration.robot, design, rng)
+    trial = Trial(
+        str(case),
+        case.perturbation,
+        str(case.robot),
         configuration,
-        configuration.robot,
-        _draw_goal(configuration.robot, design, rng),
-        design.tolerances,
+        (goal,),
         plant_seed,
+        "sim",
+        DURATION_S,
+        Expectation(),
+    )
+    return CaseSetting(
+        trial,
+        configuration.robot,
+        design.tolerances,
         min((fault["at"] for fault in faults), default=0.0),
         perturbation.fatal,
         wheel,
@@ -161,48 +161,34 @@ def _draw_goal(robot: Robot, design: RobotDesign, rng: Random) -> Goal:
     return Goal(0, 1, away * cos(bearing), away * sin(bearing), heading)
 
 
-class ObservedRun(Run):
-    """A run that notes how its goal ended, and watches the truth."""
+class ObservedRun(TrialRun):
+    """The run of a trial that notes when a person could have known that its goal is lost."""
 
     def __init__(self, setting: CaseSetting) -> None:
-        options = RunOptions(
-            goals=(setting.goal,), seed=setting.plant_seed, fast=True, duration=DURATION_S
-        )
-        self.state: GoalState | None = None
         self.commanded: tuple[float, float] = (0.0, 0.0)
-        self.farthest = self.travel_after = self.standing_after = 0.0
+        self.travel_after = self.standing_after = 0.0
         self.known = False
         self.commanded_turn = 0.0  # rad, of a wheel that stands
         self.standing_angles: dict[int, float] = {}  # rad, of those wheels
-        self.latched_at: int | None = None
-        super().__init__(setting.configuration, options, tell=_ignore)
-        self._setting, self._looked = setting, 0
-        self.engine.idle = self._look
+        self._setting, self._seen = setting, 0
+        super().__init__(setting.trial)
 
     def _sinks(self) -> dict[str, list[Sink]]:
         sinks = super()._sinks()
-        for wire in wires_of(self.assembly, GoalState):
-            sinks[wire].append(self._on_state)
         assert self.assembly.command is not None
         sinks[self.assembly.command].append(self._on_command)
         return sinks
-
-    def _on_state(self, now: int, state: GoalState) -> None:
-        self.state = state
 
     def _on_command(self, now: int, command: Wheels | Duty) -> None:
         self.commanded = (command.left, command.right)
 
     def _look(self) -> None:
-        plant, setting = self.plant, self._setting
+        super()._look()
+        plant = self.plant
         assert plant is not None
-        body, goal = plant.chassis, setting.goal
-        distance = hypot(goal.x - body.x, goal.y - body.y)
-        self.farthest = max(self.farthest, distance - hypot(goal.x, goal.y))
-        seconds = (plant.now - self._looked) / SECOND
-        self._looked = plant.now
-        self._end_after_stop(plant.now)
-        if plant.now >= setting.known_at * SECOND:
+        seconds = (plant.now - self._seen) / SECOND
+        self._seen = plant.now
+        if plant.now >= self._setting.known_at * SECOND:
             self._note_whether_known(seconds)
         if self.known:
             if any(wheel.speed for wheel in plant.wheels):
@@ -255,16 +241,6 @@ class ObservedRun(Run):
     def _pitch(self) -> float:
         return 2.0 * pi / self._setting.robot.drive.left.encoder.slots
 
-    def _end_after_stop(self, now: int) -> None:
-        """End the run a while after a stop that only a person could release."""
-        latched = [stop for stop in self.operator.stops_in_force.values() if stop.latched]
-        if not latched:
-            self.latched_at = None
-        elif self.latched_at is None:
-            self.latched_at = now
-        elif now - self.latched_at > STOPPED_S * SECOND:
-            self.engine.end(1, f"{latched[0].code}: {latched[0].cause}")
-
 
 def run_case(case: Case, folder: Path | None = None) -> CaseResult:
     """Run a case, and the controller that knows the true pose. `folder`: keep the files there."""
@@ -275,59 +251,37 @@ def run_case(case: Case, folder: Path | None = None) -> CaseResult:
     setting = set_up(case, folder)
     run = ObservedRun(setting)
     result = run.go()
-    robot, nominal = setting.robot, setting.configuration.nominal
+    robot, nominal = setting.robot, setting.trial.configuration.nominal
     assert nominal is not None
-    oracle = TruePoseController(robot, setting.goal, setting.tolerances)
-    oracle_seconds = oracle.run(
-        draw_robot(robot, nominal, setting.plant_seed), round(ORACLE_S * SECOND)
-    )
-    return _result(case, setting, run, result, oracle_seconds)
+    oracle = TruePoseController(robot, setting.trial.goals[0], setting.tolerances)
+    seconds = oracle.run(draw_robot(robot, nominal, setting.trial.seed), round(ORACLE_S * SECOND))
+    return _result(case, setting, run, result, seconds is not None)
 
 
 def _result(
-    case: Case, setting: CaseSetting, run: ObservedRun, result: RunResult, oracle: float | None
+    case: Case, setting: CaseSetting, run: ObservedRun, result: RunResult, oracle_reaches: bool
 ) -> CaseResult:
-    goal, state, pose, truth = setting.goal, run.state, result.odometry, result.truth
+    found, state, pose, truth = trial_result(run, result), run.state, result.odometry, result.truth
     assert pose is not None and truth is not None
     at = truth.pose
-    x, y, turn = at.x - pose.x, at.y - pose.y, _wrap(at.heading - pose.heading)
-    limits, lag = setting.robot.limits, setting.robot.drive.left.motor.lag
+    turn = shortest_turn(at.heading - pose.heading)
     xx, _, _, yy, _, hh = pose.covariance
-    # Whoever arrives before the end of all motion proves nothing about the time after it.
-    seconds = run.engine.last_instant / SECOND
     return CaseResult(
         case,
-        _end_of(run, result, state),
-        state.cause if state is not None and state.cause else result.ending.cause,
-        oracle is not None and not (setting.is_fatal and seconds > setting.known_at),
-        oracle,
-        seconds,
-        hypot(goal.x, goal.y),
-        run.farthest,
-        max(0.3, limits.speed * (1.0 + lag)),
-        hypot(goal.x - at.x, goal.y - at.y),
-        abs(_wrap((goal.heading or 0.0) - at.heading)),
-        hypot(x, y),
+        found,
+        state.cause if state is not None and state.cause else found.cause,
+        # Whoever arrives before the end of all motion proves nothing about the time after it.
+        oracle_reaches and not (setting.is_fatal and found.time > setting.known_at),
+        max(0.3, setting.robot.limits.speed * (1.0 + setting.robot.drive.left.motor.lag)),
         turn,
-        position_sigmas(x, y, pose),
+        position_sigmas(at.x - pose.x, at.y - pose.y, pose),
         turn / sqrt(hh) if hh > 0.0 else float("inf"),
         sqrt(max(0.5 * (xx + yy), 0.0)),
         sqrt(max(hh, 0.0)),
         run.travel_after,
         run.standing_after,
-        result.stops[-1].code if result.stops else "",
         setting.wheel,
     )
-
-
-def _end_of(run: ObservedRun, result: RunResult, state: GoalState | None) -> str:
-    if result.failure is not None:
-        return "failure"
-    if run.latched_at is not None:
-        return "stopped"
-    if state is None or state.state not in GOAL_EXIT_CODES:
-        return "time limit"
-    return state.state
 
 
 def position_sigmas(x: float, y: float, pose: Odometry) -> float:
@@ -337,14 +291,6 @@ def position_sigmas(x: float, y: float, pose: Odometry) -> float:
     if determinant <= 0.0:
         return hypot(x, y) / sqrt(max(xx, yy)) if max(xx, yy) > 0.0 else float("inf")
     return sqrt(max((yy * x * x - 2.0 * xy * x * y + xx * y * y) / determinant, 0.0))
-
-
-def _wrap(angle: float) -> float:
-    return (angle + pi) % (2.0 * pi) - pi
-
-
-def _ignore(text: str) -> None:
-    """The messages of a run are not shown."""
 
 
 def _copied(tree: dict[str, Any]) -> dict[str, Any]:
