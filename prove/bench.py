@@ -81,11 +81,8 @@ def overhead(ticks: int) -> Iterator[Row]:
     yield Row("engine and direct calls give the same commands", str(same), "True", same)
     extra = (median(engine_times) - median(direct_times)) * 1e6
     ratio = quantile(engine_times, 0.999) / quantile(direct_times, 0.999)
-    yield Row(
-        "engine over five direct calls (gate included), median",
-        f"{extra:.2f} us",
-        "<= 5 us",
-        extra <= 5,
+    yield Row.at_most(
+        "engine over five direct calls (gate included), median", extra, 5, "us", ".2f"
     )
     yield Row("engine over direct calls, p99.9", f"x{ratio:.2f}", "<= x3", ratio <= 3)
 
@@ -160,7 +157,7 @@ def start_up(starts: int) -> Iterator[Row]:
 def milliseconds(what: str, times: list[float], limit: int) -> Row:
     """A row for the median of `times` (s); `limit` is in ms."""
     figure = median(times) * 1000
-    return Row(what, f"{figure:.0f} ms", f"<= {limit} ms", figure <= limit)
+    return Row.at_most(what, figure, limit, "ms", ".0f")
 
 
 def first_command(fresh: bool) -> float:

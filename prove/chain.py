@@ -324,13 +324,11 @@ def driving_rows(seed: int, robots: int, steps: int = len(CHAIN)) -> Iterator[Ro
 
 def _short_rows(what: str, drives: list[Short], limit: float) -> Iterator[Row]:
     lateral = pstdev(drive.lateral for drive in drives) * MM
-    yield Row(
-        f"{what}: metre, lateral sd", f"{lateral:.1f} mm", f"<= {limit:g} mm", lateral <= limit
-    )
+    yield Row.at_most(f"{what}: metre, lateral sd", lateral, limit, "mm")
     metres, turns = [drive.metre for drive in drives], [drive.turn for drive in drives]
     for name, values in (("metre", metres), ("turn", turns)):
         sd = degrees(pstdev(values))
-        yield Row(f"{what}: {name}, heading sd", f"{sd:.2f} deg", "<= 0.8 deg", sd <= 0.8)
+        yield Row.at_most(f"{what}: {name}, heading sd", sd, 0.8, "deg", ".2f")
 
 
 def rows(seed: int, robots: int, steps: int = len(CHAIN)) -> Iterator[Row]:

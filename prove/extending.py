@@ -105,7 +105,7 @@ def _running_commands(folder: Path, pipeline: str) -> list[tuple[int, str, str]]
 
 def _count(what: str, outputs: list[tuple[int, str, str]]) -> Row:
     good = sum(code == 0 and "INCOMPLETE" not in out for code, out, _ in outputs)
-    return Row(what, f"{good} of {len(outputs)}", "all", good == len(outputs))
+    return Row.counted(what, good, len(outputs))
 
 
 def round_trip_rows(seconds: float) -> Iterator[Row]:

@@ -172,9 +172,4 @@ def rows(seed: int, trials: int, kinds: int = len(FAULTS)) -> Iterator[Row]:
         seeds = [rng.getrandbits(32) for _ in range(trials)]
         with ThreadPoolExecutor(PARALLEL_TRIALS) as pool:
             good = sum(pool.map(partial(run_trial, fault), seeds))
-        yield Row(
-            f"{name}: stop last on the wire, cause shown",
-            f"{good} of {trials}",
-            f"{trials} of {trials}",
-            good == trials,
-        )
+        yield Row.counted(f"{name}: stop last on the wire, cause shown", good, trials)

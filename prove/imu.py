@@ -16,9 +16,8 @@ from diffbotctl.config.load import load, load_robot
 from diffbotctl.messages import Goal
 from diffbotctl.plant.simulated_robot import draw_robot
 from diffbotctl.prompts.answers_file import AnswersFile
-from diffbotctl.runs.options import RunOptions
+from diffbotctl.runs.options import RunOptions, RunResult
 from diffbotctl.runs.run import Run
-from diffbotctl.time import SECOND
 from prove.motion import OPEN_FLOOR
 from tests.support.calibration_robots import SilentScreen
 from tests.support.matrix_case import position_sigmas
@@ -36,7 +35,7 @@ ENCODERS = {
     "1320 counts": "drive: {polarity: checked_by_hand, encoder: {channels: 2, slots: 1320}, "
     "left: {encoder: {pin_b: 22}}, right: {encoder: {pin_b: 23}}}",
 }
-LONGEST = 300 * SECOND
+LONGEST_S = 300.0
 LEGS, ZIGZAG_TURN = 10, radians(60.0)
 WRONG_AXES = ("-z", "x", "-x", "y", "-y")  # of an IMU whose z is stated to point up
 ASIDE = Goal(0, 1, 0.0, 0.5)  # behind a turn
@@ -112,16 +111,19 @@ def robot_file(
     return file
 
 
+def driven(file: Path, goals: list[Goal], seed: int, *sets: str) -> RunResult:
+    """A run along all goals on an open floor."""
+    options = RunOptions(goals=tuple(goals), seed=seed, fast=True, duration=LONGEST_S)
+    return Run(load("goal", str(file), [*OPEN_FLOOR, *sets]), options, tell=lambda _: None).go()
+
+
 def drive(
     goals: list[Goal], encoders: str, trial: Trial, has_gyro: bool, wheels: float = CALIBRATED
 ) -> DriveEnd:
     """The end of one drive along all goals."""
     with TemporaryDirectory() as folder:
         file = robot_file(Path(folder), encoders, trial, has_gyro, wheels)
-        options = RunOptions(
-            port="sim", goals=tuple(goals), seed=trial.seed, fast=True, duration=LONGEST
-        )
-        result = Run(load("goal", str(file), OPEN_FLOOR), options, tell=lambda _: None).go()
+        result = driven(file, goals, trial.seed)
     assert result.truth is not None and result.odometry is not None
     pose, goal = result.truth.pose, goals[-1]
     error = degrees(result.odometry.heading - pose.heading)
@@ -187,11 +189,8 @@ def slide(encoders: str, trial: Trial, is_sliding: bool) -> SlideEnd:
     goal = Goal(0, 1, rng.uniform(0.8, 2.0), rng.uniform(-1.0, 1.0))
     with TemporaryDirectory() as folder:
         file = robot_file(Path(folder), encoders, trial, True, EXACT)
-        options = RunOptions(
-            port="sim", goals=(goal,), seed=trial.seed, fast=True, duration=LONGEST
-        )
-        sets = [*OPEN_FLOOR, *[f"robot.simulation.faults=[{fault}]"] * is_sliding]
-        result = Run(load("goal", str(file), sets), options, tell=lambda _: None).go()
+        sets = [f"robot.simulation.faults=[{fault}]"] * is_sliding
+        result = driven(file, [goal], trial.seed, *sets)
     assert result.truth is not None and result.odometry is not None
     truth, reported = result.truth.pose, result.odometry
     x, y = truth.x - reported.x, truth.y - reported.y
@@ -257,10 +256,7 @@ def refused_mountings(seed: int, mountings: list[str]) -> Iterator[Row]:
     for number, axes in enumerate(mountings):
         with TemporaryDirectory() as folder:
             file = mounted_robot(Path(folder), axes)
-            options = RunOptions(
-                port="sim", goals=(ASIDE,), seed=seed + number, fast=True, duration=LONGEST
-            )
-            result = Run(load("goal", str(file), OPEN_FLOOR), options, tell=lambda _: None).go()
+            result = driven(file, [ASIDE], seed + number)
         assert result.truth is not None
         codes = [] if result.failure is None else [each.code for each in result.failure.problems]
         refused += codes == ["E-IMU-FAULT"]

@@ -14,7 +14,7 @@ from diffbotctl.geometry.distance_sensors import SHARPS
 from diffbotctl.graph import Sink
 from diffbotctl.links import diffbot_frames as frames
 from diffbotctl.links.diffbot_settings import RangeInput
-from diffbotctl.messages import Goal, Imu, Odometry
+from diffbotctl.messages import Goal, Odometry
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
 from diffbotctl.time import MILLISECOND, SECOND
@@ -50,14 +50,12 @@ ASIDE = Goal(0, 1, 0.6, 0.3, 1.0)
 
 
 class ObservedRun(Run):
-    """A run that keeps the poses of its odometry and the states of its IMU."""
+    """A run that keeps the poses of its odometry."""
 
     def _sinks(self) -> dict[str, list[Sink]]:
         self.poses: list[Odometry] = []
-        self.imus: list[Imu] = []
         sinks = super()._sinks()
         sinks["odometry.odometry"].append(lambda now, pose: self.poses.append(pose))
-        sinks["odometry.imu"].append(lambda now, imu: self.imus.append(imu))
         return sinks
 
 

@@ -201,12 +201,7 @@ def rows(seed: int, robots: int) -> Iterator[Row]:
         ]
         typical = median(t.true_error for t in middle) * 1000
         target = {"edges": 10, "counts": 12, "stock": 20}[kind]
-        yield Row(
-            f"{kind}: true position, 0.8 to 1.2 m, median",
-            f"{typical:.1f} mm",
-            f"<= {target} mm",
-            typical <= target,
-        )
+        yield Row.at_most(f"{kind}: true position, 0.8 to 1.2 m, median", typical, target, "mm")
         yield straight(kind, seed, robots, "model")
     yield straight("edges", seed, robots, "count")
     yield ideal()
@@ -271,9 +266,4 @@ def straight(kind: str, seed: int, robots: int, method: str) -> Row:
             "naive counting: straight metre, lateral sd", f"{spread:.1f} mm", "(about 33)", True
         )
     target = {"edges": 6, "counts": 10, "stock": 17}[kind]
-    return Row(
-        f"{kind}: straight metre, lateral sd",
-        f"{spread:.1f} mm",
-        f"<= {target} mm",
-        spread <= target,
-    )
+    return Row.at_most(f"{kind}: straight metre, lateral sd", spread, target, "mm")

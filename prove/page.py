@@ -78,7 +78,7 @@ def _sizes() -> Iterator[Row]:
         ("everything", sum(sizes.values()), TOTAL_MAX_KIB),
     ):
         kib = size / 1024
-        yield Row(f"page, gzipped, {what}", f"{kib:.1f} KiB", f"<= {limit} KiB", kib <= limit)
+        yield Row.at_most(f"page, gzipped, {what}", kib, limit, "KiB")
 
 
 def _new_tab(browser: Browser, device: str) -> Page:

@@ -8,48 +8,18 @@ from pathlib import Path
 from random import Random
 from statistics import median
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import Any
 
 from diffbotctl.config.load import load
-from diffbotctl.engine.driver import Delivery
-from diffbotctl.messages import Twist
-from diffbotctl.runs.options import RunOptions
-from diffbotctl.runs.run import Run
 from diffbotctl.trials.random_robots import yaml_text
 from prove.motion import OPEN_FLOOR, TOLERANCES, Trip, goals_within, share, trip
 from tests.support.matrix_case import EQUATIONS
 from tests.support.trials.row import Row
 from tests.support.trials.section import drawn
+from tests.support.trials.straight import straight_drive
 
 LAG = 0.3  # s
-DRIVE_SPEED, DRIVE_SECONDS = 0.15, 6.0
-COMMAND_PERIOD = 50_000_000  # ns
 MM = 1000
-
-
-class DriveResult(NamedTuple):
-    """Heading changes (rad) of one straight drive by hand, and the bound by its true wheels."""
-
-    reported: float
-    true: float
-    bound: float
-
-
-class HandDriver(Run):
-    """A run without a goal, in which a person holds the forward key."""
-
-    def hold(self) -> None:
-        """Send commands for the time of the drive."""
-        self._sent_at = -COMMAND_PERIOD
-        self.engine.idle = self._send
-
-    def _send(self) -> None:
-        now = self.engine.last_instant
-        if now - self._sent_at >= COMMAND_PERIOD and now < DRIVE_SECONDS * 1e9:
-            self._sent_at = now
-            twist = Twist(now, DRIVE_SPEED, 0.0)
-            self.operator.outbox.append(Delivery("operator.twist", twist))
-            self.operator.outbox_due = now + 1
 
 
 def robot_file(folder: Path, base: str, plant: int, changes: dict[str, object]) -> str:
@@ -69,23 +39,6 @@ def trips(
     setup = load("goal", file, [*OPEN_FLOOR, *TOLERANCES.get(kind, ())])
     rng = Random(f"{seed} {base} {plant} {sorted(changes)}")
     return [trip(setup, goals_within(0.05, 2.0, rng), rng.getrandbits(32)) for _ in range(number)]
-
-
-def hand_drive(file: str, seed: int) -> DriveResult:
-    """Drive straight on for six seconds and let it come to rest."""
-    setup = load("teleop", file, [*OPEN_FLOOR, "world.obstacles=[]"])
-    options = RunOptions(seed=seed, fast=True, duration=DRIVE_SECONDS + 2.0, stay=True)
-    run = HandDriver(setup, options)
-    run.hold()
-    result = run.go()
-    assert run.plant is not None and result.odometry is not None and result.truth is not None
-    body = run.plant.chassis
-    ratio = abs(body.left_radius - body.right_radius) / (body.left_radius + body.right_radius)
-    return DriveResult(
-        result.odometry.heading,
-        result.truth.pose.heading,
-        2 * ratio * result.truth.travel / body.track,
-    )
 
 
 def rows(seed: int, goals: int, plants: int = len(EQUATIONS)) -> Iterator[Row]:
@@ -162,8 +115,8 @@ def _drive_rows(folder: Path, plant: int, name: str, seed: int, number: int) -> 
     rng = Random(f"{seed} drive {plant}")
     for spread in (0.0, 0.01):
         file = robot_file(folder, "book_2wd", plant, {"geometry": {"diameter_spread": spread}})
-        drives = [hand_drive(file, rng.getrandbits(31)) for _ in range(number)]
-        reported = [abs(degrees(drive.reported)) for drive in drives]
+        drives = [straight_drive(file, rng.getrandbits(31)) for _ in range(number)]
+        reported = [abs(drive.estimated) for drive in drives]
         if not spread:
             yield Row(
                 f"{name}: drive 6 s: heading by odometry, median, worst",
@@ -171,9 +124,9 @@ def _drive_rows(folder: Path, plant: int, name: str, seed: int, number: int) -> 
                 "<= 1, 4 deg",
                 median(reported) <= 1.0 and max(reported) <= 4.0,
             )
-        beyond = [abs(degrees(drive.true)) - degrees(drive.bound) for drive in drives]
+        beyond = [abs(drive.actual) - abs(drive.diameters) for drive in drives]
         limit = 1.0 if spread else 1.5
-        bound = max(degrees(drive.bound) for drive in drives)
+        bound = max(abs(drive.diameters) for drive in drives)
         yield Row(
             f"{name}: drive 6 s: true heading beyond bound {bound:.1f} deg",
             f"{median(beyond):.2f}, {max(beyond):.1f} deg",

@@ -210,12 +210,7 @@ def weak_rows(seed: int, runs: int) -> Iterator[Row]:
         farther <= FARTHER_MAX,
     )
     named = sum(f"the {side} wheel" in one.output for side, one in slower)
-    yield Row(
-        "the same: the weak wheel of unequal motors named",
-        f"{named} of {len(slower)}",
-        "all",
-        named == len(slower),
-    )
+    yield Row.counted("the same: the weak wheel of unequal motors named", named, len(slower))
 
 
 def weak_robot(folder: Path, equations: str, name: str, side: str, factor: float) -> Configuration:

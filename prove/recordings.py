@@ -96,12 +96,7 @@ def read_by_others(path: Path) -> Iterator[Row]:
         theirs == ours > 0,
     )
     equal = sum(schemas.get(name) == digest for name, digest in PUBLISHED.items())
-    yield Row(
-        "foxglove.* schemas in it equal to the published",
-        f"{equal} of {len(PUBLISHED)}",
-        "all",
-        equal == len(PUBLISHED),
-    )
+    yield Row.counted("foxglove.* schemas in it equal to the published", equal, len(PUBLISHED))
     yield Row("viewers' messages against those schemas", f"{bad} invalid", "0", bad == 0)
 
 
@@ -216,12 +211,7 @@ def killed(folder: Path, rng: Random, trials: int) -> Iterator[Row]:
         worst <= LOSS,
     )
     whole = sum(cut.whole for cut in cuts)
-    yield Row(
-        "recovered with every message that was flushed",
-        f"{whole} of {trials}",
-        "all",
-        whole == trials,
-    )
+    yield Row.counted("recovered with every message that was flushed", whole, trials)
 
 
 def cost(what: str, folder: Path, drive_s: float, more: list[str]) -> Row:

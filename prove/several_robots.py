@@ -74,7 +74,7 @@ def turtles_row() -> Row:
             watcher.until(lambda status: _moved(before, _places(watcher)) == len(before))
             moved = _moved(before, _places(watcher))
     count = len(TURTLE_VELOCITIES)
-    return Row("turtles driven at once", f"{moved} of {count}", "all", moved == count)
+    return Row.counted("turtles driven at once", moved, count)
 
 
 def _places(client: PlainClient) -> dict[str, float]:
@@ -175,6 +175,4 @@ def _rows(way: str, outcomes: list[CutOutcome]) -> Iterator[Row]:
         still == count,
     )
     again = sum(outcome.drives_again for outcome in outcomes)
-    yield Row(
-        f"two robots by {way}: both are driven again", f"{again} of {count}", "all", again == count
-    )
+    yield Row.counted(f"two robots by {way}: both are driven again", again, count)

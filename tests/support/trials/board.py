@@ -65,7 +65,7 @@ def latency(seed: int, count: int) -> Iterator[Row]:
             bench.run(start + round(rng.uniform(30, 50) * MS))
             taken.append(bench.changes[0].time - start)
     middle = median(taken) / MS
-    yield Row("command on the wire to PWM, median", f"{middle:.1f} ms", "<= 12 ms", middle <= 12)
+    yield Row.at_most("command on the wire to PWM, median", middle, 12, "ms")
     worst = max(taken) / MS
     yield Row("command on the wire to PWM, worst", f"{worst:.1f} ms", "(no target)", True)
     yield Row(
@@ -218,10 +218,8 @@ def restarts(seed: int, count: int) -> Iterator[Row]:
             worst = max(worst, max(c.time for c in bench.changes) - start)
             still += bench.duty == [0.0, 0.0]
             reported += frames.ResetCode(hello.reset).name.lower() == kind and hello.boot != boot
-    yield Row(
-        "restart in motion: motors off and stay off", f"{still} of {count}", "all", still == count
-    )
-    yield Row("cause and new start reported", f"{reported} of {count}", "all", reported == count)
+    yield Row.counted("restart in motion: motors off and stay off", still, count)
+    yield Row.counted("cause and new start reported", reported, count)
     yield Row(
         "a hung program's motors are off after",
         f"{worst / MS:.0f} ms",

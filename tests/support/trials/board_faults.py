@@ -52,12 +52,7 @@ def storms(seed: int, count: int) -> Iterator[Row]:
     rng = Random(seed)
     results = [_storm(rng) for _ in range(count)]
     named = sum(result.was_named for result in results)
-    yield Row(
-        f"{count} encoder storms of 1 k to 200 k pulses/s: named",
-        f"{named} of {count}",
-        "all",
-        named == count,
-    )
+    yield Row.counted(f"{count} encoder storms of 1 k to 200 k pulses/s: named", named, count)
     silent = max(result.silent_time for result in results)
     yield Row(
         "the same: PWM 0 after the last command",
@@ -160,12 +155,7 @@ def hellos(seed: int, count: int) -> Iterator[Row]:
     """A reset while a frame is on the wire: the first hello arrives, at the stored baud rate."""
     rng = Random(seed)
     arrived = sum(_hello_arrives(rng, number) for number in range(count))
-    yield Row(
-        "hello after a reset in mid-frame, 9600 to 115200 baud",
-        f"{arrived} of {count}",
-        "all",
-        arrived == count,
-    )
+    yield Row.counted("hello after a reset in mid-frame, 9600 to 115200 baud", arrived, count)
 
 
 def _hello_arrives(rng: Random, number: int) -> bool:

@@ -142,7 +142,7 @@ def rows(seed: int, count: int) -> Iterator[Row]:
         ("the goal waits for `resume`", lambda s: s.waited),
     ):
         good = sum(map(each, seen))
-        yield Row(f"board restart under a goal: {name}", f"{good} of {count}", "all", good == count)
+        yield Row.counted(f"board restart under a goal: {name}", good, count)
     step = 1000 * max(each.step for each in seen)
     later = 1000 * max(each.later_step for each in seen)
     yield Row(

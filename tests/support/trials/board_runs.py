@@ -56,11 +56,9 @@ def goals(seed: int, count: int) -> Iterator[Row]:
     yield Row(
         f"{total} goals on the emulated board: reached", f"{reached}", "all", reached == total
     )
-    yield Row(
-        "true position, median, goals 0.8 to 1.2 m", f"{middle:.1f} mm", "<= 10 mm", middle <= 10
-    )
-    yield Row("true position, worst within 2 m", f"{far:.1f} mm", "<= 60 mm", far <= 60)
-    yield Row("true heading, worst", f"{turned:.2f} deg", "<= 4 deg", turned <= 4)
+    yield Row.at_most("true position, median, goals 0.8 to 1.2 m", middle, 10, "mm")
+    yield Row.at_most("true position, worst within 2 m", far, 60, "mm")
+    yield Row.at_most("true heading, worst", turned, 4, "deg", ".2f")
     yield Row("checksum errors and state frames lost", f"{spoilt}", "0", spoilt == 0)
     # Frames leave at whole milliseconds of the board: a span of seconds resolves 0.005 Hz.
     yield Row("state frames, slowest run", f"{rate:.2f} Hz", ">= 38 Hz", round(rate, 2) >= 38)

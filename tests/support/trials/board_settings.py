@@ -142,9 +142,8 @@ def eeprom_cuts(seed: int, count: int) -> Iterator[Row]:
         with BoardBench(eeprom=torn) as bench:
             bench.wait(30)
             valid += bench.ask().settings in marks
-    yield Row(
+    yield Row.counted(
         f"EEPROM of {len(shots)} written bytes, cut at {count} places: a valid slot",
-        f"{valid} of {len(cuts)}",
-        "all",
-        valid == len(cuts),
+        valid,
+        len(cuts),
     )

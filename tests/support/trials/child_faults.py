@@ -287,9 +287,4 @@ def rows(seed: int, trials: int, kinds: int = 100) -> Iterator[Row]:
             for fault in outcome.faults:
                 print(f"        {name}: {fault}\n{outcome.output[-1500:]}")
         good = sum(not outcome.faults for outcome in outcomes)
-        yield Row(
-            f"F {name}: goes on or ends, nothing is left",
-            f"{good} of {trials}",
-            f"{trials} of {trials}",
-            good == trials,
-        )
+        yield Row.counted(f"F {name}: goes on or ends, nothing is left", good, trials)

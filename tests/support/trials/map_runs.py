@@ -140,11 +140,9 @@ def _process(folder: Path, seconds: float, seed: int) -> Iterator[Row]:
     worst, middle = max(delays), median(delays)
     figure = f"p50 {1e3 * middle:.0f} ms, worst {1e3 * worst:.0f} ms"
     yield Row("scan to answer", figure, f"<= {1e3 * DELAY_MAX:.0f} ms", worst <= DELAY_MAX)
-    yield Row(
-        "process of the map, of a core", f"{share:.0f} %", f"<= {SHARE_MAX:g} %", share <= SHARE_MAX
-    )
+    yield Row.at_most("process of the map, of a core", share, SHARE_MAX, "%", ".0f")
     megabytes = int(memory.split()[1]) / 1000
-    yield Row("its memory", f"{megabytes:.0f} MB", f"<= {MEMORY_MAX:g} MB", megabytes <= MEMORY_MAX)
+    yield Row.at_most("its memory", megabytes, MEMORY_MAX, "MB", ".0f")
 
 
 def _cpu(stat: Path) -> float:

@@ -151,11 +151,11 @@ def rows(seed: int, trials: int = 30) -> Iterator[Row]:
     reached = sum(each.reached for each in done)
     consents = sum(each.consents for each in done)
     lost, sent = sum(each.lost for each in done), sum(each.frames for each in done)
-    yield Row(
+    yield Row.counted(
         "radio of 10 to 50 ms, 1 % lost, 5 s outages: goals",
-        f"{reached} of {trials}",
+        reached,
+        trials,
         f"all, with `resume` ({consents})",
-        reached == trials,
     )
     stops = [stop for each in done for stop in each.stops]
     least = f", least {min(stops)[0] * 1000:.0f} ms ({min(stops)[1]})" if stops else ""

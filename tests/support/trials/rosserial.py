@@ -61,7 +61,7 @@ def recorded(path: Path) -> Iterator[Row]:
     known = len(whole.host.topics.numbers)
     yield Row(f"{name}: topics known", f"{known} of 6", "6 of 6", known == 6)
     read = ticks_read(whole)
-    yield Row(f"{name}: ticks read", f"{read} of {whole.ticks}", "all", read == whole.ticks)
+    yield Row.counted(f"{name}: ticks read", read, whole.ticks)
     counts = [
         [m for _, m in each.received if isinstance(m, Encoders)] for each in (whole, single)
     ]  # Link messages differ: each states how far the stream has been read
@@ -147,14 +147,12 @@ def starts_in_noise(seed: int, starts: int, straddle: bool) -> Iterator[Row]:
     yield Row(f"{name}: intact frames lost", f"{lost} of {intact}", "0", lost == 0)
     ups = [f.up for f in found]
     half, most = median(ups), max(ups)
-    yield Row(f"{name}: negotiated, median", f"{half:.2f} s", "<= 3 s", half <= 3.0)
-    yield Row(f"{name}: negotiated, worst", f"{most:.2f} s", "<= 12 s", most <= 12.0)
+    yield Row.at_most(f"{name}: negotiated, median", half, 3.0, "s", ".2f")
+    yield Row.at_most(f"{name}: negotiated, worst", most, 12.0, "s", ".2f")
     lone = sum(f.lone for f in found)
     yield Row(f"{name}: writes for one wheel alone", str(lone), "0", lone == 0)
     mixed = max(f.mixed for f in found)
-    yield Row(
-        f"{name}: longest drive on half a pair", f"{mixed:.2f} s", f"<= {MIXED} s", mixed <= MIXED
-    )
+    yield Row.at_most(f"{name}: longest drive on half a pair", mixed, MIXED, "s", ".2f")
     error = max(f.error for f in found)
     yield Row(
         f"{name}: counts off the wheels', most", f"{error:.1f}", f"<= {ERROR}", error <= ERROR

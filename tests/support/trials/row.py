@@ -16,6 +16,16 @@ class Row(NamedTuple):
     target: str
     met: bool
 
+    @classmethod
+    def counted(cls, what: str, good: int, count: int, target: str = "all") -> Row:
+        """How many of `count` are good: all have to be."""
+        return cls(what, f"{good} of {count}", target, good == count)
+
+    @classmethod
+    def at_most(cls, what: str, value: float, limit: float, unit: str, spec: str = ".1f") -> Row:
+        """A value and its largest; `spec` formats it."""
+        return cls(what, f"{value:{spec}} {unit}", f"<= {limit:g} {unit}", value <= limit)
+
     @property
     def verdict(self) -> str:
         """The first word of its line."""
