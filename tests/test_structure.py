@@ -88,7 +88,7 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "flash": 1_450,
     "foxglove": 1_020,
     "geometry": 720,
-    "learn": 680,
+    "learn": 695,
     "links": 4_240,
     "mapping": 2_220,
     "model": 240,

@@ -14,6 +14,7 @@ from diffbotctl.cli.command import argument, group, option
 from diffbotctl.cli.contradictions import exclusive
 from diffbotctl.cli.options import JSON
 from diffbotctl.cli.output import print_json
+from diffbotctl.errors import join_words
 from diffbotctl.printable import keep_lines
 
 if TYPE_CHECKING:
@@ -35,7 +36,8 @@ def learn() -> None:
     """Learn diffbotctl along the book's chapters: lessons that check what you did.
 
     Each lesson is a folder below ./learn with files of yours; the commands work in all folders
-    below it. LESSON is its name or number; default: the first that has not passed yet.
+    below it. LESSON is its name or number; default: that of the present folder, or else the first,
+    that has not passed yet.
     """
     context = click.get_current_context()
     if context.invoked_subcommand is None:
@@ -49,8 +51,7 @@ def _show_list() -> None:
     for number, lesson in enumerate(lessons(), 1):
         state = folder.progress(lesson).passed and "passed"
         state = state or ("begun" if folder.has_begun(lesson) else "")
-        section = lesson.section
-        click.echo(f"{number:3}  {lesson.name:14} {section.title:44} {state}".rstrip())
+        click.echo(f"{number:3}  {lesson.name:14} {lesson.section.title:44} {state}".rstrip())
     click.echo(f"\n{_what_next(folder)}")
 
 
@@ -66,8 +67,7 @@ def next(name: str | None = LESSON) -> None:
     if name is None and _folder().progress(lesson).passed:
         click.echo(ALL_PASSED)
         return
-    path = _folder().begin(lesson)
-    _show(lesson, path)
+    _show(lesson, _folder().begin(lesson))
 
 
 @learn.command()
@@ -93,7 +93,8 @@ def check(
     if solution:
         return _check_solution(lesson, seed, as_json)
     if not folder.has_begun(lesson):
-        click.echo(f"Written: {folder.begin(lesson)}")
+        click.echo(f"{folder.of(lesson)} was not there. Written: the files to start from.")
+        folder.begin(lesson)
     if watch:
         return _watch(lesson, folder)
     verdict = _checked(lesson, folder, seed)
@@ -131,9 +132,7 @@ def hint(name: str | None = LESSON) -> None:
     for number, text in enumerate(hints[:shown], 1):
         click.echo(f"{number}. {text}")
     if shown == len(hints):
-        click.echo(
-            f"\nThat was the last hint. `diffbotctl learn solution {lesson.name}` shows one."
-        )
+        click.echo(f"\nThe last hint: `diffbotctl learn solution {lesson.name}` shows a solution.")
     folder.note(lesson, progress._replace(hints=shown))
 
 
@@ -182,18 +181,14 @@ def _folder() -> LearnerFolder:
 
 
 def _lesson(name: str | None) -> Lesson:
-    """The lesson called `name`; the first that has not passed, or else the last."""
+    """The lesson called `name`; of the present one and all, the first that has not passed."""
     from diffbotctl.learn.course import find_lesson, lessons
+    from diffbotctl.learn.learner_folder import lesson_in
 
     if name is not None:
         return find_lesson(name)
-    known, folder = lessons(), _folder()
-    return next_of(known, folder)
-
-
-def next_of(known: list[Lesson], folder: LearnerFolder) -> Lesson:
-    """The first lesson that has not passed; the last one when all have."""
-    for lesson in known:
+    here, known, folder = lesson_in(Path.cwd()), lessons(), _folder()
+    for lesson in [here, *known] if here else known:
         if not folder.progress(lesson).passed:
             return lesson
     return known[-1]
@@ -228,6 +223,7 @@ def _print_verdict(lesson: Lesson, folder: LearnerFolder, verdict: LessonVerdict
     found = verdict.finding
     click.echo(f"{lesson.name}: not yet.\n")
     click.echo(verdict.advice or found.seen)
+    _print_changed(lesson, folder)
     run = verdict.run
     if run is not None and verdict.pipeline and found.code not in ("error", "missing"):
         words = ["diffbotctl", "run", str(folder.checked(lesson) / verdict.pipeline)]
@@ -236,6 +232,16 @@ def _print_verdict(lesson: Lesson, folder: LearnerFolder, verdict: LessonVerdict
             words += ["--set", each]
         click.echo(f"\nThe same run, to look at:\n    {shlex.join(words)}")
     click.echo("\nA hint: diffbotctl learn hint")
+
+
+def _print_changed(lesson: Lesson, folder: LearnerFolder) -> None:
+    """Tell a learner whose work is in another file or folder, or was not saved."""
+    checked, changed = set(lesson.section.files), folder.changed(lesson)
+    names = join_words(sorted(checked), "and")
+    if not checked & changed and checked <= set(lesson.start_files()):
+        click.echo(f"\nYou have not changed {folder.of(lesson) / names} yet, or not saved it.")
+    if others := changed - checked:
+        click.echo(f"\nOnly {names} is checked. You have also changed {', '.join(sorted(others))}.")
 
 
 def _watch(lesson: Lesson, folder: LearnerFolder) -> int:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import os
 import random
 import shutil
+import signal
 import tempfile
 from collections.abc import Iterator
 from itertools import accumulate
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, NoReturn
 
 from diffbotctl.learn.lesson import Lesson, RunEntry
 from diffbotctl.learn.lesson_run import PASSED, LessonFinding, LessonRunFinding, judge
@@ -103,10 +104,16 @@ def _begun(
 
     def run() -> list[LessonRunFinding]:
         os.chdir(copy)
+        signal.signal(signal.SIGXCPU, _stop_endless)  # a second before the process is killed
         return judge(entry, copy, names, first, failures)
 
     wall = entry.time + WALL_MAX_S if entry.programs else WALL_MAX_S
     return LimitedChild(run, ChildLimits(PROCESSOR_MAX_S, wall, MEMORY_MAX_BYTES))
+
+
+def _stop_endless(number: int, frame: object) -> NoReturn:
+    """End the learner's code where it is: the error then names its line."""
+    raise TimeoutError(f"it did not return within {PROCESSOR_MAX_S:g} s of processor time")
 
 
 def _findings(child: LimitedChild[list[LessonRunFinding]], failures: int) -> list[LessonRunFinding]:

@@ -43,15 +43,22 @@ class LearnerFolder:
 
     def begin(self, lesson: Lesson) -> Path:
         """Write the files to start from; those that are there stay as they are."""
-        start = lesson.source("start")
-        files = {str(path.relative_to(start)): path for path in start.rglob("*") if path.is_file()}
-        for name, source in {**files, **lesson.extra_files()}.items():
+        for name, source in lesson.start_files().items():
             path = self.of(lesson) / name
             if not path.exists():
                 path.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(source, path)
         self.note(lesson, self.progress(lesson))  # by which the folder is found from below
         return self.of(lesson)
+
+    def changed(self, lesson: Lesson) -> set[str]:
+        """Names of the files to start from that are no longer as they were written, or are gone."""
+        here = self.of(lesson)
+        return {
+            name
+            for name, source in lesson.start_files().items()
+            if not (here / name).is_file() or (here / name).read_bytes() != source.read_bytes()
+        }
 
     def reset(self, lesson: Lesson) -> Path | None:
         """Start again; where the files were put that were there, None for none."""
@@ -90,9 +97,9 @@ class LearnerFolder:
         return found if isinstance(found, dict) else {}
 
 
-def lesson_of_file(path: Path) -> Lesson | None:
-    """The lesson of a file in a learner's folder; None for any other file."""
-    folder = path.resolve().parent
+def lesson_in(folder: Path) -> Lesson | None:
+    """The lesson whose files a learner has in `folder`; None for any other folder."""
+    folder = folder.resolve()
     if folder.parent.name not in (FOLDER.name, CHECKED):
         return None
     return next((lesson for lesson in lessons() if lesson.name == folder.name), None)

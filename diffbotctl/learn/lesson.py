@@ -96,6 +96,12 @@ class Lesson:
         """The text of the lesson, in Markdown."""
         return (self.folder / "lesson.md").read_text()
 
+    def start_files(self) -> dict[str, Path]:
+        """What a learner starts from: the names of the files, and where they come from."""
+        start = self.source("start")
+        files = {str(path.relative_to(start)): path for path in start.rglob("*") if path.is_file()}
+        return {**files, **self.extra_files()}
+
     def extra_files(self) -> dict[str, Path]:
         """Files that lie beside the learner's, and where they come from."""
         return {HEADER: TEMPLATES / f"{HEADER}.tmpl"} if self.section.header else {}

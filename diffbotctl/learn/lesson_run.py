@@ -84,7 +84,8 @@ def judge(
     for seed in range(first, first + entry.count):
         sets = (*entry.settings, *drawn_sets(entry.draw, seed))
         finding = _judged(entry, folder, names, sets, seed)
-        found.append(LessonRunFinding(finding, seed, sets, _has_robot(entry, sets)))
+        has_robot = finding.code != ERROR and _has_robot(entry, sets)
+        found.append(LessonRunFinding(finding, seed, sets, has_robot))
         if sum(each.finding.code != PASSED for each in found) > failures:
             break
     return found
@@ -198,8 +199,9 @@ def _without_finding(result: RunResult, entry: RunEntry, complaint: str) -> Less
 
 
 def _problems_text(error: UserError, names: Sequence[str]) -> str:
-    shown = [problem for problem in error.problems if problem.severity == "error"]
-    return "\n".join(_problem_text(problem, names) for problem in shown[:SHOWN_PROBLEMS_MAX])
+    errors = (problem for problem in error.problems if problem.severity == "error")
+    texts = dict.fromkeys(_problem_text(problem, names) for problem in errors)
+    return "\n".join(list(texts)[:SHOWN_PROBLEMS_MAX])
 
 
 def _problem_text(problem: Problem, names: Sequence[str]) -> str:

@@ -18,7 +18,7 @@ from diffbotctl.control_socket.address import EngineAddress
 from diffbotctl.control_socket.connection import TokenBucket
 from diffbotctl.control_socket.protocol import RefusalError
 from diffbotctl.errors import UserError
-from diffbotctl.learn.learner_folder import lesson_of_file
+from diffbotctl.learn.learner_folder import lesson_in
 from diffbotctl.ros2.robot_model import run_file, urdf_of_run
 from diffbotctl.ui.saved_view import ViewSettings
 from diffbotctl.web.certificate import ServerCertificate
@@ -184,7 +184,7 @@ class WebServer:
         self._require_session(request)
         try:
             pipeline = run_file(await self.feed.status(), "pipeline")
-            lesson = await asyncio.to_thread(lesson_of_file, pipeline)
+            lesson = await asyncio.to_thread(lesson_in, pipeline.parent)
             text = "" if lesson is None else lesson.text
         except RefusalError as refusal:
             raise RequestRefusalError(503, refusal.cause) from refusal

@@ -66,6 +66,20 @@ def test_commands_work_below_the_folder_with_the_progress(folder, monkeypatch):
     assert invoke(command)[1].splitlines()[0].endswith("passed")
 
 
+def test_work_that_is_not_checked_is_named(folder, monkeypatch):
+    invoke(command, "next", "counter")
+    (folder / "counter" / "numbers.py").write_text("# solved\n")
+    monkeypatch.chdir(folder / "counter")
+    code, text = invoke(command, "check")  # of this folder, not the first lesson
+    assert code == 1 and "You have not changed ../counter/total.py yet" in text
+    assert "Only total.py is checked. You have also changed numbers.py." in text
+    shutil.copy(find_lesson("counter").source("solution") / "total.py", "total.py")
+    assert "counter: passed" in invoke(command, "check")[1]
+    assert "talker: not yet" in invoke(command, "check")[1]
+    shutil.rmtree(folder / "talker")
+    assert "../talker was not there" in invoke(command, "check")[1]
+
+
 def test_reset_keeps_the_learner_s_files(folder):
     invoke(command, "check", "counter")
     (folder / "counter" / "total.py").write_text("# mine\n")
