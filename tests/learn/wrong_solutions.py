@@ -18,7 +18,7 @@ MOVES = (  # of the odometry
 WRONG = {
     "talker": [
         Wrong("period: 100 ms", "period: 10 ms", "rate"),
-        Wrong("period: 100 ms", "period: 110 ms", "rate"),
+        Wrong("period: 100 ms", "period: 95 ms", "rate"),
         Wrong("  listener:", "  # listener:", "error"),
         Wrong("text: talker.text", "text: listener.heard", "error"),
     ],
@@ -27,6 +27,7 @@ WRONG = {
         Wrong("minimum=0.0, maximum=10.0, ", "minimum=0.0, ", "accepted"),
         Wrong("minimum=0.0, maximum=10.0", "above=0.0, below=10.0", "refused"),
         Wrong("        if number is None:", "        if True:", "silent"),
+        Wrong("self.factor * number.data", 'float("nan")', "factor"),
     ],
     "turtle_square": [
         Wrong("left = -forward[1], forward[0]", "left = forward[1], -forward[0]", "corners"),
@@ -40,6 +41,7 @@ WRONG = {
         ),
         Wrong("else 0.0", "else 0.02", ""),
         Wrong("DISTANCE = 1.0", "DISTANCE = 0.9", "distance"),
+        Wrong("SPEED if", "-SPEED if", "distance"),
         Wrong(
             "return Twist(pose.time, SPEED if driven < DISTANCE else 0.0, 0.0)",
             "return Twist(pose.time, SPEED, 0.0) if driven < DISTANCE else None",
@@ -48,6 +50,7 @@ WRONG = {
     ],
     "counter": [
         Wrong("self.sum += number.data", "self.sum = number.data", "sum"),
+        Wrong("self.sum = 0.0", 'self.sum = float("nan")', "sum"),
         Wrong(
             "    def reset(self):\n        self.sum",
             "    sum = 0.0\n\n    def reset(self):\n        x",
@@ -62,19 +65,20 @@ WRONG = {
         Wrong(
             "        self.sum += number.data\n",
             "        while True:\n            pass\n",
-            "endless",
+            "error",
         ),
     ],
     "counter_cpp": [
         Wrong("sum += number", "sum = number", "sum"),
         Wrong("            sum += number;", "            // sum += number;", "sum"),
-        Wrong("double number, sum = 0.0;", "double number;", "error"),
+        Wrong("double number, sum = 0.0;", "double number, sum;", "error"),
         Wrong('diffbot_is(line, "number")', 'diffbot_is(line, "total")', "silent"),
     ],
     "own_message": [
         Wrong('    state: Literal["open", "closed"]', "    state: str", "type"),
         Wrong(">= 0.2", "> 0.2", "state"),
         Wrong('door.state == "open"', 'door.state == "closed"', "state"),
+        Wrong("Door(angle.time, angle.data,", "Door(angle.time, 57.3 * angle.data,", "state"),
         Wrong("door = Out(Door", "gate = Out(Door", "error"),
     ],
     "wiring": [
@@ -87,6 +91,7 @@ WRONG = {
         Wrong("(twist.linear - aside)", "(twist.linear + aside)", "speeds"),
         Wrong("self.left_diameter / 2.0", "self.left_diameter", "speeds"),
         Wrong("self.track / 2.0", "0.6 / 2.0", "speeds"),
+        Wrong("Wheels(twist.time, left, right)", 'Wheels(twist.time, left, float("nan"))', ""),
         Wrong("Wheels(twist.time, left, right)", "Wheels(twist.time, right, left)", "exchanged"),
     ],
     "odometry": [
@@ -102,6 +107,7 @@ WRONG = {
     "scan_stop": [
         Wrong("return Twist(twist.time, 0.0, 0.0)", "return None", "silent"),
         Wrong("abs(aside) < 0.12", "abs(aside) < 0.01", "near"),
+        Wrong("cos(bearing) > 0.0 and ahead < 0.35 and abs(aside) < 0.12", "distance < 0.4", "far"),
         Wrong("ahead < 0.35", "0.0 < ahead < 0.35", "zero"),
         Wrong("(scan is None or self.is_blocked(scan))", "scan and self.is_blocked(scan)", "blind"),
     ],

@@ -4,8 +4,8 @@ from diffbotctl.block import Block, In, Out
 from diffbotctl.messages import Float64, Odometry
 
 SIDE = 2.0  # m
-TRACK = 0.125  # m, as the robot file states it
-DIAMETER = 0.065  # m, of both wheels
+TRACK = 0.6  # m, as it is stated
+DIAMETER = 0.4  # m, of both wheels
 
 
 class Calibration(Block):

@@ -47,7 +47,7 @@ class Judge(Block):
             self.sums[k] += number.data
             if total is None or total.time != number.time:
                 return Text(now, "silent: no sum came after a number")
-            if abs(total.data - self.sums[k]) > 1e-6:
+            if not abs(total.data - self.sums[k]) <= 1e-6:
                 seen = f"{total.data:g} after numbers whose sum is {self.sums[k]:g}"
                 first_run = "shared" if k else "sum"
                 return Text(now, f"{first_run if self.resets == 1 else 'again'}: {seen}")

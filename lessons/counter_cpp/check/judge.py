@@ -11,7 +11,7 @@ START = 1.0  # s, in which the program starts
 
 
 class Numbers(Block):
-    """Random whole numbers, ten times a second."""
+    """Random halves, ten times a second."""
 
     seed = Param(int, default=1, help="Seed.")
     tick = Every(0.1)
@@ -21,7 +21,7 @@ class Numbers(Block):
         self.rng = Random(self.seed)
 
     def react(self, now, tick):
-        return Float64(now, float(self.rng.randrange(1, 100)))
+        return Float64(now, self.rng.randrange(1, 200) / 2.0)
 
 
 class Judge(Block):

@@ -59,10 +59,10 @@ class Judge(Block):
         c, s = cos(self.start.heading), sin(self.start.heading)
         off = hypot(pose.x - (c * dx + s * dy), pose.y - (c * dy - s * dx))
         turned = truth.heading - self.start.heading
-        if abs(pose.heading - turned) > TURN_MAX:
+        if not abs(pose.heading - turned) <= TURN_MAX:
             seen = f"a heading of {pose.heading:.2f} rad where it is {turned:.2f}"
             return Text(now, f"heading: {seen}")
-        if off > PART * self.path:
+        if not off <= PART * self.path:
             seen = f"{1000.0 * off:.0f} mm after a path of {self.path:.1f} m"
             return Text(now, f"position: {seen}")
         return Text(now, "passed") if self.path >= PATH else None

@@ -1,6 +1,6 @@
 """How far the robot has driven, and whether it stands."""
 
-from math import hypot
+from math import cos, hypot, sin
 
 from diffbotctl.block import Block, In, Out
 from diffbotctl.messages import Odometry, Text, Twist
@@ -28,9 +28,10 @@ class Judge(Block):
             self.start = self.last = pose
         if hypot(pose.x - self.last.x, pose.y - self.last.y) > 0.0005:
             self.last, self.still_since = pose, now
-        driven = hypot(pose.x - self.start.x, pose.y - self.start.y)
-        seen = f"{driven:.3f} m from x {self.start.x:.2f} m, y {self.start.y:.2f} m"
-        if driven > 1.5:
+        dx, dy = pose.x - self.start.x, pose.y - self.start.y
+        driven = dx * cos(self.start.heading) + dy * sin(self.start.heading)
+        seen = f"{driven:.3f} m ahead of its start, x {self.start.x:.2f} m, y {self.start.y:.2f} m"
+        if hypot(dx, dy) > 1.5:
             return Text(now, f"far: {seen}, and drives on")
         if now > LIMIT:
             return Text(now, f"rest: {seen}, and does not stand")

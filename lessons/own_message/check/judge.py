@@ -1,9 +1,9 @@
-"""Random angles, and whether the alarm distinguishes open from closed."""
+"""Random angles, and what the alarm makes of them."""
 
 from random import Random
 
 from diffbotctl.block import Block, Every, In, Out
-from diffbotctl.messages import Bool, Float64, Text
+from diffbotctl.messages import Float64, Text
 from diffbotctl.params import Param
 
 
@@ -22,22 +22,21 @@ class Angles(Block):
 
 
 class Judge(Block):
-    """Open from 0.2 rad on."""
+    """The angle from 0.2 rad on, else 0."""
 
     angle = In(Float64)
-    open = In(Bool)
+    opening = In(Float64)
     finding = Out(Text)
 
     def reset(self):
         self.count = 0
 
-    def react(self, now, angle, open):
+    def react(self, now, angle, opening):
         if angle is None:
             return None
-        if open is None or open.time != angle.time:
+        if opening is None or opening.time != angle.time:
             return Text(now, "silent: no message came from the alarm after an angle")
-        if open.data != (angle.data >= 0.2):
-            word = "open" if open.data else "closed"
-            return Text(now, f"state: {word} at {angle.data:.2f} rad")
+        if opening.data != (angle.data if angle.data >= 0.2 else 0.0):
+            return Text(now, f"state: {opening.data:.2f} when the door was at {angle.data:.2f} rad")
         self.count += 1
         return Text(now, "passed") if self.count >= 100 else None

@@ -1,7 +1,7 @@
 from typing import Annotated, Literal, NamedTuple
 
 from diffbotctl.block import Block, In, Out
-from diffbotctl.messages import Bool, Field, Float64, Time
+from diffbotctl.messages import Field, Float64, Time
 
 
 class Door(NamedTuple):
@@ -25,10 +25,12 @@ class Sensor(Block):
 
 
 class Alarm(Block):
-    """True while the door is open."""
+    """How far the door is open."""
 
     door = In(Door, help="The door.")
-    open = Out(Bool, help="Whether it is open.")
+    opening = Out(Float64, help="Its angle in rad while it is open, else 0.")
 
     def react(self, now, door):
-        return None if door is None else Bool(door.time, door.state == "open")
+        if door is None:
+            return None
+        return Float64(door.time, door.angle if door.state == "open" else 0.0)

@@ -1,7 +1,7 @@
 from typing import Annotated, Literal, NamedTuple
 
 from diffbotctl.block import Block, In, Out
-from diffbotctl.messages import Bool, Field, Float64, Time
+from diffbotctl.messages import Field, Float64, Time
 
 
 class Sensor(Block):
@@ -14,9 +14,9 @@ class Sensor(Block):
 
 
 class Alarm(Block):
-    """True while the door is open."""
+    """How far the door is open."""
 
-    open = Out(Bool, help="Whether it is open.")
+    opening = Out(Float64, help="Its angle in rad while it is open, else 0.")
 
     def react(self, now):
         return None

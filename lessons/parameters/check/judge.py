@@ -36,7 +36,7 @@ class Judge(Block):
         self.count += 1
         if scaled is None or scaled.time != number.time:
             return Text(now, "silent: no number came from scale")
-        if abs(scaled.data - self.factor * number.data) > 1e-6:
+        if not abs(scaled.data - self.factor * number.data) <= 1e-6:
             seen = f"{scaled.data:g} for {number.data:g} with the factor {self.factor:g}"
             return Text(now, f"factor: {seen}")
         return Text(now, "passed") if self.count >= 60 else None

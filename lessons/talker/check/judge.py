@@ -16,20 +16,20 @@ class Judge(Block):
 
     def reset(self):
         self.texts = self.answers = 0
-        self.last_text = self.last_answer = None
+        self.first_text = self.last_text = self.last_answer = None
 
     def react(self, now, end, text, answer):
         if text is not self.last_text:
-            self.last_text = text
+            self.first_text, self.last_text = self.first_text or text, text
             self.texts += 1
         if answer is not self.last_answer:
             self.last_answer = answer
             self.answers += text is not None and text.text in answer.text
         if end is None:
             return None
-        rate = self.texts / self.seconds
-        if abs(rate - 10.0) > 0.5:
-            return Text(now, f"rate: {rate:.1f} texts a second")
+        time = (self.last_text.time - self.first_text.time) / 1e9 if self.texts > 1 else 0.0
+        if not 9.5 * time <= self.texts - 1 <= 10.5 * time or self.texts < 2:
+            return Text(now, f"rate: {self.texts} texts in {self.seconds:.1f} s")
         if self.answers < self.texts - 1:
             return Text(now, f"answers: {self.answers} answers to {self.texts} texts")
         return Text(now, "passed")

@@ -1,6 +1,6 @@
 """Which corners of its square the turtle reaches."""
 
-from math import cos, hypot, sin
+from math import cos, degrees, hypot, sin
 
 from diffbotctl.block import Block, In, Out
 from diffbotctl.messages import GoalState, Odometry, Text
@@ -29,6 +29,8 @@ class Judge(Block):
             return None
         if self.corners is None:
             self.corners = self._square(pose)
+            self.begun = f"It began at x {pose.x:.2f} m, y {pose.y:.2f} m, with a heading of "
+            self.begun += f"{degrees(pose.heading):.0f} deg, to draw sides of {self.side:.2f} m"
         if self.last is None or hypot(pose.x - self.last.x, pose.y - self.last.y) > 1e-4:
             self.last, self.still_since = pose, now
         x, y = self.corners[self.reached]
@@ -38,9 +40,9 @@ class Judge(Block):
                 return Text(now, "passed")
         if now - self.still_since < REST:
             return None
-        off = hypot(pose.x - x, pose.y - y)
-        seen = f"{self.reached} of 4 corners of a square of {self.side:.2f} m"
-        return Text(now, f"corners: {seen}, {1000.0 * off:.0f} mm away from the next one")
+        seen = f"{self.reached} of 4 corners, and stands at x {pose.x:.2f} m, y {pose.y:.2f} m"
+        seen += f"; the next one is at x {x:.2f} m, y {y:.2f} m. {self.begun}"
+        return Text(now, f"corners: {seen}")
 
     def _square(self, pose):
         dx, dy = self.side * cos(pose.heading), self.side * sin(pose.heading)

@@ -42,7 +42,7 @@ class Judge(Block):
         aside = twist.angular * self.track / 2.0
         left = 2.0 * (twist.linear - aside) / self.left_diameter
         right = 2.0 * (twist.linear + aside) / self.right_diameter
-        if max(abs(wheels.left - left), abs(wheels.right - right)) > 1e-6:
+        if not _are_near((wheels.left, wheels.right), (left, right)):
             mirrored = (
                 left + 4.0 * aside / self.left_diameter,
                 right - 4.0 * aside / self.right_diameter,
