@@ -63,6 +63,6 @@ class Judge(Block):
             seen = f"a heading of {pose.heading:.2f} rad where it is {turned:.2f}"
             return Text(now, f"heading: {seen}")
         if not off <= PART * self.path:
-            seen = f"{1000.0 * off:.0f} mm after a path of {self.path:.1f} m"
-            return Text(now, f"position: {seen}")
+            seen = f"x {pose.x:.2f} m, y {pose.y:.2f} m, which is {1000.0 * off:.0f} mm off"
+            return Text(now, f"position: {seen} after a path of {self.path:.1f} m")
         return Text(now, "passed") if self.path >= PATH else None
