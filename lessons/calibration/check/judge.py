@@ -121,7 +121,8 @@ class Judge(Block):
         if not min(found) > 0.0:
             return Text(now, "negative: " + ", ".join(f"{value:g} m" for value in found))
         before, after = farthest(true, NOMINAL), farthest(true, found)
-        seen = f"{1000.0 * before:.0f} mm before, {1000.0 * after:.0f} mm with the new values"
+        seen = f"{1000.0 * before:.0f} mm before, {1000.0 * after:.0f} mm with the new track "
+        seen += f"{found[0]:.3f} m and wheels {found[1]:.4f} m (left) and {found[2]:.4f} m"
         mean = (found[1] + found[2]) / 2.0
         if not abs(mean - DIAMETER) <= 1e-5:
             return Text(now, f"mean: {1000.0 * mean:.2f} mm")

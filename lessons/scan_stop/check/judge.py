@@ -10,6 +10,7 @@ REST = 1_500_000_000  # ns
 FREE, NEAR = 0.10, 0.50  # m
 SECOND = 1_000_000_000
 FIRST_SCAN, TOO_NEAR, END = 2 * SECOND, 4 * SECOND, 6 * SECOND
+LIMIT = 30 * SECOND  # 1.8 m take 9 s
 LATE = SECOND // 2  # after a change, which the next scan shows
 
 
@@ -43,10 +44,10 @@ class Judge(Block):
         c, s = cos(pose.heading), abs(sin(pose.heading))
         gap = self.wall - self.radius - (pose.x + self.front * c + self.width / 2.0 * s)
         if gap < FREE:
-            return Text(now, f"near: {100.0 * gap:.0f} cm before the {self._what()}")
+            return Text(now, f"near: {100.0 * gap:.1f} cm before the {self._what()}")
         if self.last is None or hypot(pose.x - self.last.x, pose.y - self.last.y) > 0.002:
             self.last, self.still_since = pose, now
-        if now - self.still_since < REST:
+        if now - self.still_since < REST and now < LIMIT:
             return None
         if gap > NEAR:
             return Text(now, f"far: {100.0 * gap:.0f} cm before the {self._what()}")
