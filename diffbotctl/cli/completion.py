@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -84,32 +85,17 @@ def _ports(ctx: click.Context) -> list[str]:
     return [*PORTS, *sorted(found)]
 
 
-def _codes(ctx: click.Context) -> list[str]:
-    from diffbotctl.codes import code_texts
+def _returned_by(module: str, function: str) -> Values:
+    """The names that a function without arguments returns; its module is imported when asked."""
 
-    return sorted(code_texts())
+    def names(ctx: click.Context) -> list[str]:
+        return sorted(getattr(import_module(f"diffbotctl.{module}"), function)())
 
-
-def _blocks(ctx: click.Context) -> list[str]:
-    from diffbotctl.config.registry import names
-
-    return names()
-
-
-def _message_types(ctx: click.Context) -> list[str]:
-    from diffbotctl.config.registry import message_names
-
-    return message_names()
+    return names
 
 
 def _both(ctx: click.Context) -> list[str]:
     return sorted({*_files("pipelines")(ctx), *_files("robots")(ctx)})
-
-
-def _kits(ctx: click.Context) -> list[str]:
-    from diffbotctl.cli.new import kits
-
-    return sorted(kits())
 
 
 def _parts(kind: str) -> Values:
@@ -132,8 +118,9 @@ def engine_names(ctx: click.Context) -> list[str]:
     return [engine.name for engine in engines()]
 
 
-def topics(ctx: click.Context) -> list[str]:
-    return _names(ctx, "list_topics", "topics", "topic")
+def _named_in(method: str, rows: str, name: str) -> Values:
+    """The field `name` of the `rows` in the reply of the engine to `method`."""
+    return lambda ctx: _names(ctx, method, rows, name)
 
 
 def parameters(ctx: click.Context) -> list[str]:
@@ -144,19 +131,11 @@ def parameters(ctx: click.Context) -> list[str]:
     )
 
 
-def actions(ctx: click.Context) -> list[str]:
-    return _names(ctx, "list_actions", "actions", "action")
-
-
 def action_arguments(ctx: click.Context) -> list[str]:
     """`name=` for each argument of the action that is called."""
     rows = [row for reply in _replies(ctx, "list_actions") for row in reply["actions"]]
     named = [row["arguments"] for row in rows if row["action"] == ctx.params.get("action")]
     return sorted({f"{name}=" for names in named for name in names})
-
-
-def blocks(ctx: click.Context) -> list[str]:
-    return _names(ctx, "list_blocks", "blocks", "block")
 
 
 def plotted_fields(ctx: click.Context) -> list[str]:
@@ -250,6 +229,7 @@ def _named_engine(ctx: click.Context) -> str | None:
 
 
 DEV = Path("/dev")
+TOPICS = _named_in("list_topics", "topics", "topic")
 # Values of a parameter by its name, or by the names of its command and itself.
 KNOWN: dict[str, Values] = {
     "robot": _files("robots"),
@@ -259,17 +239,17 @@ KNOWN: dict[str, Values] = {
     "files": _both,
     "port": _ports,
     "radio": _ports,
-    "code": _codes,
+    "code": _returned_by("codes", "code_texts"),
     "engine": engine_names,
-    "topic": topics,
-    "topics": topics,
-    "exclude": topics,
+    "topic": TOPICS,
+    "topics": TOPICS,
+    "exclude": TOPICS,
     "parameter": parameters,
     "parameters": parameters,
-    "action": actions,
-    "block": blocks,
+    "action": _named_in("list_actions", "actions", "action"),
+    "block": _named_in("list_blocks", "blocks", "block"),
     "sets": settings,
-    "kit": _kits,
+    "kit": _returned_by("cli.new", "kits"),
     "board": _parts("board"),
     "driver": _parts("driver"),
     "encoders": _parts("encoders"),
@@ -277,8 +257,8 @@ KNOWN: dict[str, Values] = {
     "imu": _parts("imu"),
     "robot radio": _parts("radio"),
     "sensor": sensors,
-    "show name": _blocks,
-    "types name": _message_types,
+    "show name": _returned_by("config.registry", "names"),
+    "types name": _returned_by("config.registry", "message_names"),
     "call arguments": action_arguments,
     "dash fields": plotted_fields,
     "plot fields": recorded_fields,
