@@ -67,8 +67,10 @@ def load_picture(path: Path) -> OccupancyGrid:
 
 
 def _problem(path: Path, cause: str) -> Problem:
-    fix = "state image (a binary pgm), resolution, origin, negate, occupied_thresh and free_thresh"
-    return Problem("E-MAP-IMAGE", str(path), f"this map cannot be read: {cause}", fix)
+    cause, _, fix = cause.partition("; ")
+    needed = "image (a binary pgm), resolution, origin, negate, occupied_thresh and free_thresh"
+    cause = f"this map cannot be read: {cause}"
+    return Problem("E-MAP-IMAGE", str(path), cause, fix or f"state {needed}")
 
 
 def _greys(content: BinaryIO) -> NDArray[np.uint8]:
@@ -77,17 +79,18 @@ def _greys(content: BinaryIO) -> NDArray[np.uint8]:
     if header is None:
         raise ValueError("the picture is no binary pgm (P5)")
     columns, rows, highest = map(int, (header[1], header[2], header[3]))
-    if highest != 255 or not 0 < columns * rows <= CELLS_MAX:
+    if highest != 255:
+        raise ValueError(f"its highest grey is {highest}; save the picture with 8 bits a cell")
+    if not 0 < columns * rows <= CELLS_MAX:
         raise ValueError(
-            f"the picture has {columns} x {rows} cells and greys up to {highest}; "
-            f"{CELLS_MAX:,} cells are the limit, and 255 is the only highest grey; "
+            f"the picture has {columns} x {rows} cells, of {CELLS_MAX:,} that fit; "
             "cut off its margins, or scale it down and raise resolution"
         )
     content.seek(header.end())
     body = content.read(columns * rows)
     if len(body) < columns * rows:
         raise ValueError(
-            f"the picture has {len(body)} of {columns * rows} bytes: copy the whole file"
+            f"the picture has {len(body)} of {columns * rows} bytes; copy the whole file"
         )
     grey = np.frombuffer(body, np.uint8, columns * rows).reshape(rows, columns)
     return np.flipud(grey)
@@ -106,7 +109,7 @@ def _grid(text: dict[str, Any], grey: NDArray[np.uint8]) -> OccupancyGrid:
     cells = _cells_of_greys(text)[grey]
     check_extent(cells.shape[1] * resolution, cells.shape[0] * resolution, resolution)
     if not ((cells >= OCCUPIED_MIN).any() and (cells == 0).any()):
-        raise ValueError("no cell is occupied, or none is free: look at negate and the thresholds")
+        raise ValueError("no cell is occupied, or none is free; look at negate and the thresholds")
     return OccupancyGrid(resolution, (x, y), cells)
 
 
