@@ -9,6 +9,7 @@ import subprocess
 import sys
 from itertools import pairwise
 
+import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
@@ -16,6 +17,9 @@ from mcap_ros2.decoder import DecoderFactory
 from diffbotctl.config.load import load
 from diffbotctl.drivers.map_store import map_path, maps_folder, stored_maps
 from diffbotctl.geometry.map_tiles import MapTiles
+from diffbotctl.mapping.map_file import load_map, save_map
+from diffbotctl.mapping.map_image import load_picture, save_picture
+from diffbotctl.mapping.scan_map import Map
 from diffbotctl.messages import LogLine, MapPose, MapUpdate, ScanPoints
 from diffbotctl.recording.reader import RecordingReader
 from diffbotctl.replay.recorded_run import read_run
@@ -209,6 +213,24 @@ def test_a_map_that_cannot_be_loaded_is_named_in_the_whole_run(pipeline, tmp_pat
     path = tmp_path / "run.mcap"
     recorded(pipeline, path, 4.0, (f"map.load={name}",))
     assert all(cause in update.cause for update in messages(path, MapUpdate))
+
+
+def test_a_robot_is_found_and_followed_in_an_imported_map(pipeline, tmp_path):
+    recorded(pipeline, tmp_path / "drive.mcap", 25.0)
+    save_picture(load_map(map_path("autosave")).grid(), tmp_path / "flat.yaml")
+    grid = load_picture(tmp_path / "flat.yaml")
+    save_map(Map(grid.resolution, (), np.zeros((0, 3)), grid), map_path("flat"))
+    path = tmp_path / "again.mcap"
+    run = Run(
+        load(pipeline, None, ("map.load=flat", "map.autosave=false")),
+        RunOptions(fast=True, duration=12.0, seed=9, record=path),
+    )
+    assert run.go().failure is None
+    poses = messages(path, MapPose)
+    assert poses[-1].state == "localised"
+    truth = run.plant.truth().pose
+    assert math.hypot(poses[-1].x - truth[0], poses[-1].y - truth[1]) < 0.06
+    assert messages(path, MapUpdate)[-1].resolution == grid.resolution
 
 
 class LateScanner:
