@@ -485,6 +485,9 @@ def _wrong_kind(tree: Value, expected: str) -> Problem | None:
     kind, actual = tree.entries.get("kind"), _kind_of(tree)
     article = f"a {expected} file is required here"
     other = _kind_by_sections(tree)
+    if kind is not None and kind.text == "trials":
+        cause = f"this is a file of trials, but {article}"
+        return Problem("E-KIND", kind.place, cause, "`diffbotctl trials FILE` runs it")
     if kind is not None and actual == expected and other not in (None, expected):
         cause = f"kind is {kind.text}, but the sections are those of a {other} file"
         return Problem("E-KIND", kind.place, cause, f"write kind: {other}")

@@ -360,6 +360,8 @@ def _pin_fix(value: Value, declaration: Declaration) -> str:
     return f"write {'A' if printed[1].upper() == 'A' else ''}{int(printed[2])}"
 
 
+CHOICES_TWICE_MAX = 20  # values that both the cause and the fix name
+
 SCALAR_READERS: dict[Any, Any] = {float: _float, int: _int, bool: _bool, str: _str, Pin: _pin}
 
 
@@ -377,6 +379,8 @@ def _not_a_choice(value: Value, declaration: Declaration) -> Problem:
         if len(choices) == 1
         else f"allowed values are {join_words(choices)}"
     )
+    if len(choices) > CHOICES_TWICE_MAX:
+        allowed = f"it is none of the {len(choices)} allowed values"
     cause = f"{declaration.key} cannot be '{value.text}'; {allowed}"
     return Problem("E-CHOICE", value.place, cause, fix)
 
