@@ -1,4 +1,10 @@
-"""A plant of somebody else, as wheels and chassis of the simulated robot."""
+"""A plant of somebody else, as wheels and chassis of the simulated robot.
+
+The shipped plants keep the wider interface of `DriveTrain` and `Chassis`: they time only the edges
+that the board counts, and move the chassis only when something needs its pose. All edges and a pose
+in each step make simulated runs slower, 1.6 times with 1320 counts per turn, and draw the slip at
+other places.
+"""
 
 from __future__ import annotations
 
