@@ -30,6 +30,18 @@ def test_what_python_is_shown_to_answer_it_answers(page):
     assert page.name != "kinematics.md" or len(test.examples) > 40
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_code_and_commands_fit_a_terminal(page):
+    """80 columns, so that they can be copied. What a program prints may be longer."""
+    lines, is_code = [], False
+    for line in page.read_text().splitlines():
+        if line.startswith("```"):
+            is_code = not is_code
+        elif (is_code and not line.startswith("{")) or line.startswith("    diffbotctl "):
+            lines.append(line)
+    assert not [line for line in lines if len(line) > 80]
+
+
 def test_the_kinematics_picture_is_what_the_code_draws():
     from tests.support.trials.arc_picture import PAGE, picture
 

@@ -138,11 +138,13 @@ def export(
     if attachment is not None:
         return _write_attachment(file, attachment, output, force)
     keep_lines(sys.stdout)  # a table, which a person may copy
-    wires = recording_fields.column_wires(file)
+    wires, sent = recording_fields.all_wires(file)
     if fields:
         columns = recording_fields.choose_columns(fields, wires)
+        for wire in dict.fromkeys(column.wire for column in columns if column.wire not in sent):
+            click.echo(f"{wire} has no messages in this recording", err=True)
     else:
-        columns = recording_fields.all_columns(wires)
+        columns = recording_fields.all_columns(sent)
     if output is None:
         # Another program gets the texts as they were recorded, a terminal without escapes.
         stdout: Any = sys.stdout

@@ -26,6 +26,8 @@ BRAKING = 0.15  # m/s2, gentle for any robot, so that it stops near the mark
 TURN_BRAKING = 1.0  # rad/s2
 DEFAULT_DURATION_S = 1.0  # a drive always has an end: the person may be gone
 STOP = "operator.stop"  # the stop in force
+SEPARATORS = re.compile(r"[,;\s]+")  # of X, Y and HEADING
+DECIMAL_COMMA = re.compile(r"(?<![\d.])\d+,\d+(?![\d.])")  # `0,5` may be one number or two
 ENGINE_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 NO_NUMBERS = ("nan", "inf", "infinity")  # refused as a position
 LATE_BEFORE_START_MAX = 20  # commands through a slow link, before the first one is taken
@@ -338,8 +340,10 @@ class GotoCommand(NumbersCommand):
     """`goto left 4 4` is `goto 4 4 --engine left`: no position begins with a letter."""
 
     def parse_args(self, context: click.Context, args: list[str]) -> list[str]:
-        """Move the name of an engine from the arguments to its option."""
-        if len(args) == 1 and len(words := re.split(r"[,;\s]+", args[0].strip("()[], "))) in (2, 3):
+        """Split `0.5,0.2`; move the name of an engine from the arguments to its option."""
+        if not any(map(DECIMAL_COMMA.search, args)):
+            args = [word for arg in args for word in SEPARATORS.split(arg.strip("()[], "))]
+        elif len(args) == 1 and len(words := SEPARATORS.split(args[0].strip("()[], "))) in (2, 3):
             fix = f"diffbotctl goto {' '.join(words)}"
             raise click.UsageError(f"'{args[0]}' is one word; write {len(words)}: {fix}", context)
         if args and ENGINE_NAME.fullmatch(args[0]) and args[0].lower() not in NO_NUMBERS:

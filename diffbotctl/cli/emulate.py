@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 TRY = """\
 Now, from another terminal:
-    diffbotctl flash firmware --robot {robot} --port {usb}
-    diffbotctl blink --robot {robot} --port {usb}
-    diffbotctl run goal --robot {robot} --port {port}
+  diffbotctl flash firmware --robot {robot} --port {usb}
+  diffbotctl blink --robot {robot} --port {usb}
+  diffbotctl run goal --robot {robot} --port {port}
 Ctrl-C ends the board."""
 
 
@@ -70,7 +70,7 @@ def emulate(
         board.serve(signals.file, aside.say)
         aside.end()
         if board.lost:
-            click.echo(f"This machine was too slow for {board.lost:.1f} s of it.", err=True)
+            click.echo(f"Board paused for {board.lost:.1f} s: the computer was busy.", err=True)
 
 
 def _speaks_ours(robot: Robot, file: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 VELOCITY_PERIOD_S = 0.2  # a velocity published once holds this long; 0.3 s are a lost operator
 RATE_PERIOD_S = 1.0
 EMPTY_TEXT = '""'
+ELLIPSIS = "..."
 SHOWN_UNITS = ("m", "rad", "m/s", "rad/s", "s", "V")  # of numbers; the others are counts and ratios
 
 
@@ -51,7 +53,8 @@ def echo(
 ) -> None:
     """Print the messages of TOPIC as they arrive, or one field of it: odometry.odometry.x.
 
-    One message on a line; `*` is every topic.
+    One message on a line; `*` is every topic. On a terminal the last numbers of a message that is
+    too long for the line are left out: --once and --json print all of it.
     """
     os.nice(WATCHER_NICENESS)
     with attached(engine, "topic echo") as client:
@@ -64,8 +67,9 @@ def echo(
             click.echo(reply["silence"], err=True)
         units = {} if name == "*" or as_json else _units(client, wire)
         until = None if duration is None else time.monotonic() + duration
+        width = None if once else getattr(sys.stdout, "columns", None)
         for event in client.stream(until):
-            _print_event(event, path, name == "*", as_json, units)
+            _print_event(event, path, name == "*", as_json, units, width)
             if once and "message" in event:
                 break
 
@@ -92,7 +96,12 @@ def _units(client: ControlClient, topic: str) -> dict[str, str]:
 
 
 def _print_event(
-    event: dict[str, Any], path: list[str], with_topic: bool, as_json: bool, units: dict[str, str]
+    event: dict[str, Any],
+    path: list[str],
+    with_topic: bool,
+    as_json: bool,
+    units: dict[str, str],
+    width: int | None,
 ) -> None:
     if "lost" in event:
         click.echo(f"({event['lost']} messages lost: this client reads too slowly)", err=True)
@@ -110,20 +119,36 @@ def _print_event(
         return
     head = f"{event['topic']}  " if with_topic else ""
     if isinstance(value, dict):
-        text = "  ".join(_field_texts(value, {} if path else units))
+        texts = dict(_field_texts(value, {} if path else units))
+        text = "  ".join(texts.values())
+        if width is not None and len(head) + len(text) > width:
+            text = _fitted(texts, value, width - len(head))
     else:
         text = str(value) or EMPTY_TEXT
     print(head + text, flush=True)
 
 
-def _field_texts(message: dict[str, Any], units: dict[str, str]) -> Iterator[str]:
+def _fitted(texts: dict[str, str], message: dict[str, Any], width: int) -> str:
+    """`texts` in one line without the last numbers, lists and empty texts; a text stays."""
+    kept = dict(texts)
+    for name in reversed(texts):
+        line = "  ".join([*kept.values(), ELLIPSIS])
+        if len(line) <= width:
+            return line
+        if name != "time" and not (isinstance(message[name], str) and message[name]):
+            del kept[name]
+    return "  ".join(kept.values())
+
+
+def _field_texts(message: dict[str, Any], units: dict[str, str]) -> Iterator[tuple[str, str]]:
     for name, value in message.items():
         if name == "time":
-            yield f"{value / 1e9:.3f} s"
+            yield name, f"{value / 1e9:.3f} s"
         else:
             is_number = isinstance(value, int | float) and not isinstance(value, bool)
             unit = units.get(name, "") if is_number else ""
-            yield f"{name} {_short_text(value)} {unit if unit in SHOWN_UNITS else ''}".rstrip()
+            shown = unit if unit in SHOWN_UNITS else ""
+            yield name, f"{name} {_short_text(value)} {shown}".rstrip()
 
 
 def _short_text(value: object) -> str:

@@ -18,7 +18,7 @@ from diffbotctl.config.source_tree import NamedIncludesError, Override
 from diffbotctl.config.yaml_tree import Value
 from diffbotctl.errors import ConfigurationError, Problem, closest_match, join_words
 
-NESTED = "include those files here"
+NESTED = "names are possible only in the file that is run: include those files here"
 ROBOTS_MAX = 20  # each has a process for its control socket
 STEPS_MAX = 20  # of a path in `set`; a robot file has five
 FILE_KEYS = ("format", "kind", "include")  # of a file that names its includes

@@ -36,14 +36,19 @@ class Column(NamedTuple):
         return value
 
 
-def column_wires(path: Path) -> dict[str, type]:
-    """Every topic of the run with a message in the recording at `path`, with its message class.
+def all_wires(path: Path) -> tuple[dict[str, type], dict[str, type]]:
+    """Every topic of the run in the recording at `path`, and those with a message: its class.
 
     Raises RunError for a file that is not a recording.
     """
     reader = RecordingReader(path)
     topics = {channel.topic for channel, _ in reader.records()}
-    return {wire: kind for wire, kind in reader.kinds.items() if wire in topics}
+    return reader.kinds, {wire: kind for wire, kind in reader.kinds.items() if wire in topics}
+
+
+def column_wires(path: Path) -> dict[str, type]:
+    """The topics with a message."""
+    return all_wires(path)[1]
 
 
 def choose_columns(names: Sequence[str], wires: dict[str, type]) -> list[Column]:
@@ -171,7 +176,7 @@ def read_series(
     A topic alone stands for all its fields that are numbers. Raises UsageError for a field that
     does not exist or holds no numbers, RunError for a file that is not a recording.
     """
-    columns = choose_columns(names, column_wires(path))
+    columns = choose_columns(names, all_wires(path)[0])
     curves = [Series(column.name, column.unit, [], []) for column in columns]
     for time, row in table_rows(path, columns):
         if not begin <= time < until:

@@ -3,15 +3,31 @@
 import os
 import socket
 import subprocess
+from math import radians
 
 import pytest
 
+from diffbotctl.cli.drive import goto
 from tests.sampling import by_day
 from tests.support.command_process import command_line
 from tests.support.running import cli, running
 from tests.support.terminal import Terminal
 
 ROBOT_FILE = "format: 1\nkind: robot\ninclude: book_2wd\nwheels: 3\n"
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("0.5,-0.2,90deg",),
+        ("(0.5,", "-0.2,", "90deg)"),
+        ("0.5; -0.2 90deg",),
+        ("0.5 , -20cm, 90deg",),
+    ],
+)
+def test_goto_takes_a_pose_with_commas(words):
+    values = goto.make_context("goto", list(words)).params
+    assert [values[name] for name in ("x", "y", "heading")] == [0.5, -0.2, radians(90)]
 
 
 def outcome(folder, *words):
@@ -31,9 +47,9 @@ def outcome(folder, *words):
             (("drive", "--speed", "0.1", "m/s"), "'0.1 m/s' are two words here: write 0.1m/s"),
             (("run", "goal", "--for", "10", "s"), "'10 s' are two words here: write 10s"),
             (("param", "set", "guard.margin", "8", "cm"), "write 8cm"),
-            (("goto", "0.5,0.2,90deg"), "write 3: diffbotctl goto 0.5 0.2 90deg"),
-            (("goto", "0.5 0.2"), "write 2: diffbotctl goto 0.5 0.2"),
-            (("goto", "(1,", "2)"), "'(1,' is not a number"),
+            (("goto", "1,2"), "write 2: diffbotctl goto 1 2"),
+            (("goto", "0,5 0"), "write 3: diffbotctl goto 0 5 0"),
+            (("goto", "", "1", "2"), "'' is not a number"),
             (("goto", "0,5", "0"), "has a decimal comma: write 0.5"),
             (("goto", "1", "1", "--heading", "90deg"), "No such option '--heading'"),
             (("goto", "1", "1", "--engin", "x"), "Did you mean '--engine'?"),

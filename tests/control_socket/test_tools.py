@@ -1,11 +1,13 @@
 """topic, param, call, drive, blocks and graph on a running engine, on the command line."""
 
 import json
+import re
 from math import radians
 
 import pytest
 
-from tests.support.running import PlainClient, cli, moves, release, running, stands
+from tests.support.running import PlainClient, cli, command, moves, release, running, stands
+from tests.support.terminal import Terminal
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +57,17 @@ def test_echo_of_a_field_and_for_a_time(folder):
     assert len(values) > 10
     code, _, complaint = cli(folder, "topic", "echo", "odometry.odometry.z", "--once")
     assert code == 2 and "no field 'z'" in complaint
+
+
+def test_on_a_terminal_a_message_is_one_line(folder):
+    line, environment = command(folder, "topic", "echo", "odometry.odometry")
+    with Terminal(line, environment) as terminal:
+        text = terminal.until(lambda text: text.count(" s  x ") == 24, "24 messages")
+    assert all(
+        re.fullmatch(r"[\d.]+ s  x .*m  y .*  \.{3}", row.rstrip()) for row in text.split("\n")
+    )
+    code, out, _ = cli(folder, "topic", "echo", "odometry.odometry", "--once")
+    assert code == 0 and "covariance [" in out and "..." not in out
 
 
 def test_hz_and_type(folder):

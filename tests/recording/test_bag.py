@@ -103,6 +103,14 @@ def test_a_wrong_field_is_answered_with_the_nearest(goal, name, words):
         choose_columns([name], column_wires(goal))
 
 
+def test_a_topic_without_messages_has_columns_without_values(goal):
+    code, text = bag_output("export", goal, "robot.battery", "odometry.odometry.x")
+    rows = list(csv.reader(text.splitlines()))
+    assert code == 0 and rows.pop(0) == ["robot.battery has no messages in this recording"]
+    assert rows.pop(0)[1:] == ["robot.battery.volts", "robot.battery.low", "odometry.odometry.x"]
+    assert rows and all(row[1:3] == ["", ""] and row[3] for row in rows)
+
+
 def test_a_recording_equals_itself(goal):
     assert all(topic.place is None for topic in recording_differences(goal, goal))
     code, text = bag_output("diff", goal, goal)
