@@ -166,8 +166,8 @@ class EventLogger:
         if not goal.number:
             self.operator.info("the goal is withdrawn")
             return
-        heading = "" if goal.heading is None else f"  heading {degrees(goal.heading):.0f} deg"
-        pose = f"x {goal.x:.3f} m  y {goal.y:.3f} m{heading}"
+        heading = "" if goal.heading is None else f"  heading {degrees(goal.heading):z.0f} deg"
+        pose = f"x {goal.x:z.3f} m  y {goal.y:z.3f} m{heading}"
         self.operator.info(f"goal {goal.number} accepted: {pose}")
 
     def _resume(self, now: int, resume: Resume) -> None:

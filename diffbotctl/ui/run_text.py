@@ -83,9 +83,7 @@ def active_stop(snapshot: RunSnapshot) -> Stop | None:
 
 def pose_text(odometry: Odometry) -> str:
     """`x 0.512 m  y 0.250 m  heading 45.2 deg`."""
-    return (
-        f"x {odometry.x:.3f} m  y {odometry.y:.3f} m  heading {degrees(odometry.heading):.1f} deg"
-    )
+    return f"x {odometry.x:z.3f} m  y {odometry.y:z.3f} m  heading {degrees(odometry.heading):z.1f} deg"
 
 
 def pose_rows(snapshot: RunSnapshot) -> Iterator[tuple[str, str]]:
@@ -98,7 +96,7 @@ def pose_rows(snapshot: RunSnapshot) -> Iterator[tuple[str, str]]:
 
 def map_pose_text(pose: MapPose) -> str:
     """`mapping, x 0.512 m  y 0.250 m  heading 45.2 deg`; what is wrong instead, if it is."""
-    place = f"x {pose.x:.3f} m  y {pose.y:.3f} m  heading {degrees(pose.heading):.1f} deg"
+    place = f"x {pose.x:z.3f} m  y {pose.y:z.3f} m  heading {degrees(pose.heading):z.1f} deg"
     if pose.state == "ambiguous":
         return "several places look alike: click where the robot is, or `diffbotctl map place`"
     return f"{pose.state}, {pose.cause or place}"
@@ -106,25 +104,25 @@ def map_pose_text(pose: MapPose) -> str:
 
 def goal_text(goal: Goal, goals: int) -> str:
     """`1 of 2: x 1.000 m  y 0.500 m  heading 90 deg`."""
-    heading = "" if goal.heading is None else f"  heading {degrees(goal.heading):.0f} deg"
-    return f"{goal.number} of {goals}: x {goal.x:.3f} m  y {goal.y:.3f} m{heading}"
+    heading = "" if goal.heading is None else f"  heading {degrees(goal.heading):z.0f} deg"
+    return f"{goal.number} of {goals}: x {goal.x:z.3f} m  y {goal.y:z.3f} m{heading}"
 
 
 def goal_state_text(state: GoalState) -> str:
     """`driving, 0.42 m and 3.1 deg to go`."""
-    remaining = f"{state.distance:.3f} m and {degrees(state.turn):.1f} deg to go"
+    remaining = f"{state.distance:.3f} m and {degrees(state.turn):z.1f} deg to go"
     cause = f": {state.cause}" if state.cause else ""
     return f"{state.state.replace('_', ' ')}, {remaining}{cause}"
 
 
 def wheel_speeds_text(wheels: Wheels | Duty, odometry: Odometry | None) -> str:
     """Commanded wheel speeds or duty, and the measured speed of the body."""
-    commanded = f"commanded {wheels.left:+.2f} {wheels.right:+.2f} rad/s"
+    commanded = f"commanded {wheels.left:+z.2f} {wheels.right:+z.2f} rad/s"
     if isinstance(wheels, Duty):
         commanded = f"commanded {wheels.left * PERCENT:+.0f} {wheels.right * PERCENT:+.0f} %"
     if odometry is None:
         return commanded
-    return f"{commanded}  body {odometry.linear:+.3f} m/s {odometry.angular:+.2f} rad/s"
+    return f"{commanded}  body {odometry.linear:+z.3f} m/s {odometry.angular:+z.2f} rad/s"
 
 
 def range_text(reading: Range) -> str:

@@ -200,7 +200,7 @@ def _facts(view: RunView) -> Iterator[Row]:
     odometry = run_text.newest_odometry(snapshot)
     if odometry is not None:
         yield "pose", run_text.pose_text(odometry), False
-        speed = f"{odometry.linear:+.3f} m/s {odometry.angular:+.2f} rad/s"
+        speed = f"{odometry.linear:+z.3f} m/s {odometry.angular:+z.2f} rad/s"
         yield "body", speed, False
     yield from _goal_rows(view)
     if (place := run_text.newest_message(snapshot, MapPose)) is not None:
@@ -225,8 +225,8 @@ def _goal_rows(view: RunView) -> Iterator[Row]:
     goal = run_text.newest_message(view.snapshot, Goal)
     state = run_text.newest_message(view.snapshot, GoalState)
     if goal is not None and goal.number:
-        heading = "" if goal.heading is None else f"  heading {degrees(goal.heading):.0f} deg"
-        yield "goal", f"x {goal.x:.3f} m  y {goal.y:.3f} m{heading}", False
+        heading = "" if goal.heading is None else f"  heading {degrees(goal.heading):z.0f} deg"
+        yield "goal", f"x {goal.x:z.3f} m  y {goal.y:z.3f} m{heading}", False
     if state is not None and state.state != "idle":
         is_bad = state.state in ("reached_unsure", "blocked", "stuck", "given_up", "cancelled")
         yield "state", run_text.goal_state_text(state), is_bad

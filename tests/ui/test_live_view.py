@@ -10,7 +10,7 @@ from diffbotctl.messages import Duty, GoalState, LogLine, Odometry, Text, Wheels
 from diffbotctl.processes.screen import RunSnapshot
 from diffbotctl.render.map_scene import Scene
 from diffbotctl.ui.live_view import LiveView, duration_text, progress_text
-from diffbotctl.ui.run_text import commanded_wheels, log_lines, wheel_speeds_text
+from diffbotctl.ui.run_text import commanded_wheels, log_lines, pose_text, wheel_speeds_text
 from tests.support.running import command
 from tests.support.terminal import Terminal
 
@@ -35,6 +35,14 @@ MESSAGES = {
 def test_the_wheels_are_what_the_gate_commands(messages, text):
     wheels = commanded_wheels(RunSnapshot(9, messages, 0, 0))
     assert wheel_speeds_text(wheels, None) == text
+
+
+def test_a_number_that_rounds_to_zero_has_no_minus():
+    pose = Odometry(0, -0.0001, -0.0, -0.0001, -0.0001, -0.001, (0.0,) * 6)
+    assert pose_text(pose) == "x 0.000 m  y 0.000 m  heading 0.0 deg"
+    assert wheel_speeds_text(Wheels(0, -0.001, 0.0), pose) == (
+        "commanded +0.00 +0.00 rad/s  body +0.000 m/s +0.00 rad/s"
+    )
 
 
 @pytest.mark.parametrize(

@@ -97,6 +97,7 @@ def test_everything_is_on_the_map_in_letters():
         assert sign in text, f"no {sign} on\n{text}"
     assert text.isascii()
     lines = text.split("\n")
+    assert lines[-1].rstrip().endswith(" m   # wall")
     row = next(i for i, line in enumerate(lines) if ">" in line)
     assert lines[row].index(">") == pytest.approx(35, abs=1) and row == pytest.approx(17, abs=1)
 

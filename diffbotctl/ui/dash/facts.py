@@ -70,8 +70,8 @@ def _pose(view: RunView) -> Iterator[Row]:
     pose = newest_odometry(view.snapshot)
     if pose is not None:
         heading = degrees(remainder(pose.heading, 2 * pi))
-        yield "pose", f"{pose.x:+.3f} {pose.y:+.3f} m {heading:+.1f}°"
-        yield "", f"{pose.linear:+.3f} m/s {pose.angular:+.2f} rad/s"
+        yield "pose", f"{pose.x:+z.3f} {pose.y:+z.3f} m {heading:+z.1f}°"
+        yield "", f"{pose.linear:+z.3f} m/s {pose.angular:+z.2f} rad/s"
 
 
 def _goal(view: RunView) -> Iterator[Row]:
@@ -79,13 +79,13 @@ def _goal(view: RunView) -> Iterator[Row]:
     name = "goal"
     if goal is not None and goal.number:
         heading = "" if goal.heading is None else f" {degrees(goal.heading):+.1f}°"
-        yield name, f"{goal.x:+.3f} {goal.y:+.3f} m{heading}"
+        yield name, f"{goal.x:+z.3f} {goal.y:+z.3f} m{heading}"
         name = ""
     if state is None:
         return
     text = Text(state.state.replace("_", " "), _goal_style(state))
     if state.state not in ("idle", "reached"):
-        text.append(f" {state.distance:.3f} m {degrees(state.turn):+.0f}°")
+        text.append(f" {state.distance:.3f} m {degrees(state.turn):+z.0f}°")
     yield name, text
     if state.cause:
         yield "", Text(state.cause, "red")

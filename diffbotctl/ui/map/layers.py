@@ -80,7 +80,8 @@ def draw_map(
                 _draw_beam(canvas, odometry, beam, message)
         _draw_uncertainty(canvas, odometry)
         _draw_robot(canvas, scene, odometry)
-    canvas.write(0, height - 1, scale_bar(camera, width, plain))
+    walls = f"   {'#' if plain else '▐'} wall" if scene.walls or scene.rounds else ""
+    canvas.write(0, height - 1, scale_bar(camera, width, plain) + walls)
     return canvas
 
 
