@@ -83,7 +83,8 @@ def active_stop(snapshot: RunSnapshot) -> Stop | None:
 
 def pose_text(odometry: Odometry) -> str:
     """`x 0.512 m  y 0.250 m  heading 45.2 deg`."""
-    return f"x {odometry.x:z.3f} m  y {odometry.y:z.3f} m  heading {degrees(odometry.heading):z.1f} deg"
+    heading = degrees(odometry.heading)
+    return f"x {odometry.x:z.3f} m  y {odometry.y:z.3f} m  heading {heading:z.1f} deg"
 
 
 def pose_rows(snapshot: RunSnapshot) -> Iterator[tuple[str, str]]:
