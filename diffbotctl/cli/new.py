@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from keyword import iskeyword
 from pathlib import Path
@@ -315,7 +316,9 @@ def _check_word(name: str, what: str) -> None:
 
     if not is_name(name):
         cause = f"'{name}' is not a valid {what} name: use lower-case letters, digits and _"
-        raise _refused("E-NAME", name, cause, "begin it with a letter")
+        likely = re.sub(r"\W+", "_", name.rpartition("/")[2]).lower()
+        fix = f"such as {likely}" if is_name(likely) else "begin it with a letter"
+        raise _refused("E-NAME", name, cause, fix)
 
 
 def _write(path: Path, template: str, fields: dict[str, str]) -> None:

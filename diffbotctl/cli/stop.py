@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -311,9 +312,15 @@ def why(
 def _explanation_of(engine: str | None) -> tuple[dict[str, str], dict[str, Any] | None]:
     """What `explain_stop` replies, and the stop in force; of the last run when no engine runs."""
     from diffbotctl.control_socket.address import engines
+    from diffbotctl.recording.run_end import newest_flight
     from diffbotctl.replay.ended_run import explain_last_run
 
-    ended = None if engine or host() or engines() else explain_last_run()
+    if engine or host() or engines():
+        ended = None
+    else:
+        if newest_flight() is not None and sys.stderr.isatty():
+            click.echo("nothing is running: computing the last run again", err=True)
+        ended = explain_last_run()
     if ended is not None:
         return ended._asdict(), None
     with attached(engine, "why") as client:

@@ -71,14 +71,25 @@ def difference_lines(topics: list[TopicDifference], names: tuple[str, str]) -> I
             continue
         name, time = shortened(topic.name), topic.time / SECOND
         yield f"{name}: message {topic.place + 1} differs, at {time:.6f} s"
-        for name, message in zip(names, (topic.one, topic.other), strict=True):
-            text = "nothing" if message is None else f"{message[0] / SECOND:.6f} s {message[1]}"
-            yield f"  {name}  {text}"
+        texts = _differing_fields(topic)
+        for name, message, text in zip(names, (topic.one, topic.other), texts, strict=True):
+            shown = "nothing" if message is None else f"{message[0] / SECOND:.6f} s {text}"
+            yield f"  {name}  {shown}"
         if topic.counts[0] != topic.counts[1]:
             yield f"  messages in total: {topic.counts[0]} and {topic.counts[1]}"
     if equal:
         messages = sum(topic.counts[0] for topic in equal)
         yield f"same: {len(equal)} of {len(topics)} topics, {messages} messages"
+
+
+def _differing_fields(topic: TopicDifference) -> list[str]:
+    """Of both messages the fields that differ; the whole text where only one is there."""
+    texts = ["" if message is None else message[1] for message in (topic.one, topic.other)]
+    if not all(texts):
+        return texts
+    one, other = map(json.loads, texts)
+    names = [name for name in one if other.get(name, one) != one[name]]
+    return [json.dumps({name: message.get(name) for name in names}) for message in (one, other)]
 
 
 def metrics_table(one: Metrics, other: Metrics, heads: tuple[str, str]) -> Iterator[str]:

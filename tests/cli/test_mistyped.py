@@ -47,6 +47,10 @@ def outcome(folder, *words):
             (("drive", "--speed", "0.1", "m/s"), "'0.1 m/s' are two words here: write 0.1m/s"),
             (("run", "goal", "--for", "10", "s"), "'10 s' are two words here: write 10s"),
             (("param", "set", "guard.margin", "8", "cm"), "write 8cm"),
+            (
+                ("new", "message", "my_package/Face"),
+                "use lower-case letters, digits and _ such as face",
+            ),
             (("goto", "1,2"), "write 2: diffbotctl goto 1 2"),
             (("goto", "0,5 0"), "write 3: diffbotctl goto 0 5 0"),
             (("goto", "", "1", "2"), "'' is not a number"),

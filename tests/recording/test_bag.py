@@ -2,6 +2,8 @@
 
 import csv
 import io
+import json
+import re
 
 import pytest
 from click.testing import CliRunner
@@ -131,6 +133,10 @@ def test_two_robots_differ_first_where_their_encoders_do(goal, other):
     assert encoders.place == place and encoders.one == (both[0][place][0], encoders.one[1])
     code, text = bag_output("diff", goal, other)
     assert code == 1 and "cross track rms" in text
+    (shown,) = re.findall(r"^robot.encoders: .*\n  A  \S+ s ({.*})\n  B  \S+ s ({.*})$", text, re.M)
+    first, second = map(json.loads, shown)
+    assert first and first.keys() == second.keys()
+    assert all(first[name] != second[name] for name in first)
 
 
 @pytest.mark.parametrize("verb", ["info", "export", "diff"])
