@@ -75,7 +75,7 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "blocks": 3_050,
     "bluetooth": 790,
     "calibrate": 8_090,
-    "cli": 9_230,
+    "cli": 9_265,
     "client": 920,
     "config": 8_530,
     "control": 1_540,
