@@ -225,7 +225,7 @@ def _print_verdict(lesson: Lesson, folder: LearnerFolder, verdict: LessonVerdict
     click.echo(verdict.advice or found.seen)
     _print_changed(lesson, folder)
     run = verdict.run
-    if run is not None and verdict.pipeline and found.code not in ("error", "missing"):
+    if run is not None and verdict.pipeline and found.code not in ("error", "missing", "endless"):
         words = ["diffbotctl", "run", str(folder.checked(lesson) / verdict.pipeline)]
         words += ["--seed", str(run.seed), "--dash"] if run.has_robot else ["--for", "5s"]
         for each in run.sets:

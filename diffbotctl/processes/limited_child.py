@@ -124,7 +124,8 @@ class LimitedChild(Generic[Result]):
                 self.processor = usage.ru_utime + usage.ru_stime
                 return status
             time.sleep(EXIT_POLL_PERIOD_S)
-        raise ChildEndedError(f"it took more than {self.limits.wall:g} s")
+        cause = "code that waits, or a busy computer"
+        raise ChildEndedError(f"it took more than {self.limits.wall:g} s: {cause}")
 
 
 def _limit(limits: ChildLimits) -> None:
