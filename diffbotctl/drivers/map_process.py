@@ -30,8 +30,6 @@ from diffbotctl.geometry.map_tiles import (
 )
 from diffbotctl.mapping.lidar_scan import MappedScan
 from diffbotctl.mapping.map_file import load_map, save_map
-from diffbotctl.mapping.map_image import FREE as FREE_SHARE
-from diffbotctl.mapping.map_image import OCCUPIED as OCCUPIED_SHARE
 from diffbotctl.mapping.mapper import Correction, Mapper, MapperParameters, MapperState
 from diffbotctl.mapping.occupancy_grid import OccupancyGrid
 from diffbotctl.mapping.plane_pose import Array, compose
@@ -204,8 +202,8 @@ class MapSession:
 def grid_tiles(grid: OccupancyGrid) -> dict[Place, str]:
     cells = grid.cells
     letters = np.full(cells.shape, ord(UNKNOWN), np.uint8)
-    letters[(cells >= 0) & (cells <= 100 * FREE_SHARE)] = ord(FREE)
-    letters[cells >= 100 * OCCUPIED_SHARE] = ord(OCCUPIED)
+    letters[grid.is_free] = ord(FREE)
+    letters[grid.is_occupied] = ord(OCCUPIED)
     column, row = (round(each / grid.resolution) for each in grid.origin)
     rows, columns = cells.shape
     low, left = row % TILE, column % TILE

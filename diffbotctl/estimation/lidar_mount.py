@@ -42,7 +42,7 @@ class LidarMountFit:
         self.legs = 0
         self.mm = self.rr = self.tt = 0.0
         self.mr = self.mt = self.rt = 0j  # sums of conjugated products
-        self.begin: tuple[PlanePose, PlanePose] | None = None
+        self.begin: tuple[PlanePose, PlanePose] | None = None  # of a way; None: the next pose
 
     def add(self, wheels: PlanePose, seen: PlanePose) -> None:
         """Poses at one time: in odom, and in the map."""
@@ -64,10 +64,6 @@ class LidarMountFit:
         self.mr += m.conjugate() * r
         self.mt += m.conjugate() * t
         self.rt += r.conjugate() * t
-
-    def interrupt(self) -> None:
-        """The map has jumped, or was not known: the next pose begins a new way."""
-        self.begin = None
 
     def mount(self) -> LidarMount | None:
         """The fit; None while there are too few ways, or turns alone."""

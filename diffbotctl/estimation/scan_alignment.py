@@ -41,8 +41,7 @@ class ScanAlignment:
     def take(self, update: MapUpdate, at: Odometry | None) -> None:
         """Take the answer to a scan, and the odometry with which it was sent."""
         if at is None or update.state not in ("mapping", "localised"):
-            self.last = None
-            self.mount.interrupt()
+            self.last = self.mount.begin = None
             return
         seen = compose((update.x, update.y, update.heading), (at.x, at.y, at.heading))
         if self.last is not None and at.time > self.last[0].time:
@@ -50,7 +49,7 @@ class ScanAlignment:
             last = self.last[1]
             before = compose((last.x, last.y, last.heading), (at.x, at.y, at.heading))
             if hypot(seen[0] - before[0], seen[1] - before[1]) > JUMP:
-                self.mount.interrupt()
+                self.mount.begin = None
         self.last = at, update
         self.mount.add((at.x, at.y, at.heading), seen)
 

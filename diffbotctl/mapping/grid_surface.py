@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from diffbotctl.mapping.lidar_scan import SurfacePoints
 from diffbotctl.mapping.occupancy_grid import OccupancyGrid
 
-OCCUPIED_MIN, FREE_MAX = 65, 19  # percent
 NEAR = 3  # cells around one, whose line gives the direction of the surface
 FLAT_COUNT_MIN = 4  # cells of a line
 FLAT_RATIO_MAX = 0.15  # of the spreads across and along the line; an L has 0.27
@@ -19,7 +18,9 @@ def grid_surface(grid: OccupancyGrid) -> SurfacePoints:
 
     The inside of a filled wall is left out: no lidar sees it.
     """
-    edge = _edges(grid.cells)
+    free = np.pad(grid.is_free, 1)
+    beside = free[2:, 1:-1] | free[:-2, 1:-1] | free[1:-1, 2:] | free[1:-1, :-2]
+    edge = beside & grid.is_occupied
     cells = np.argwhere(edge)
     x, y = grid.origin
     points = np.asarray((cells[:, ::-1] + 0.5) * grid.resolution + (x, y), float)
@@ -43,15 +44,8 @@ def grid_surface(grid: OccupancyGrid) -> SurfacePoints:
 
 def free_corners(grid: OccupancyGrid) -> NDArray[np.float64]:
     """2 x 2: lowest and highest x and y of the free cells, or of all where none is free."""
-    is_free = (grid.cells >= 0) & (grid.cells <= FREE_MAX)
+    is_free = grid.is_free
     if not is_free.any():
         is_free[:] = True
     spans = [np.flatnonzero(is_free.any(axis))[[0, -1]] for axis in (0, 1)]
     return np.asarray((np.array(spans).T + 0.5) * grid.resolution + grid.origin)
-
-
-def _edges(cells: NDArray[np.int8]) -> NDArray[np.bool_]:
-    """Occupied cells with a free one on one of the four sides."""
-    free = np.pad((cells >= 0) & (cells <= FREE_MAX), 1)
-    beside = free[2:, 1:-1] | free[:-2, 1:-1] | free[1:-1, 2:] | free[1:-1, :-2]
-    return np.asarray(beside & (cells >= OCCUPIED_MIN))

@@ -14,17 +14,17 @@ import yaml
 from numpy.typing import NDArray
 
 from diffbotctl.errors import Problem, RunError
-from diffbotctl.mapping.grid_surface import OCCUPIED_MIN
 from diffbotctl.mapping.map_file import LENGTH_MAX, check_extent
 from diffbotctl.mapping.occupancy_grid import (
     CELLS_MAX,
+    FREE,
+    OCCUPIED,
     RESOLUTION_MAX,
     RESOLUTION_MIN,
     OccupancyGrid,
 )
 
 DESCRIPTION_MAX, HEADER_MAX = 10_000, 4096  # characters, bytes
-OCCUPIED, FREE = 0.65, 0.196
 GREY_OCCUPIED, GREY_FREE, GREY_UNKNOWN = 0, 254, 205
 HEADER = re.compile(rb"P5\s+(?:#[^\n]*\n\s*)*(\d+)\s+(?:#[^\n]*\n\s*)*(\d+)\s+(\d+)\s")
 
@@ -32,8 +32,8 @@ HEADER = re.compile(rb"P5\s+(?:#[^\n]*\n\s*)*(\d+)\s+(?:#[^\n]*\n\s*)*(\d+)\s+(\
 def save_picture(grid: OccupancyGrid, path: Path) -> None:
     """Write `path` (NAME.yaml) and NAME.pgm beside it: black occupied, white free, grey unknown."""
     grey = np.full(grid.cells.shape, GREY_UNKNOWN, np.uint8)
-    grey[grid.cells >= 100 * OCCUPIED] = GREY_OCCUPIED
-    grey[(grid.cells >= 0) & (grid.cells <= 100 * FREE)] = GREY_FREE
+    grey[grid.is_occupied] = GREY_OCCUPIED
+    grey[grid.is_free] = GREY_FREE
     rows, columns = len(grey), grey.size // max(1, len(grey))
     picture = path.with_suffix(".pgm")
     picture.write_bytes(f"P5\n{columns} {rows}\n255\n".encode() + np.flipud(grey).tobytes())
@@ -108,9 +108,10 @@ def _grid(text: dict[str, Any], grey: NDArray[np.uint8]) -> OccupancyGrid:
         )
     cells = _cells_of_greys(text)[grey]
     check_extent(cells.shape[1] * resolution, cells.shape[0] * resolution, resolution)
-    if not ((cells >= OCCUPIED_MIN).any() and (cells == 0).any()):
+    grid = OccupancyGrid(resolution, (x, y), cells)
+    if not (grid.is_occupied.any() and grid.is_free.any()):
         raise ValueError("no cell is occupied, or none is free; look at negate and the thresholds")
-    return OccupancyGrid(resolution, (x, y), cells)
+    return grid
 
 
 def _cells_of_greys(text: dict[str, Any]) -> NDArray[np.int8]:

@@ -96,7 +96,7 @@ class Mapper:
         self, parameters: MapperParameters, saved: Map | None = None, grows: bool = False
     ) -> None:
         self.parameters = parameters
-        self._saved = None if saved is None or saved.is_empty else saved
+        self._saved = saved if saved and (saved.scans or saved.imported) else None
         self._tracker = ScanTracker(np.zeros(3), UNKNOWN)
         self._builder: MapBuilder | None = None
         self._drawn = GridBuilder(parameters.resolution)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from diffbotctl.mapping.lidar_scan import MappedScan
 from diffbotctl.mapping.plane_pose import Array, transformed
 
+OCCUPIED, FREE = 0.65, 0.196  # thresholds of map_server
 LOG_ODDS = 0.75  # of one unit
 HIT, MISS = 3, -2
 HIGHEST, LOWEST = 6, -9  # five misses turn the most certain wall into free space
@@ -32,6 +33,16 @@ class OccupancyGrid(NamedTuple):
     """x, y of the lower left corner of cell [0, 0] in map, m"""
     cells: NDArray[np.int8]
     """rows (y) x columns (x): -1 unknown, 0 free to 100 occupied"""
+
+    @property
+    def is_free(self) -> NDArray[np.bool_]:
+        """Of each cell."""
+        return (self.cells >= 0) & (self.cells <= 100 * FREE)
+
+    @property
+    def is_occupied(self) -> NDArray[np.bool_]:
+        """Of each cell."""
+        return self.cells >= 100 * OCCUPIED
 
 
 class GridBuilder:

@@ -27,11 +27,6 @@ class Map(NamedTuple):
     imported: OccupancyGrid | None = None
     """in place of scans"""
 
-    @property
-    def is_empty(self) -> bool:
-        """Whether there is nothing in it."""
-        return not self.scans and self.imported is None
-
     def corners(self) -> Array:
         """2 x 2: lowest and highest x and y at which a robot has been, or can be."""
         if self.imported is not None:
