@@ -26,7 +26,9 @@ OUTPUT_MAX_BYTES = 1 << 20
 PRELOADED = [
     *(f"diffbotctl.cli.{name}" for name in ("bag", "blocks", "calibrate", "check", "drive")),
     *(f"diffbotctl.cli.{name}" for name in ("engines", "log", "param", "replay", "run", "stop")),
-    *("diffbotctl.cli.topic", "yaml", "mcap.stream_reader", "zstandard", "numpy"),
+    *("diffbotctl.cli.topic", "diffbotctl.drivers.simulated_robot", "diffbotctl.replay.replay"),
+    *("diffbotctl.runs.control_socket", "diffbotctl.runs.robot_run"),
+    *("yaml", "mcap.stream_reader", "zstandard", "numpy"),
 ]
 
 
