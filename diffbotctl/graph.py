@@ -4,8 +4,8 @@ The rules in each instant `now` (one logical time with all messages that arrived
 
 1. A block reacts if there is a new message on one of its trigger inputs, if one of its timers is
    due, or if the message of one of its inputs has just become older than its `fresh_for`.
-2. Each block reacts at most once, in topological order. Its outputs are visible to the later blocks
-   in the same instant.
+2. Each block reacts at most once, in topological order, first those that the motors' command needs.
+   Its outputs are visible to the later blocks in the same instant.
 3. An input holds the last message of its wire. If it declares `fresh_for`, an older one is None.
 
 A message passes along a wire by assignment to a local variable: the graph is compiled into one
@@ -81,8 +81,9 @@ class Graph:
     `sources` maps each wire on which drivers deliver to its message class. `wires` lists all wires:
     the sources, then the outputs of the blocks in topological order. With a `book`, the lines that
     blocks log are on the last wire, `log`. `lifetimes`: ns after which a message of a source is no
-    longer valid, as if each input of that wire declared such a `fresh_for`. `parts` are the graphs
-    that `join_graphs` has joined, by name; none for another graph.
+    longer valid, as if each input of that wire declared such a `fresh_for`. `commands`: wires to
+    motors, which do not wait for blocks that they do not need. `parts` are the graphs that
+    `join_graphs` has joined, by name; none for another graph.
     """
 
     def __init__(
@@ -91,9 +92,11 @@ class Graph:
         sources: dict[str, type],
         book: Logbook | None = None,
         lifetimes: Mapping[str, int] | None = None,
+        commands: Sequence[str] = (),
     ) -> None:
         self.parts: Mapping[str, Graph] = {}
-        self.nodes = in_order(nodes)
+        self.commands = tuple(commands)
+        self.nodes = in_order(nodes, self.commands)
         self.lifetimes = dict(lifetimes or {})
         self.sources = list(sources)
         self.kinds: dict[str, type] = dict(sources)
@@ -120,10 +123,11 @@ class Graph:
         """Compile the graph.
 
         `sinks` are called with (now, message) at the end of an instant for each new message on
-        their wire. `listeners` are called in the same way, after all sinks and in the order of the
-        wires, so that the lines they log do not depend on which sinks there are. `record` is then
-        called with one tuple for the instant, (now, message or None for each of `wires`), and with
-        one more tuple of the same time for each line of the log.
+        their wire; those of `commands` as soon as there is one. `listeners` are called in the same
+        way, after all sinks and in the order of the wires, so that the lines they log do not depend
+        on which sinks there are. `record` is then called with one tuple for the instant, (now,
+        message or None for each of `wires`), and with one more tuple of the same time for each line
+        of the log.
         """
         sinks = dict(sinks)
         publish = self._publisher(sinks.pop(LOG, None), record)
@@ -178,14 +182,16 @@ def join_graphs(parts: Mapping[str, Graph], book: Logbook) -> Graph:
     nodes: list[Node] = []
     sources: dict[str, type] = {}
     lifetimes: dict[str, int] = {}
+    commands: list[str] = []
     for name, part in parts.items():
         for node in part.nodes:
             wires = {port: f"{name}.{wire}" for port, wire in node.wires.items()}
             nodes.append(Node(f"{name}.{node.name}", node.block, wires))
         sources |= {f"{name}.{wire}": part.kinds[wire] for wire in part.sources}
         lifetimes |= {f"{name}.{wire}": lifetime for wire, lifetime in part.lifetimes.items()}
+        commands += [f"{name}.{wire}" for wire in part.commands]
         part.book = NamedLogbook(book, name)
-    joined = Graph(nodes, sources, book, lifetimes)
+    joined = Graph(nodes, sources, book, lifetimes, commands)
     joined.parts = dict(parts)
     return joined
 
@@ -249,8 +255,11 @@ class Compiled(NamedTuple):
 GENERATED = "<graph>"
 
 
-def in_order(nodes: Sequence[Node]) -> list[Node]:
-    """`nodes` in topological order; otherwise in the order of the file. Raises LoopError."""
+def in_order(nodes: Sequence[Node], commands: Sequence[str] = ()) -> list[Node]:
+    """`nodes` in topological order, first those that the wires `commands` need. Raises LoopError.
+
+    Otherwise they are in the order of the file.
+    """
     by_name = {node.name: node for node in nodes}
     sorter: TopologicalSorter[str] = TopologicalSorter()
     for node in nodes:
@@ -266,7 +275,11 @@ def in_order(nodes: Sequence[Node]) -> list[Node]:
         for name in sorted(sorter.get_ready(), key=place.__getitem__):
             ordered.append(by_name[name])
             sorter.done(name)
-    return ordered
+    needed = {wire.rpartition(".")[0] for wire in commands}
+    for node in reversed(ordered):
+        if node.name in needed:
+            needed |= {wire.rpartition(".")[0] for wire in node.wires.values()}
+    return sorted(ordered, key=lambda node: node.name not in needed)
 
 
 def nanoseconds(block: Block, seconds: float | str) -> int:
@@ -321,7 +334,9 @@ class _Writer:
         self.timer_owners: list[tuple[str, int]] = []
         self.line_owner: dict[int, str] = {}
         self.reactions = [self._reaction(node) for node in graph.nodes]
-        self.final = [self._call_when_new(wire, "sink") for wire in sinks]
+        calls = {wire: self._call_when_new(wire, "sink") for wire in sinks}
+        self.at_once = {wire: calls.pop(wire) for wire in graph.commands if wire in calls}
+        self.final = [*calls.values()]
         self.final += [self._call_when_new(wire, "listener") for wire in listeners]
         if recording:
             messages = ["None" if wire == LOG else self._new(wire) for wire in graph.wires]
@@ -352,6 +367,7 @@ class _Writer:
             )
             for port in outputs(type(node.block)):
                 body += self._hold(f"{node.name}.{port}")
+                body += self.at_once.get(f"{node.name}.{port}", [])
         for final in self.final:
             body += final
         lines += [f"        {line}" for line in body or ["pass"]]

@@ -92,7 +92,8 @@ def assemble(configuration: Configuration, real: bool) -> Assembly:
     lifetimes = {
         use.wire: round(use.timeout * SECOND) for use in configuration.inputs if use.neutral is None
     }
-    return Assembly(Graph(nodes, wires, Logbook(), lifetimes), command, unproven)
+    commands = [] if command is None else [command]
+    return Assembly(Graph(nodes, wires, Logbook(), lifetimes, commands), command, unproven)
 
 
 def sources(robot: Robot | None) -> dict[str, type]:

@@ -140,6 +140,30 @@ def test_sinks_get_new_messages_only():
     assert arrived == [(1, "up")]
 
 
+def test_a_command_does_not_wait_for_blocks_that_it_does_not_need():
+    happened = []
+
+    class Slow(Double):
+        """Takes long."""
+
+        def react(self, now, twist):
+            happened.append("slow")
+
+    nodes = [
+        Node("slow", Slow(), {"twist": "drive.twist"}),
+        Node("split", Split(), {"twist": "double.out"}),
+        Node("double", Double(), {"twist": "drive.twist"}),
+    ]
+    graph = Graph(nodes, SOURCES, commands=["split.wheels"])
+    assert [node.name for node in graph.nodes] == ["double", "split", "slow"]
+    sinks = {
+        wire: lambda now, message, wire=wire: happened.append(wire)
+        for wire in ("split.words", "split.wheels")
+    }
+    graph.compile(sinks, None).instant(1, Twist(1, 1.0, 0.0), None)
+    assert happened == ["split.wheels", "slow", "split.words"]
+
+
 def test_loop_names_the_blocks_in_order():
     nodes = [
         Node("a", Double(), {"twist": "c.out"}),

@@ -38,7 +38,7 @@ CLOCK = os.sysconf("SC_CLK_TCK")
 
 
 class TimedInstants:
-    """A compiled graph; times from counts of the wheels to the wheels' command, in s."""
+    """A compiled graph; processor time from counts of the wheels to the wheels' command, s."""
 
     def __init__(self, place: int, send: Any) -> None:
         """`place`: of the counts among the sources. `send`: what takes the command."""
@@ -51,13 +51,13 @@ class TimedInstants:
         return getattr(self.compiled, name)
 
     def instant(self, now: int, *values: Any) -> Any:
-        self.began = None if values[self.place] is None else time.perf_counter()
+        self.began = None if values[self.place] is None else time.thread_time()
         return self.compiled.instant(now, *values)
 
     def on_command(self, now: int, command: Any) -> None:
         """The wheels' command is computed."""
         if self.began is not None:
-            self.times.append(time.perf_counter() - self.began)
+            self.times.append(time.thread_time() - self.began)
             self.began = None
         self.send(now, command)
 
