@@ -18,6 +18,7 @@ from diffbotctl.mapping.plane_pose import Array, rotated, wrapped
 TURN_STEP = 0.0175  # rad
 BATCH = 1024  # candidates that are divided at once
 STEP_LOOKUPS = 500_000  # of the raster, in one step: about 10 ms
+ARRAY_LOOKUPS = 50_000  # at once: 2 MB of indices
 APART = (0.6, 0.3)  # m and rad; a pose nearer to another one belongs to the same peak
 Index = NDArray[np.int64]
 
@@ -76,6 +77,12 @@ class _Search:
         return _Candidates(LEVELS, turn, row, column, np.zeros(len(turn), np.int64))
 
     def bounds(self, each: _Candidates) -> Index:
+        size = max(1, ARRAY_LOOKUPS // max(1, self.count))
+        starts = range(0, len(each.turn), size)
+        bounds = [self._bounds(each.part(slice(start, start + size))) for start in starts]
+        return np.concatenate([np.zeros(0, np.int64), *bounds])
+
+    def _bounds(self, each: _Candidates) -> Index:
         raster = self.field.pyramid[each.level]
         row = self.rows[each.turn] + each.row[:, None]
         column = self.columns[each.turn] + each.column[:, None]

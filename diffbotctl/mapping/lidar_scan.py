@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from diffbotctl.mapping.plane_pose import Array
+from diffbotctl.mapping.plane_pose import Array, Points
 
 BASELINES = (1, 2, 4)  # rays to either side; the longest along which the surface is straight
 GAP_ANGLE = 0.12  # rad a ray; points further apart, as seen from the lidar, are two surfaces
@@ -23,7 +23,7 @@ class MappedScan(NamedTuple):
     """counts up; a scan that is not newer than the last one is ignored"""
     time: float
     """s"""
-    points: Array
+    points: Points
     """N x 2, m, in base_link at `time`, in the order in which the lidar measured them"""
     origin: tuple[float, float]
     """m, of the lidar in base_link"""
@@ -31,7 +31,7 @@ class MappedScan(NamedTuple):
     """x, y, heading of base_link in odom at `time`"""
     covariance: Array
     """3 x 3, of `odometry`, along the axes of odom"""
-    clear: Array = NO_POINTS
+    clear: Points = NO_POINTS
     """M x 2: how far rays went that met nothing, in base_link"""
 
 
@@ -46,12 +46,12 @@ class SurfacePoints(NamedTuple):
     """whether the direction is known"""
 
 
-def surface_points(points: Array, origin: tuple[float, float]) -> SurfacePoints:
+def surface_points(measured: Points, origin: tuple[float, float]) -> SurfacePoints:
     """Directions of the surfaces from the neighbours of each point.
 
-    `points`: N x 2 in the order of measurement; `origin`: the lidar in the same frame.
+    `measured`: N x 2 in the order of measurement; `origin`: the lidar in the same frame.
     """
-    count = len(points)
+    points, count = measured.astype(float), len(measured)
     normals = np.zeros((count, 2))
     is_flat = np.zeros(count, bool)
     distance = np.hypot(*(points - origin).T)

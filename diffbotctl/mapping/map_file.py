@@ -5,9 +5,9 @@ from __future__ import annotations
 import io
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,28 +38,37 @@ Arrays = Mapping[str, NDArray[np.float64]]
 def map_bytes(scan_map: Map) -> bytes:
     """The content of a map file; the same map gives the same bytes."""
     scans, grid = scan_map.scans, scan_map.imported
-    imported: dict[str, Any] = {}
+    arrays: dict[str, list[NDArray[Any]]] = {
+        "format": [np.array([FORMAT])],
+        "resolution": [np.array([scan_map.resolution])],
+        "poses": [scan_map.poses],
+        "numbers": [np.array([scan.number for scan in scans], float)],
+        "times": [np.array([scan.time for scan in scans], float)],
+        "origins": [np.array([scan.origin for scan in scans]).reshape(-1, 2)],
+        "odometry": [np.array([scan.odometry for scan in scans]).reshape(-1, 3)],
+        "covariances": [np.array([scan.covariance for scan in scans]).reshape(-1, 3, 3)],
+        "point_counts": [np.array([len(scan.points) for scan in scans], float)],
+        "clear_counts": [np.array([len(scan.clear) for scan in scans], float)],
+        "points": [np.zeros((0, 2), np.float32), *(scan.points for scan in scans)],
+        "clear": [np.zeros((0, 2), np.float32), *(scan.clear for scan in scans)],
+    }
     if grid is not None:
-        imported = {"cells": grid.cells, "corner": np.array(grid.origin)}
-    none = [np.zeros((0, 2))]
+        arrays |= {"cells": [grid.cells], "corner": [np.array(grid.origin)]}
     buffer = io.BytesIO()
-    np.savez_compressed(
-        buffer,
-        format=np.array([FORMAT]),
-        resolution=np.array([scan_map.resolution]),
-        poses=scan_map.poses,
-        numbers=np.array([scan.number for scan in scans], float),
-        times=np.array([scan.time for scan in scans], float),
-        origins=np.array([scan.origin for scan in scans]).reshape(-1, 2),
-        odometry=np.array([scan.odometry for scan in scans]).reshape(-1, 3),
-        covariances=np.array([scan.covariance for scan in scans]).reshape(-1, 3, 3),
-        point_counts=np.array([len(scan.points) for scan in scans], float),
-        clear_counts=np.array([len(scan.clear) for scan in scans], float),
-        points=np.concatenate([*none, *(scan.points for scan in scans)], dtype=np.float32),
-        clear=np.concatenate([*none, *(scan.clear for scan in scans)], dtype=np.float32),
-        **imported,
-    )
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, parts in arrays.items():
+            with archive.open(f"{name}.npy", "w") as member:
+                _write(member, parts)
     return buffer.getvalue()
+
+
+def _write(stream: IO[bytes], parts: Sequence[NDArray[Any]]) -> None:
+    """One array of all `parts`; written one by one, since a copy of all takes much memory."""
+    kind, shape = parts[0].dtype, (sum(map(len, parts)), *parts[0].shape[1:])
+    header = {"descr": kind.str, "fortran_order": False, "shape": shape}
+    np.lib.format.write_array_header_1_0(stream, header)
+    for part in parts:
+        stream.write(part.astype(kind).tobytes())
 
 
 def map_of_bytes(content: bytes, name: str) -> Map:
@@ -174,8 +183,8 @@ def check_extent(width: float, depth: float, resolution: float) -> None:
 
 def _parts(
     rows: NDArray[np.float64], counts: NDArray[np.float64], count: int
-) -> list[NDArray[np.float64]]:
+) -> list[NDArray[np.float32]]:
     ends = np.cumsum(counts.astype(np.int64))
     if len(counts) != count or (counts < 0).any() or rows.shape != (ends[-1] if count else 0, 2):
         raise ValueError("the numbers of points of its scans do not add up")
-    return np.split(rows.astype(float), ends[:-1])
+    return np.split(rows.astype(np.float32), ends[:-1])

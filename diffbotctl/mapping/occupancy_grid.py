@@ -18,6 +18,7 @@ OCCUPIED, FREE = 0.65, 0.196  # thresholds of map_server
 LOG_ODDS = 0.75  # of one unit
 HIT, MISS = 3, -2
 HIGHEST, LOWEST = 6, -9  # five misses turn the most certain wall into free space
+PERCENT = np.rint(100 / (1 + np.exp(-LOG_ODDS * np.arange(LOWEST, HIGHEST + 1)))).astype(np.int8)
 CLEARANCE = 0.2  # m before its end, where a ray may touch the cells of what it meets
 GROWTH = 40  # cells, by which the grid grows beyond what it must hold
 CELLS_MAX = 16_000_000  # of one grid: 200 m x 200 m at 5 cm
@@ -135,7 +136,7 @@ class GridBuilder:
 
     def grid(self) -> OccupancyGrid:
         """The grid with a probability for each cell: 50 where free and occupied balance."""
-        cells = np.rint(100 / (1 + np.exp(-LOG_ODDS * self.odds.astype(float)))).astype(np.int8)
+        cells = PERCENT[self.odds - LOWEST]
         cells[~self.seen] = -1
         x, y = (self.low * self.resolution).tolist()
         return OccupancyGrid(self.resolution, (x, y), cells)

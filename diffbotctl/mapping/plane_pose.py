@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+Points = NDArray[np.float64 | np.float32]  # those that are kept are in single precision
 
 
 def wrapped(angle: Array) -> Array:
@@ -39,12 +40,12 @@ def inverse(pose: ArrayLike) -> Array:
     return between(pose, np.zeros(3))
 
 
-def transformed(points: Array, pose: Array) -> Array:
+def transformed(points: Points, pose: Array) -> Array:
     """Points (N x 2) in the frame of `pose`, in the frame that `pose` is given in."""
     return rotated(points, float(pose[2])) + pose[:2]
 
 
-def rotated(vectors: Array, angle: float) -> Array:
+def rotated(vectors: Points, angle: float) -> Array:
     """Vectors (N x 2), turned counter-clockwise by `angle` (rad)."""
     c, s = np.cos(angle), np.sin(angle)
     turned: Array = vectors @ np.array([[c, s], [-s, c]])

@@ -5,16 +5,15 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from diffbotctl.mapping.lidar_scan import NO_POINTS, MappedScan, SurfacePoints, surface_points
+from diffbotctl.mapping.lidar_scan import MappedScan, SurfacePoints, surface_points
 from diffbotctl.mapping.match_field import MatchField, joined
 from diffbotctl.mapping.plane_pose import Array, between, compose, rotated_covariance, transformed
 from diffbotctl.mapping.pose_graph import PoseEdge, PoseGraph
 
 SUBMAP_SCANS = 10
 SUBMAPS_MAX = 128  # then they are halved: 256 m of new places at 0.2 m a keyframe
-FIELDS_MAX = 6  # kept; each takes up to 3 MB
+FIELDS_MAX = 4  # kept; each takes up to 3 MB
 QUERY_SIDE = 2  # keyframes before and after, whose points are searched together
 QUERY_CELL = 0.10  # m; one point a cell
 QUERY_REACH = 10.0  # m
@@ -22,25 +21,18 @@ QUERY_POINTS = 300
 
 
 class Keyframe(NamedTuple):
-    """A scan that is kept, its points in single precision, as in a file."""
+    """A scan that is kept."""
 
-    bare: MappedScan
-    """the scan without points"""
-    points: NDArray[np.float32]
-    clear: NDArray[np.float32]
+    scan: MappedScan
+    """its points in single precision, as in a file"""
     submap: int
     local: Array
     """pose in the frame of the submap, which is that of its first keyframe"""
 
     @property
-    def scan(self) -> MappedScan:
-        """With its points."""
-        return self.bare._replace(points=self.points.astype(float), clear=self.clear.astype(float))
-
-    @property
     def surface(self) -> SurfacePoints:
         """Its points and their surfaces; computed each time, so that they take no memory."""
-        return surface_points(self.points.astype(float), self.bare.origin)
+        return surface_points(self.scan.points, self.scan.origin)
 
 
 class Submaps:
@@ -59,9 +51,10 @@ class Submaps:
 
     def add(self, scan: MappedScan, local: Array) -> None:
         """Keep a scan in the newest submap."""
-        bare = scan._replace(points=NO_POINTS, clear=NO_POINTS)
-        points, clear = scan.points.astype(np.float32), scan.clear.astype(np.float32)
-        self.keyframes.append(Keyframe(bare, points, clear, self.newest, local))
+        kept = scan._replace(
+            points=scan.points.astype(np.float32), clear=scan.clear.astype(np.float32)
+        )
+        self.keyframes.append(Keyframe(kept, self.newest, local))
 
     def begin(self, motion: Array, covariance: Array) -> None:
         """A new submap, `motion` after the newest one; `covariance`: in the frame after it."""
@@ -100,7 +93,7 @@ class Submaps:
         here = self.pose(index)
         points = np.vstack(
             [
-                transformed(self.keyframes[i].points.astype(float), between(here, self.pose(i)))
+                transformed(self.keyframes[i].scan.points, between(here, self.pose(i)))
                 for i in range(low, high)
             ]
         )
