@@ -532,6 +532,7 @@ class MapRequest(NamedTuple):
     x: Annotated[float, Field("m", "Where the robot is in the map, for `place`.")] = 0.0
     y: Annotated[float, Field("m", "The same.")] = 0.0
     heading: Annotated[float, Field("rad", "The same.")] = 0.0
+    heading_sd: Annotated[float, Field("rad", "Its standard deviation; pi: not known.")] = 0.2
 
 
 class MapUpdate(NamedTuple):

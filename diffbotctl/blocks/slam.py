@@ -97,10 +97,12 @@ class Slam(Block):
         """Begin an empty map where the robot stands."""
         return self._ask(now, "clear")
 
-    @action(x="m", y="m", heading="rad")
-    def place(self, now: int, x: float, y: float, heading: float) -> int:
-        """State where the robot is in the map."""
-        return self._ask(now, "place", x=x, y=y, heading=heading)
+    @action(x="m", y="m", heading="rad", heading_sd="rad")
+    def place(
+        self, now: int, x: float, y: float, heading: float = 0.0, heading_sd: float = 0.2
+    ) -> int:
+        """State where the robot is in the map; `heading_sd` of pi: its heading is not known."""
+        return self._ask(now, "place", x=x, y=y, heading=heading, heading_sd=heading_sd)
 
     def react(
         self, now: int, scan: Scan | None, odometry: Odometry | None, update: MapUpdate | None
@@ -126,11 +128,12 @@ class Slam(Block):
         x: float = 0.0,
         y: float = 0.0,
         heading: float = 0.0,
+        heading_sd: float = 0.2,
     ) -> int:
         if task in ("save", "load") and not is_map_name(name):
             raise ValueError(f"a map's name has letters, digits, - and _; not {name[:20]!r}")
         self.number += 1
-        self.requests.append(MapRequest(now, self.number, task, name, x, y, heading))
+        self.requests.append(MapRequest(now, self.number, task, name, x, y, heading, heading_sd))
         return self.number
 
     def _take_scan(self, scan: Scan) -> None:

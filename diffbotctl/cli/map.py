@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -59,11 +60,14 @@ def clear(engine: str | None = ENGINE) -> int:
 def place(
     x: float = quantity_option("m", "--x", "Position in the map.", required=True),
     y: float = quantity_option("m", "--y", "Position in the map.", required=True),
-    heading: float = quantity_option("rad", "--heading", "Heading in the map.", default="0"),
+    heading: float | None = quantity_option(
+        "rad", "--heading", "Heading in the map; without it, the one that fits best."
+    ),
     engine: str | None = ENGINE,
 ) -> int:
     """State where the robot is in the map, such as --x 1.2m --y -30cm --heading 90deg."""
-    _ask(engine, "place", {"x": x, "y": y, "heading": heading})
+    turn = {"heading_sd": pi} if heading is None else {"heading": heading}
+    _ask(engine, "place", {"x": x, "y": y, **turn})
     click.echo("placed")
     return 0
 

@@ -42,12 +42,13 @@ TILES_PERIOD = SECOND  # between two looks for tiles that have changed
 TILES_MAX = 48  # of one answer
 TILE_BYTES_MAX = 100_000
 RESUMED_SD = (0.15, 0.15, 0.1)  # m, m, rad: after the death of the process before
-PLACED_SD = (0.2, 0.2, 0.2)  # of a person's click
+PLACED_SD = 0.2  # m, of a person's click
+NOT_PLACED = "no heading fits there; state it, or another place"
 PARAMETERS = ("resolution", "range_max")
 CAUSES = {  # and what a person can do
     MapperState.SEARCHING: "drive gently, a look from one place is not enough",
     MapperState.LOST: "what the lidar measures does not fit the map; drive on, state the place "
-    "with `diffbotctl map place`, or load the map of this place",
+    "by a click on the map or `diffbotctl map place`, or load the map of this place",
 }
 
 
@@ -96,7 +97,8 @@ class MapSession:
             self.number += 1
         elif request.task == "place":
             pose = np.array([request.x, request.y, request.heading])
-            self.mapper.answer(pose, np.diag(np.square(PLACED_SD)))
+            spread = np.diag(np.square([PLACED_SD, PLACED_SD, request.heading_sd]))
+            cause = "" if self.mapper.answer(pose, spread) else NOT_PLACED
         self.request, self.refusal = request.number, cause
         return self._update()
 

@@ -25,6 +25,7 @@ STEP_PERIOD = 0.05  # s, of the time from scan to scan, for one step of the wait
 STEPS_MAX = 60  # for one scan
 SEARCH_STEPS = 3  # of the search for the robot's place, for each scan
 FOUND = np.diag([0.10, 0.10, 0.05]) ** 2  # covariance of a place that was found
+HEADING_KNOWN = 1.0  # rad, standard deviation of a pose that can be taken without a search
 UNKNOWN = np.diag([50.0, 50.0, np.pi]) ** 2
 EXPLAINED_MIN, CONTRADICTED_MAX = 0.5, 0.25  # shares of the points of a scan that fits the map
 MISMATCHES_MAX = 5  # scans in a row
@@ -150,17 +151,22 @@ class Mapper:
         steps = min(max(steps, 1), STEPS_MAX)
         return self._builder is not None and all(self._builder.step() for _ in range(steps))
 
-    def answer(self, pose: Array, covariance: Array) -> None:
+    def answer(self, pose: Array, covariance: Array) -> bool:
         """The robot's pose in map at the last scan, as the user states it (3, and 3 x 3).
 
-        The best place within 3 sigma is taken, or, where nothing fits, `pose` itself.
+        The best place within 3 sigma is taken, or, where nothing fits, `pose` itself; if its
+        heading is not known, none is, and the answer is False.
         """
         pose, covariance = np.array(pose, float), np.array(covariance, float)
+        better = None
         if self._search is not None:
             better = self._search.near(pose, 3 * np.sqrt(np.diag(covariance)))
-            if better is not None:
-                pose, covariance = better, FOUND
+        if better is not None:
+            pose, covariance = better, FOUND
+        elif covariance[2, 2] > HEADING_KNOWN**2:
+            return False
         self._place(pose, rotated_covariance(covariance, -float(pose[2])))
+        return True
 
     @property
     def submaps(self) -> Submaps:

@@ -143,6 +143,7 @@ class RunPicture:
         place = run_text.newest_message(snapshot, MapPose)
         return {
             "odom": None if place is None else [round(value, 5) for value in place.odom],
+            "asks_place": self.view.asks_place,
             "candidates": [] if place is None else _candidates(snapshot),
             "time": snapshot.time / SECOND,
             "pose": None if odometry is None else _pose_fields(odometry),

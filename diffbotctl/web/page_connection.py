@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Iterator
+from math import pi
 from typing import Any, Protocol
 
 from aiohttp import WSMsgType, web
@@ -178,7 +179,12 @@ class PageConnection(WebSocketConnection):
                     raise RefusalError("E-REQUEST", "goals were not allowed for this session")
                 self.start(self._request("goto", goal))
             case "place":
-                place = {each: number(fields, each) for each in ("x", "y", "heading")}
+                place = {each: number(fields, each) for each in ("x", "y")}
+                place |= (
+                    {"heading_sd": pi}
+                    if fields.get("heading") is None
+                    else {"heading": number(fields, "heading")}
+                )
                 action = f"{self.server.feed.picture.map_block}.place"
                 self.start(self._request("call_action", {"action": action, "arguments": place}))
             case "set":

@@ -150,6 +150,24 @@ def test_a_robot_that_was_put_elsewhere_notices_and_is_found_again(rooms, is_sav
     assert len(mapper.map().scans) < kept + 12
 
 
+def test_a_lost_robot_that_stands_is_found_where_a_person_points(rooms):
+    robot, mapper, put = Robot(ROOMS, seed=3), Mapper(MapperParameters()), np.array([1.2, 0.8, 2.0])
+    for pose in polyline(WAY, 0.05, 0.15):
+        mapper.add(robot.scan(pose))
+    robot.pose = None
+    for _ in range(8):
+        state = mapper.add(robot.scan(put)).state
+    assert state == MapperState.LOST
+    true = between(ORIGIN, put)
+    any_heading = np.diag([0.2, 0.2, np.pi]) ** 2
+    assert not mapper.answer(true + np.array([20.0, 0.0, 0.0]), any_heading)
+    assert mapper.add(robot.scan(put)).state == MapperState.LOST
+    assert mapper.answer(true + np.array([0.3, -0.3, 2.0]), any_heading)
+    correction = mapper.add(robot.scan(put))
+    assert correction.state == MapperState.MAPPING
+    assert np.abs(between(true, correction.pose)).max() < 0.05
+
+
 @pytest.mark.parametrize("pose", [(1.0, 1.2, 0.3), (4.5, 1.0, 2.0)])
 def test_a_robot_put_where_no_map_is_yet_does_not_spoil_the_map(pose):
     robot = Robot(ROOMS, seed=21)

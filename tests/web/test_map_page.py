@@ -36,13 +36,33 @@ WALLS = """(() => {
 })()"""
 
 
+# A robot that stands in a room with a pillar, and is put 0.4 m further on.
+CARRIED = """
+format: 1
+kind: pipeline
+include: map
+world:
+  walls:
+    - {from: [-1.5 m, -1.2 m], to: [1.5 m, -1.2 m]}
+    - {from: [1.5 m, -1.2 m], to: [1.5 m, 1.2 m]}
+    - {from: [1.5 m, 1.2 m], to: [-1.5 m, 1.2 m]}
+    - {from: [-1.5 m, 1.2 m], to: [-1.5 m, -1.2 m]}
+  obstacles: [{at: [1.2 m, 0.9 m], radius: 20 cm}]
+"""
+MOVED = "robot.simulation.faults=[{fault: robot_moved, at: 6 s, size: 0.4 m}]"
+
+
 @pytest.fixture
-def page(tmp_path, monkeypatch):
+def page(request, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     path = tmp_path / "room.yaml"
-    path.write_text(PIPELINE)
-    Run(load(str(path)), RunOptions(fast=True, duration=12.0, seed=4)).go()
-    words = (str(path), "--set", "map.load=autosave", "--set", "map.autosave=false")
+    path.write_text(request.param)
+    words = (str(path), "--set", "map.autosave=false")
+    if request.param == PIPELINE:
+        Run(load(str(path)), RunOptions(fast=True, duration=12.0, seed=4)).go()
+        words += ("--set", "map.load=autosave")
+    else:
+        words += ("--set", MOVED)
     with serving(tmp_path, run=words) as server, Browser(tmp_path / "profile") as browser:
         page = browser.open_page()
         page.emulate_phone()
@@ -50,6 +70,18 @@ def page(tmp_path, monkeypatch):
         yield page
 
 
+@pytest.mark.parametrize("page", [CARRIED], indirect=True)
+def test_where_the_robot_is_lost_a_tap_says_where_it_is(page):
+    page.until(f"{FACTS}.includes('lost')")
+    page.until("document.getElementById('place-hint').checkVisibility()")
+    page.tap("#view-map")
+    page.until("document.body.dataset.view === 'map'")
+    page.tap("#map")
+    page.until(f"{FACTS}.includes('mapping')")
+    assert not page.evaluate("document.getElementById('place-hint').checkVisibility()")
+
+
+@pytest.mark.parametrize("page", [PIPELINE], indirect=True)
 def test_where_places_look_alike_a_tap_says_which(page):
     page.until(f"{FACTS}.includes('look alike')")
     page.until("document.getElementById('place-hint').checkVisibility()")

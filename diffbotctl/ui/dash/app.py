@@ -274,8 +274,11 @@ class Dashboard(EngineApp):
         self.plot_span = min(max(self.plot_span * factor, PLOT_SPAN_MIN_S), PLOT_SPAN_MAX_S)
 
     def on_map_box_pointed(self, event: MapBox.Pointed) -> None:
-        """A click or drag on the map: set a goal there."""
-        self._go_to(*event.place, event.heading)
+        """A click or drag on the map: set a goal there, or state that the robot is there."""
+        if self.run_view.asks_place:
+            self.request("call_action", **self.run_view.place_call(*event.place, event.heading))
+        else:
+            self._go_to(*event.place, event.heading)
 
     def ask(self, question: str, initial: str, on_input: OnInput) -> None:
         """Ask for a line of text below the map."""

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections import defaultdict, deque
 from collections.abc import Iterator
 from functools import cache, partial
-from math import inf, nan
+from math import inf, nan, pi
 from typing import Any, Literal, assert_never
 
-from diffbotctl.messages import BUILT_IN, LogLine, MapUpdate
+from diffbotctl.geometry.deskew import compose
+from diffbotctl.messages import BUILT_IN, LogLine, MapPose, MapUpdate
 from diffbotctl.messages import fields as message_fields
 from diffbotctl.processes.screen import RunSnapshot
 from diffbotctl.recording.json_codec import message_reader
@@ -79,6 +80,24 @@ class RunView(MapState):
     def has_map(self) -> bool:
         """Whether there is a robot, or another pose, to draw on a map."""
         return self.scene.robot is not None or newest_odometry(self.snapshot) is not None
+
+    @property
+    def asks_place(self) -> bool:
+        """Whether a click on the map states where the robot is in it."""
+        pose = newest_message(self.snapshot, MapPose)
+        return pose is not None and pose.state in ("ambiguous", "lost")
+
+    def place_call(self, x: float, y: float, heading: float | None) -> Fields:
+        """The fields of `call_action` that state this place, given in odom."""
+        wire, odom = next(
+            (wire, message.odom)
+            for wire, message in self.snapshot.messages.items()
+            if isinstance(message, MapPose)
+        )
+        x, y, turn = compose(odom, (x, y, heading or 0.0))
+        known = {"heading_sd": pi} if heading is None else {"heading": turn}
+        action = f"{wire.rpartition('.')[0]}.place"
+        return {"action": action, "arguments": {"x": x, "y": y, **known}}
 
     @property
     def map_request(self) -> Fields | None:

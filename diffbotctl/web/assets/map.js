@@ -273,7 +273,7 @@ export class RunMap {
     this.pointers.delete(event.pointerId);
     const { draft } = this;
     this.draft = null;
-    if (draft && this.state.candidates?.length) this.onPlace(...this.placeOf(draft));
+    if (draft && this.state.asks_place) this.onPlace(...this.placeOf(draft));
     else if (draft) this.onGoal(...this.goalOf(draft));
     this.draw();
   }
@@ -299,12 +299,12 @@ export class RunMap {
   placeOf(draft) {
     const places = this.candidates().map((place) => ({ place, at: this.toScreen(...this.ofMap(...place)) }));
     const away = ({ at }) => Math.hypot(at[0] - draft.start[0], at[1] - draft.start[1]);
-    const nearest = places.reduce((a, b) => (away(a) < away(b) ? a : b));
-    if (away(nearest) < CANDIDATE_PX) return nearest.place;
+    const [nearest] = places.sort((a, b) => away(a) - away(b));
+    if (nearest && away(nearest) < CANDIDATE_PX) return nearest.place;
     const [x, y, heading] = this.goalOf(draft);
     const [ox, oy, turn] = this.state.odom;
     const [c, s] = [Math.cos(turn), Math.sin(turn)];
-    return [ox + c * x - s * y, oy + s * x + c * y, turn + (heading ?? 0)];
+    return [ox + c * x - s * y, oy + s * x + c * y, heading === null ? null : turn + heading];
   }
 
   candidates() {

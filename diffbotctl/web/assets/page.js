@@ -42,7 +42,7 @@ function showPicture(picture) {
   if (picture.scene) showScene(picture.scene);
   element("time").textContent = `${picture.time.toFixed(1)} s`;
   showStop(picture.stop);
-  document.body.classList.toggle("asks-place", picture.candidates?.length > 0);
+  document.body.classList.toggle("asks-place", picture.asks_place);
   element("facts").replaceChildren(...picture.facts.map(([name, words, isAlert]) => {
     const row = document.createElement("tr");
     const [head, value] = [document.createElement("th"), document.createElement("td")];
