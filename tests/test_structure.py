@@ -71,7 +71,7 @@ SOURCES = sorted((ROOT / "diffbotctl").rglob("*.py"))
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
 
 BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the folders
-    ".": 3_300,
+    ".": 3_310,
     "blocks": 3_050,
     "bluetooth": 790,
     "calibrate": 8_090,
@@ -90,7 +90,7 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "geometry": 720,
     "learn": 695,
     "links": 4_240,
-    "mapping": 2_220,
+    "mapping": 2_240,
     "model": 240,
     "parts": 30,
     "plant": 4_130,
@@ -104,8 +104,8 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "ros2": 1_910,
     "runs": 1_290,
     "trials": 1_600,
-    "ui": 4_310,
-    "web": 1_540,
+    "ui": 4_330,
+    "web": 1_550,
 }
 
 SMALL_MODULE_LINES = 25
