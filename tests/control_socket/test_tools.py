@@ -62,10 +62,9 @@ def test_echo_of_a_field_and_for_a_time(folder):
 def test_on_a_terminal_a_message_is_one_line(folder):
     line, environment = command(folder, "topic", "echo", "odometry.odometry")
     with Terminal(line, environment) as terminal:
-        text = terminal.until(lambda text: text.count(" s  x ") == 24, "24 messages")
-    assert all(
-        re.fullmatch(r"[\d.]+ s  x .*m  y .*  \.{3}", row.rstrip()) for row in text.split("\n")
-    )
+        text = terminal.until(lambda text: text.count(" s  x ") > 20, "20 messages")
+    rows = [row.rstrip() for row in text.strip().split("\n")]
+    assert all(re.fullmatch(r"[\d.]+ s  x .*m  y .*  \.{3}", row) for row in rows[:-1])
     code, out, _ = cli(folder, "topic", "echo", "odometry.odometry", "--once")
     assert code == 0 and "covariance [" in out and "..." not in out
 

@@ -11,7 +11,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from diffbotctl.processes.real_time import ENGINE_PRIORITY, prefer
 from tests.support.command_process import command_line, start_in_pipe
 from tests.support.confined import run_command
 
@@ -42,11 +41,7 @@ def running(
     prefix: Sequence[str] = (),
     sets: Sequence[str] = OPEN_FIELD,
 ) -> Iterator[subprocess.Popen[str]]:
-    """`diffbotctl run words` as a process of the command `prefix`, once its socket answers.
-
-    Its robot is to stop for what the test does, and not because a busy computer gives the engine no
-    processor for 0.3 s, so it is preferred where that is permitted.
-    """
+    """`diffbotctl run words` as a process of the command `prefix`, once its socket answers."""
     line, environment = command(folder, "run", *words, *sets, "--name", name)
     process = start_in_pipe([*prefix, *line], env=environment)
     try:
@@ -54,7 +49,6 @@ def running(
         for printed in process.stdout:
             if LIVE_LINE.match(printed):  # the first one after the headline: the socket is there
                 break
-        prefer(process.pid, ENGINE_PRIORITY)
         yield process
     finally:
         process.kill()
