@@ -28,7 +28,7 @@ SHOWN = re.compile(r"^    (diffbotctl .*)$", re.M)
 MENTIONED = re.compile(r"`(diffbotctl [^`]+)`|^(diffbotctl .*)$", re.M)  # or fenced: with questions
 SHELL_WORK = re.compile(r"[|<>;&$*?~`\\{]")  # more than one command, or words that a shell changes
 ON_A_BOARD = {"flash", "blink"}  # and whatever names a port
-HELD_TIMES_MAX = 3  # times that a command is typed to a robot which a loaded machine has stopped
+HELD_TIMES_MAX = 10  # times that a command is typed to a robot which a loaded machine has stopped
 PIPELINES = {"robots.md": "turtles"}  # what runs while a page's commands speak to it; else standby
 # What a page takes for granted: files of the reader's own.
 PREPARED = {
