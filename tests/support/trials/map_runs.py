@@ -32,6 +32,15 @@ WRONG_ODOMETRY = (
     "robot.simulation.geometry.track_spread=0.04",
     "robot.simulation.geometry.diameter_spread=0.015",
 )
+GLASS = 1  # of the walls of the pipeline's flat
+CHAIR = {"at": ["0.5 m", "0 m"], "radius": "15 cm", "path": [["1 m", "0.6 m"]], "begin": "20 s"}
+PERSON = {
+    "at": ["0 m", "1 m"],
+    "radius": "12 cm",
+    "path": [["3 m", "1 m"]],
+    "speed": "0.8 m/s",
+    "repeat": True,
+}
 CHI_SQUARED_95 = 5.99  # 2 degrees of freedom
 RATIO_MAX, DELAY_MAX, SHARE_MAX, MEMORY_MAX, INSIDE_MIN = 1.2, 0.1, 25.0, 60.0, 0.9
 CLOCK = os.sysconf("SC_CLK_TCK")
@@ -67,20 +76,31 @@ def rows(seed: int, seconds: float, drives: int, length: float) -> Iterator[Row]
     with tempfile.TemporaryDirectory() as name:
         yield from _chain(Path(name), seconds, seed)
         yield from _process(Path(name), seconds, seed)
-        for what, walls in BARE.items():
-            yield _bare(Path(name), what, walls, range(seed, seed + drives), length)
+        worlds = {what: {"walls": walls} for what, walls in BARE.items()}
+        worlds["glass, a chair that is moved, a person"] = _changing_flat()
+        for what, world in worlds.items():
+            yield _inside(Path(name), what, world, range(seed, seed + drives), length)
 
 
-def _run(folder: Path, options: RunOptions, has_map: bool = True, walls: Any = None) -> Run:
-    """A run of the pipeline `map` that drives by itself, without a map or with other walls."""
+def _changing_flat() -> dict[str, Any]:
+    """The pipeline's flat with a wall of glass, a chair and a person."""
+    path = lookup.folder("pipelines") / "map.yaml"
+    world: dict[str, Any] = yaml.safe_load(path.read_text())["world"]
+    world["walls"][GLASS]["glass"] = True
+    world["obstacles"] += [CHAIR, PERSON]
+    return world
+
+
+def _run(folder: Path, options: RunOptions, has_map: bool = True, world: Any = None) -> Run:
+    """A run of the pipeline `map` that drives by itself, without a map or in another world."""
     fields = yaml.safe_load((lookup.folder("pipelines") / "map.yaml").read_text())
     fields["blocks"] |= {"wander": WANDER}
     fields["blocks"]["mux"]["in"]["autonomous"] = "wander.twist"
     fields["sources"]["map"]["with"] = {"autosave": False}
     if not has_map:
         del fields["blocks"]["slam"], fields["sources"]
-    if walls is not None:
-        fields["world"] = {"walls": walls}
+    if world is not None:
+        fields["world"] = world
     path = folder / "roam.yaml"
     path.write_text(yaml.safe_dump(fields, sort_keys=False))
     return Run(load(str(path), None, WRONG_ODOMETRY), options)
@@ -150,12 +170,12 @@ def _cpu(stat: Path) -> float:
     return (int(fields[11]) + int(fields[12])) / CLOCK
 
 
-def _bare(folder: Path, what: str, walls: list[Any], seeds: range, length: float) -> Row:
+def _inside(folder: Path, what: str, world: Any, seeds: range, length: float) -> Row:
     """How often the true position is within the 95 % ellipse of the pose in the map."""
     inside: list[bool] = []
     worst = 0.0
     for seed in seeds:
-        run = _run(folder, RunOptions(fast=True, duration=length, seed=seed), walls=walls)
+        run = _run(folder, RunOptions(fast=True, duration=length, seed=seed), world=world)
 
         def judge(now: int, pose: MapPose, plant: Any = run.plant) -> None:
             nonlocal worst
