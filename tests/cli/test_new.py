@@ -239,7 +239,7 @@ def test_a_new_program_runs_as_it_stands(language, tmp_path):
     if build:
         flags = " -std=c99 -Wall -Wextra -Werror -pedantic"
         subprocess.run(build[1] + flags, shell=True, cwd=folder, check=True)
-    words = ["run", folder / "nose.yaml", "--quiet", "--for", "2s", "--record", "nose.mcap"]
+    words = ["run", folder / "nose.yaml", "--quiet", "--for", "5s", "--record", "nose.mcap"]
     code, printed = python(*PROGRAM, *words, path=[ROOT])
     assert code == 1 and "E-PROGRAM-CONSENT" in printed
     code, printed = python(*PROGRAM, *words, "--allow-programs", path=[ROOT])
