@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
+from math import pi
 
 from diffbotctl.block import Block, FromRobot, In, Out, action
 from diffbotctl.estimation.map_localization import MapLocalization
@@ -193,6 +194,12 @@ class Slam(Block):
         if now - newest > LATE_TIME:
             return f"the map's process has not answered for {(now - newest) // SECOND} s"
         return ""
+
+
+def place_arguments(x: float, y: float, heading: float | None) -> dict[str, float]:
+    """The arguments of the action `place`; m, and rad or None where the heading is not known."""
+    known = {"heading_sd": pi} if heading is None else {"heading": heading}
+    return {"x": x, "y": y, **known}
 
 
 def is_map_name(name: str) -> bool:

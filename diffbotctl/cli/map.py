@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -66,8 +65,9 @@ def place(
     engine: str | None = ENGINE,
 ) -> int:
     """State where the robot is in the map, such as --x 1.2m --y -30cm --heading 90deg."""
-    turn = {"heading_sd": pi} if heading is None else {"heading": heading}
-    _ask(engine, "place", {"x": x, "y": y, **turn})
+    from diffbotctl.blocks.slam import place_arguments
+
+    _ask(engine, "place", place_arguments(x, y, heading))
     click.echo("placed")
     return 0
 

@@ -66,13 +66,6 @@ class RunPicture:
         self.view.take_trail(reply)
         self.new_points, self.is_trail_new = list(self.view.trail.points), True
 
-    @property
-    def map_block(self) -> str:
-        """Name of the block that locates the robot in the map; empty without one."""
-        messages = self.view.snapshot.messages.items()
-        wire = next((wire for wire, message in messages if isinstance(message, MapPose)), "")
-        return wire.partition(".")[0]
-
     def take_map(self, reply: Fields) -> bool:
         """Take tiles of the map. True when there are more."""
         tiles = self.view.tiles

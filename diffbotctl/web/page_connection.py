@@ -5,11 +5,11 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Iterator
-from math import pi
 from typing import Any, Protocol
 
 from aiohttp import WSMsgType, web
 
+from diffbotctl.blocks.slam import place_arguments
 from diffbotctl.client.web_socket_connection import WebSocketConnection
 from diffbotctl.control_socket.address import EngineAddress
 from diffbotctl.control_socket.connection import TokenBucket
@@ -20,7 +20,6 @@ from diffbotctl.web.page_commands import (
     DriveCommand,
     drive_command,
     goal_fields,
-    number,
     parse_command,
     plotted_fields,
     read_request,
@@ -179,13 +178,8 @@ class PageConnection(WebSocketConnection):
                     raise RefusalError("E-REQUEST", "goals were not allowed for this session")
                 self.start(self._request("goto", goal))
             case "place":
-                place = {each: number(fields, each) for each in ("x", "y")}
-                place |= (
-                    {"heading_sd": pi}
-                    if fields.get("heading") is None
-                    else {"heading": number(fields, "heading")}
-                )
-                action = f"{self.server.feed.picture.map_block}.place"
+                place = place_arguments(**{"heading": None, **goal_fields(fields)})
+                action = f"{self.server.feed.picture.view.map_block}.place"
                 self.start(self._request("call_action", {"action": action, "arguments": place}))
             case "set":
                 names = ("parameter", "value")

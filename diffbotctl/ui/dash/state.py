@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections import defaultdict, deque
 from collections.abc import Iterator
 from functools import cache, partial
-from math import inf, nan, pi
+from math import inf, nan
 from typing import Any, Literal, assert_never
 
+from diffbotctl.blocks.slam import place_arguments
 from diffbotctl.geometry.deskew import compose
 from diffbotctl.messages import BUILT_IN, LogLine, MapPose, MapUpdate
 from diffbotctl.messages import fields as message_fields
@@ -82,6 +83,13 @@ class RunView(MapState):
         return self.scene.robot is not None or newest_odometry(self.snapshot) is not None
 
     @property
+    def map_block(self) -> str:
+        """Name of the block that locates the robot in the map; empty without one."""
+        messages = self.snapshot.messages.items()
+        wire = next((wire for wire, message in messages if isinstance(message, MapPose)), "")
+        return wire.rpartition(".")[0]
+
+    @property
     def asks_place(self) -> bool:
         """Whether a click on the map states where the robot is in it."""
         pose = newest_message(self.snapshot, MapPose)
@@ -89,15 +97,11 @@ class RunView(MapState):
 
     def place_call(self, x: float, y: float, heading: float | None) -> Fields:
         """The fields of `call_action` that state this place, given in odom."""
-        wire, odom = next(
-            (wire, message.odom)
-            for wire, message in self.snapshot.messages.items()
-            if isinstance(message, MapPose)
-        )
-        x, y, turn = compose(odom, (x, y, heading or 0.0))
-        known = {"heading_sd": pi} if heading is None else {"heading": turn}
-        action = f"{wire.rpartition('.')[0]}.place"
-        return {"action": action, "arguments": {"x": x, "y": y, **known}}
+        pose = newest_message(self.snapshot, MapPose)
+        assert pose is not None, "only where `asks_place`"
+        x, y, turn = compose(pose.odom, (x, y, heading or 0.0))
+        arguments = place_arguments(x, y, None if heading is None else turn)
+        return {"action": f"{self.map_block}.place", "arguments": arguments}
 
     @property
     def map_request(self) -> Fields | None:
