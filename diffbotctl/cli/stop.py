@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from diffbotctl.control_socket.address import EngineAddress, Process
 
 FAR_STOP_TIMEOUT_S = 2.0  # with the start of this program it is known within 3 s
-EXIT_TIMEOUT_S = 4.0  # a final stop may take 2 s to be confirmed
+EXIT_TIMEOUT_S = 10.0  # 2 s to confirm a stop, then a last picture, and a recording on a slow card
 EXIT_POLL_PERIOD_S = 0.02
 REASON_MAX_CHARACTERS = 200
 

@@ -169,7 +169,9 @@ class ControlClientDriver:
                 continue
             result = self._follow(now, command)
             if result is not None:
-                self.channel.answer(CommandResult(command.number, result))
+                stop = self._held_by() if result is ResultCode.STOPPED else None
+                detail = f"{stop.code}: {stop.cause}" if stop else ""
+                self.channel.answer(CommandResult(command.number, result, detail))
         if was_open and not self.channel.is_open:
             if self.lease.client is not None:
                 self._stop_gone(now)
@@ -258,7 +260,7 @@ class ControlClientDriver:
         if request.linear == 0.0 and request.angular == 0.0:
             self.lease.begin_afresh(command.client)
         has_expired = self.lease.refuses(now, command.client)
-        if self._is_held():
+        if self._held_by():
             return ResultCode.STOPPED
         if has_expired:
             return ResultCode.EXPIRED
@@ -309,12 +311,12 @@ class ControlClientDriver:
     def _is_stopping(self) -> bool:
         """Whether a latched stop is in force, or waits to be delivered."""
         waits = any(wire == "operator.halt" for wire, _ in self.outbox)
-        return waits or self._is_held()
+        return waits or self._held_by() is not None
 
-    def _is_held(self) -> bool:
-        """Whether a latched stop is in force at the safety gate."""
+    def _held_by(self) -> Stop | None:
+        """The latched stop in force at the safety gate."""
         stop = self.operator.stops_in_force.get(GATE_STOP)
-        return stop is not None and stop.latched
+        return stop if stop is not None and stop.latched else None
 
     def _stop_lost(self, now: int, cause: str) -> None:
         self._queue("twist", now, Twist(now, 0.0, 0.0))

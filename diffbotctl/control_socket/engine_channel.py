@@ -104,7 +104,7 @@ def reply_to(code: ResultCode, detail: str = "") -> Fields:
         case ResultCode.DONE:
             return {"ok": True}
         case ResultCode.STOPPED:
-            cause = "the robot is stopped; `diffbotctl why` explains the cause"
+            cause = f"the robot is stopped by {detail or 'what `diffbotctl why` explains'}"
             refusal = RefusalError("E-HELD", cause, "resume first: `diffbotctl resume`")
         case ResultCode.BUSY:
             fix = 'wait, or take over with "take_over": true'

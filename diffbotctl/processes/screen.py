@@ -22,8 +22,10 @@ from diffbotctl.time import MILLISECOND
 LOG_LINES_MAX = 200  # that wait for a screen; one that is suspended gets the newest
 SNAPSHOT_PERIOD = 100 * MILLISECOND  # of logical time
 SNAPSHOT_MAX_BYTES = 1 << 18
-FINISH_TIMEOUT_S = 2.0  # for a screen that draws, not for a terminal that takes nothing
-WATCHING_NICENESS = 5  # of a screen beside an engine that computes all the time
+FINISH_TIMEOUT_S = 1.0  # twice: for a screen that draws, not for a terminal that takes nothing
+# Of a screen that only shows: beside an engine that is paced, and beside one that computes all the
+# time. At idle priority, a busy computer would never show the end of a run.
+PACED_NICENESS, FAST_NICENESS = 10, 5
 DRIVING_NICENESS = 2  # the control path has priority; a late drive command would stop the robot
 
 
@@ -115,24 +117,18 @@ def start_screen(
     """Fork a process that runs `show` over the snapshots sent to the returned channel.
 
     `drives`: it can also drive the robot, so it handles signals itself and gets processor time.
-    Otherwise it runs at idle priority beside an engine that is paced. One that is not leaves no
-    time idle, and a computer with one processor would never show how far it is. Returns the
-    engine's end of the channel and the pid.
+    Otherwise it gets less than the engine, above all beside one that is paced. Returns the engine's
+    end of the channel and the pid.
     """
 
     def serve(channel: socket.socket) -> int:
         if drives:  # SIGINT stays ignored: the terminal is raw, and Ctrl-C is a key
             for number in (signal.SIGTERM, signal.SIGHUP):
                 signal.signal(number, signal.SIG_DFL)
-            with suppress(OSError):
-                os.nice(DRIVING_NICENESS)
         else:
             signal.signal(signal.SIGHUP, signal.SIG_DFL)
-            with suppress(OSError, AttributeError):
-                if is_paced:
-                    os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
-                else:
-                    os.nice(WATCHING_NICENESS)
+        with suppress(OSError):
+            os.nice(DRIVING_NICENESS if drives else PACED_NICENESS if is_paced else FAST_NICENESS)
         with suppress(BrokenPipeError):
             show(_snapshots(channel))
         return 0

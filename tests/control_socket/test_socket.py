@@ -39,7 +39,9 @@ def test_stop_holds_the_robot_until_resume(run):
     client.until(stands)
     text = client.request("explain_stop")["text"]
     assert "operator_stop" in text and "a cat" in text and "diffbotctl resume" in text
-    assert client.request("drive", linear=0.1)["error"] == "E-HELD"
+    refusal = client.request("drive", linear=0.1)
+    assert refusal["error"] == "E-HELD" and "operator_stop" in refusal["cause"]
+    assert "a cat" in refusal["cause"]
     assert client.request("resume")["ok"]
     assert client.until(moves)["held"] is None  # the goal continues
     client.request("stop")

@@ -20,6 +20,7 @@ from random import Random
 from typing import NamedTuple
 
 from diffbotctl.processes.real_time import ENGINE_PRIORITY, prefer
+from diffbotctl.processes.screen import PACED_NICENESS
 from diffbotctl.recording.reader import recording_info
 from tests.support.book_board import STOCK, BookBoard, BookBoardPort
 from tests.support.command_process import children_of
@@ -111,7 +112,7 @@ def _kind(pid: int, recording: Path, log: Path) -> str:
         return "watchdog"
     if b"/emulator-" in Path(f"/proc/{pid}/cmdline").read_bytes():
         return EMULATOR
-    if os.sched_getscheduler(pid) == os.SCHED_IDLE:
+    if os.getpriority(os.PRIO_PROCESS, pid) == PACED_NICENESS:
         return "screen"
     files = {_target(link) for link in Path(f"/proc/{pid}/fd").iterdir()}
     if str(recording) in files:
