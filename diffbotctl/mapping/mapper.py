@@ -231,9 +231,13 @@ class Mapper:
             and self._drawn.contradicted(scan, self._pose()[0]) > CONTRADICTED_MAX
         )
         if not is_wrong:
-            self._fitted = scan.odometry
-        is_new_view = self._builder is not None and apart(self._fitted, scan.odometry, SUDDEN)
-        self._mismatches = self._mismatches + 1 if is_wrong and not is_new_view else 0
+            self._fitted, self._mismatches = scan.odometry, 0
+        elif (
+            self._mismatches
+            or self._builder is None
+            or not apart(self._fitted, scan.odometry, SUDDEN)
+        ):
+            self._mismatches += 1
         if self._mismatches >= MISMATCHES_MAX:
             known = self.map()
             self._search = PlaceSearch(self._field or known.field(), self._drawn, known.corners())

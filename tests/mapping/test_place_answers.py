@@ -40,7 +40,7 @@ def until_state(client, state):
 def test_a_place_that_is_stated_by_command_is_the_robots(client, tmp_path):
     pose = until_state(client, "ambiguous")
     assert pose["covariance"][0] > 100, "nothing is claimed"
-    assert "ambiguous" in cli(tmp_path, "log")[1]
+    assert "ambiguous" in cli(tmp_path, "log", "--once")[1]
     odometry, places = newest(client, "odometry.odometry"), newest(client, "map.update")
     flat = places["candidates"]
     candidates = [flat[i : i + 3] for i in range(0, len(flat), 3)]

@@ -132,7 +132,8 @@ def test_nothing_is_claimed_in_the_map_of_another_place(rooms, pose):
 
 
 @pytest.mark.parametrize("is_saved", [True, False])
-def test_a_robot_that_was_put_elsewhere_notices_and_is_found_again(rooms, is_saved):
+@pytest.mark.parametrize(("speed", "scans"), [(0.015, 60), (0.06, 30)])
+def test_a_robot_that_was_put_elsewhere_notices_and_is_found_again(rooms, is_saved, speed, scans):
     robot = Robot(ROOMS, seed=3)
     mapper = Mapper(MapperParameters(), rooms if is_saved else None)
     for pose in polyline(WAY, 0.05, 0.15):
@@ -141,7 +142,7 @@ def test_a_robot_that_was_put_elsewhere_notices_and_is_found_again(rooms, is_sav
     kept = len(mapper.map().scans)
     robot.pose = None  # lifted: the wheels did not turn
     states = []
-    for pose in turning(np.array([1.2, 0.8, 2.0]), 60):
+    for pose in turning(np.array([1.2, 0.8, 2.0]), scans, speed):
         correction = mapper.add(robot.scan(pose))
         states.append(correction.state)
     assert MapperState.LOST in states[:10]
