@@ -189,9 +189,11 @@ class UsbLidar:
             self._send(SCAN_DESCRIPTOR if self.facts.protocol in ("rplidar", "ydlidar") else b"")
 
     def _send(self, data: bytes) -> None:
-        if self.baud() != self.facts.baud:
-            data = at_other_rate(data, self.facts.baud, self.baud())
-        while data and not self.over.is_set():
+        baud = self.baud()
+        if baud != self.facts.baud:
+            data = at_other_rate(data, self.facts.baud, baud)
+        # What is left when the host changes its rate is lost there.
+        while data and not self.over.is_set() and self.baud() == baud:
             if select.select([], [self.master], [], TURN_PERIOD_S)[1]:
                 with suppress(OSError):
                     data = data[os.write(self.master, data[:512]) :]
