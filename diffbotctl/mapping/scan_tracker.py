@@ -19,6 +19,9 @@ FLOOR = np.diag([0.01, 0.01, 0.004]) ** 2  # of a match, however many points agr
 SLIP_ALONG = (0.005, 0.10, 0.02)  # m; m a metre; m a rad: what wheels add on any floor
 SLIP_HEADING = (0.005, 0.10, 0.02)  # rad; rad a rad; rad a metre
 OVERLAP_MIN = 0.25  # share of the points at lines of the map; with fewer, a match is not used
+# With fewer, wheels may have slipped more than stated: the match is repeated with a variance of the
+# prediction that is larger by the factor, and used if it explains more by the gain.
+POOR_OVERLAP, WIDENING, GAIN_MIN = 0.6, 16.0, 0.15
 
 
 class ScanTracker:
@@ -40,6 +43,10 @@ class ScanTracker:
         heading = float(self.pose[2])
         covariance = rotated_covariance(self.covariance, heading)
         fit = match(field, surface, self.pose, covariance)
+        if fit.overlap < POOR_OVERLAP:
+            wide = match(field, surface, self.pose, WIDENING * covariance)
+            if wide.overlap > fit.overlap + GAIN_MIN:
+                fit, covariance = wide, WIDENING * covariance
         if fit.overlap < OVERLAP_MIN:
             return fit.overlap
         self.pose = fit.pose

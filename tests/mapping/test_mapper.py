@@ -42,6 +42,17 @@ def test_the_pose_is_that_of_the_robot(reach, seed):
     assert {each.state for each in corrections} == {MapperState.MAPPING}
 
 
+def test_scans_far_apart_are_matched_although_the_odometry_turns_wrongly():
+    robot, turns = Robot(FLAT, reach=12.0), np.random.default_rng(2)
+    mapper, first = Mapper(MapperParameters(keyframe_distance=0.0)), None
+    for pose in polyline([*ROUND, *reversed(ROUND[:-1])], 1.0, 0.6):
+        first = pose if first is None else first
+        correction = mapper.add(robot.scan(pose, 1.0))
+        error = between(between(first, pose), correction.pose)
+        assert np.hypot(*error[:2]) < 0.06 and abs(error[2]) < 0.03
+        robot.odometry[2] += turns.normal(0.0, 0.2)
+
+
 def test_the_transform_is_that_of_odom_in_map():
     robot = Robot(FLAT)
     mapper = Mapper(MapperParameters())
