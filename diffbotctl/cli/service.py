@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
+from collections.abc import Iterable
 from getpass import getuser
 from pathlib import Path
 from string import Template
@@ -56,7 +57,7 @@ def service(
             group=group,
             user=user or getuser(),
             folder=_escaped(str(Path.cwd())),
-            command=" ".join(map(_quoted, words)),
+            command=_command_line(words),
         ),
         nl=False,
     )
@@ -68,6 +69,12 @@ def _program() -> list[str]:
     if beside.is_file():
         return [str(beside)]
     return [sys.executable, "-m", "diffbotctl"]
+
+
+def _command_line(words: Iterable[str]) -> str:
+    """The words as systemd reads them, each option on a line of its own."""
+    parts = (f" \\\n    {word}" if word.startswith("--") else f" {_quoted(word)}" for word in words)
+    return "".join(parts).strip()
 
 
 def _escaped(text: str) -> str:

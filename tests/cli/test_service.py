@@ -46,11 +46,17 @@ def test_systemd_finds_nothing_to_say(folder, tmp_path):
 
 
 def test_the_command_line_is_one_that_run_takes():
-    line = next(line for line in unit().splitlines() if line.startswith("ExecStart="))
+    text = unit().replace("\\\n", " ")
+    line = next(line for line in text.splitlines() if line.startswith("ExecStart="))
     words = line.split(" run ")[1].split()
     with run.run.make_context("run", words) as context:
         assert context.params["pipeline"] == "standby"
         assert context.params["stay"] is True
+
+
+def test_only_paths_make_a_line_longer_than_80_columns():
+    lines = unit("--port", "/dev/serial/by-id/usb-Arduino_Mega").splitlines()
+    assert [line for line in lines if len(line) > 80 and "ExecStart=" not in line] == []
 
 
 def test_a_pipeline_that_would_drive_off_at_each_start_is_refused():
