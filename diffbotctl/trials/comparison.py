@@ -120,7 +120,8 @@ class Comparison(NamedTuple):
             text = _interval_text(interval, factor, unit)
             yield f"  {field:7} {second:.1f} {unit}, was {first:.1f} {unit}: {text}"
         if self.is_regression:
-            names = ", ".join(self.lost[:NAMES_SHOWN_MAX]) or "error or time"
+            worse = [field for field in ("error", "time") if self.is_worse(field)]
+            names = ", ".join(self.lost[:NAMES_SHOWN_MAX]) or f"the {' and the '.join(worse)}"
             more = "" if len(self.lost) <= NAMES_SHOWN_MAX else f" and {len(self.lost) - 5} more"
             yield f"REGRESSION: worse than {self.name}: {names}{more}"
 

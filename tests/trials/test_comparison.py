@@ -77,6 +77,20 @@ def test_a_regression(before, after, is_regression):
     assert lines[-1].startswith("REGRESSION") is is_regression
 
 
+@pytest.mark.parametrize(
+    ("after", "worse"),
+    [
+        (runs(error=0.006), "the error"),
+        (runs(time=7.0), "the time"),
+        (runs(error=0.006, time=7.0), "the error and the time"),
+        (runs(passed=9), "healthy/9"),
+    ],
+)
+def test_a_regression_names_what_is_worse(after, worse):
+    *_, last = compare("base", runs(), after).lines()
+    assert last == f"REGRESSION: worse than base: {worse}"
+
+
 def test_a_baseline_is_what_json_has_printed(tmp_path):
     judged = [judge(GOOD, Expectation()), judge(STOPPED, Expectation(reach=9.0))]
     file = tmp_path / "base.json"
