@@ -10,6 +10,7 @@ import operator
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import degrees
 from typing import Any, NamedTuple, TypeVar, cast, get_args, overload
 
 from diffbotctl.units import UNITS, magnitude_max
@@ -293,6 +294,9 @@ def members(owner: type, *kinds: type[T]) -> dict[str, T]:
 
 
 def with_unit(value: float, unit: str) -> str:
-    """A number with its unit, for display: `0.3 m/s`, `5`."""
+    """A number with its unit, for display: `0.3 m/s`, `5`; an angle in rad or deg, by length."""
     text = f"{value:g}"
+    angle = f"{degrees(value):g}"
+    if unit == "rad" and len(angle) <= len(text):
+        return f"{angle} deg"
     return text if unit in ("", "1") else f"{text} {unit}"

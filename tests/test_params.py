@@ -2,7 +2,7 @@
 
 import pytest
 
-from diffbotctl.params import Count, Number, Param, Section, declared
+from diffbotctl.params import Count, Number, Param, Section, declared, with_unit
 
 
 class Bounded(Section):
@@ -54,3 +54,17 @@ def test_the_bounds_of_a_count_are_whole_numbers():
     declared = Count("[1, 40)", 5, "How many.")
     assert declared.bounds == {"minimum": 1, "below": 40} and declared.kind is int
     assert all(type(bound) is int for bound in declared.bounds.values())
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [
+        (0.0349066, "rad", "2 deg"),
+        (0.5, "rad", "0.5 rad"),
+        (0.0, "rad", "0 deg"),
+        (4.0, "rad/s", "4 rad/s"),
+        (5.0, "1", "5"),
+    ],
+)
+def test_a_number_is_shown_with_its_unit(value, unit, text):
+    assert with_unit(value, unit) == text

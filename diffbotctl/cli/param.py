@@ -101,7 +101,7 @@ def _print_parameter(row: dict[str, Any], as_json: bool) -> None:
 
 
 def _value_text(row: dict[str, Any]) -> str:
-    """The value for a person: `0.0349 rad`."""
+    """The value for a person: `2 deg`."""
     value = row["value"]
     if isinstance(value, float):
         from diffbotctl.params import with_unit
