@@ -103,7 +103,7 @@ def _print_pulses(file: str, problems: Sequence[Problem]) -> None:
         return
     robot = load_robot(file).robot
     if robot.board.type in BOARDS:
-        click.echo(pulses_text(robot))
+        click.echo(f"  {pulses_text(robot)}")
 
 
 def _refuse_pipeline_options(file: str, robot: str | None, sets: tuple[str, ...]) -> None:

@@ -46,7 +46,7 @@ def motor_pulses(robot: Robot) -> MotorPulses:
         return MotorPulses("enable", why)
     if motor.pulses == "enable":
         return MotorPulses("enable", "the robot file states it")
-    return MotorPulses("inputs", "the driver shorts the motors between them")
+    return MotorPulses("inputs", "between them the driver brakes, which holds slow speeds")
 
 
 def pulses_text(robot: Robot) -> str:
@@ -118,7 +118,7 @@ def pulses_obstacle(facts: MotorDriverFacts) -> str:
     if facts.mode == "two_pwm":
         return ""
     if facts.states["enable_low"] == "shorted":
-        return f"{facts.with_article} shorts the motors between them"
+        return f"{facts.with_article} brakes the motors between pulses on enable"
     if facts.mode == "enable_direction":
         return f"in1 of {facts.with_article} is a direction"
     if not facts.follows_input_pulses:

@@ -20,7 +20,8 @@ def own_cache(tmp_path_factory, monkeypatch):
 def test_check_finds_nothing_in_the_shipped_files():
     code, output = invoke(check.check, "goal", "square", "hello", "book_2wd", "book_2wd_counts")
     pulses = (
-        "the pulses for the motors are on in1 and in2: the driver shorts the motors between them"
+        "  the pulses for the motors are on in1 and in2: between them the driver brakes, which "
+        "holds slow speeds"
     )
     assert code == 0
     left_out = "  left out: scan_guard (no sensor of the robot and no source gives a scan)"

@@ -33,7 +33,7 @@ VNH = "{motor: {driver: vnh2sp30}}"
         ((*UNO, f"drive: {ENABLE_PINS}"), ENABLE, "pins 7 and 8 of an Uno have no PWM"),
         ((*UNO, f"drive: {INPUT_PINS}"), INPUTS, "on in1 and in2"),
         ((f"drive: {JUMPERS}",), INPUTS, "on in1 and in2"),
-        ((f"drive: {TB6612}",), ENABLE, "a TB6612 shorts the motors"),
+        ((f"drive: {TB6612}",), ENABLE, "a TB6612 brakes the motors"),
         ((f"drive: {VNH}",), ENABLE, "too slow"),
         ((f"calibration: {{drive.left.motor.lag: {LAG % ''}}}",), ENABLE, "calibrated so"),
         (
