@@ -5,6 +5,7 @@ checks, the error replies and the table in docs/protocol.md are made from these 
 passes `parse_request` is not checked again.
 """
 
+import json
 from collections.abc import Collection, Iterable
 from math import inf, isfinite
 from typing import (
@@ -282,15 +283,15 @@ def refuse_unknown(names: Iterable[str], known: Collection[str]) -> None:
 def _value(name: str, declaration: FieldDeclaration, fields: Fields) -> Any:
     kind, choices, is_optional, _, field = declaration
     if name not in fields:
-        raise wrong_field(name, kind, field.unit, is_missing=True)
-    value = fields[name]
+        raise wrong_field(name, kind, field.unit)
+    value = given = fields[name]
     if value is None and is_optional:
         return None
     if kind is float:
         value = finite(value)
     is_text = isinstance(value, str) and len(value) <= TEXT_MAX_LENGTH and value.isprintable()
     if not isinstance(value, kind) or (kind is str and not is_text):
-        raise wrong_field(name, kind, field.unit)
+        raise wrong_field(name, kind, field.unit, given)
     if choices and value not in choices:
         cause = f"there is no {name} '{value}'"
         raise RefusalError("E-REQUEST", cause, f"there are {', '.join(choices)}")
@@ -311,10 +312,10 @@ def finite(value: Any) -> float | None:
     return number if isfinite(number) else None
 
 
-def wrong_field(name: str, kind: type, unit: str, is_missing: bool = False) -> RefusalError:
-    """The refusal of a field that is missing, or no `kind`."""
+def wrong_field(name: str, kind: type, unit: str, value: Any = None) -> RefusalError:
+    """The refusal of a field that is missing (`value` None), or whose value is no `kind`."""
     expected = f"{KINDS[kind]} ({unit})" if unit else KINDS[kind]
-    actual = "is missing" if is_missing else "is something else"
+    actual = "is missing" if value is None else f"is {json.dumps(value)[:40]}"
     return RefusalError("E-REQUEST", f"the field '{name}' must be {expected}; it {actual}")
 
 

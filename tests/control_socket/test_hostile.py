@@ -84,7 +84,7 @@ def refusal_to(folder, data):
         (b'{"method": "drive", "linear": 1e308}\n', "beyond this robot's limit"),
         (b'{"method": "drive", "linear": 1e309}\n', "must be a finite number"),
         (b'{"method": "drive", "angular": -1e308}\n', "beyond this robot's limit"),
-        (b'{"method": "drive", "linear": "0.1"}\n', "must be a finite number"),
+        (b'{"method": "drive", "linear": "0.1"}\n', 'a finite number (m/s); it is "0.1"'),
         (b'{"method": "drive", "linear": true}\n', "must be a finite number"),
         (b'{"method": "drive", "linear": [0.1]}\n', "must be a finite number"),
         (b'{"method": "drive", "speed": 0.1}\n', "no field 'speed'"),

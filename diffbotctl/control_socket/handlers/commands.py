@@ -265,7 +265,7 @@ def handle_call_action(context: RequestContext, request: requests.CallActionRequ
             continue
         number = finite(value)
         if number is None:
-            raise wrong_field(argument.name, float, "SI", is_missing=value is None)
+            raise wrong_field(argument.name, float, "SI", value)
         numbers.append(number)
     return Call(0, block, action, tuple(numbers), tuple(texts))
 
@@ -273,7 +273,7 @@ def handle_call_action(context: RequestContext, request: requests.CallActionRequ
 def _text_argument(name: str, value: Any) -> str:
     if isinstance(value, str) and len(value) <= TEXT_MAX_LENGTH and value.isprintable():
         return value
-    raise wrong_field(name, str, "", is_missing=value is None)
+    raise wrong_field(name, str, "", value)
 
 
 def _action_hint(name: str, available: Iterable[str]) -> str:
