@@ -114,12 +114,14 @@ class SshConnection:
             self.process.wait(FAILURE_TIMEOUT_S)
         code = self.process.poll()
         self.process.kill()  # nothing more gets through
-        fix = f"if the robot moves, switch it off; `ssh {self.at} true` shows whether ssh works"
+        fix = "if the robot moves, switch it off; "
         if code == 255 and self.process.stderr is not None:
             lines = self.process.stderr.read(ERROR_MAX_BYTES).decode(errors="replace").split("\n")
             errors = [line.strip() for line in lines if line.strip()]
-            cause = f"ssh: {errors[-1][:200]}" if errors else "ssh did not get through"
-            fix = f"`ssh {self.at} true` must work without a question: use a key; {fix}"
+            cause = errors[-1][:200] if errors else "ssh did not get through"
+            fix += f"`ssh {self.at} true` must work without a question: use a key"
+        else:
+            fix += f"`ssh {self.at} true` shows whether ssh works"
         return RunError(Problem("E-SSH", self.at, f"the engine cannot be reached: {cause}", fix))
 
     def close(self) -> None:
