@@ -236,6 +236,9 @@ def _no_backup(path: Path) -> Problem:
         fix = "compare the files, and copy what you want to restore"
     else:
         cause, fix = "no calibration was written into this file", "calibrate first"
+        simulated = lookup.simulated_copy_of(path)
+        if simulated.exists():
+            fix = f"the simulated robot's is undone with --robot {lookup.display_path(simulated)}"
     return Problem("E-CALIBRATE-UNDO", str(path), cause, fix)
 
 

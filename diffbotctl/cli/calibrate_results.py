@@ -11,7 +11,7 @@ import click
 
 from diffbotctl.cli.command import subcommand
 from diffbotctl.cli.options import ROBOT
-from diffbotctl.config.lookup import display_path
+from diffbotctl.config.lookup import display_path, simulated_copy_of
 from diffbotctl.errors import ELLIPSIS, WIDTH
 from diffbotctl.ui.text import render_columns
 
@@ -114,6 +114,9 @@ def show_results(robot: str | None = ROBOT) -> None:
         [(f"  {path}", f"diffbotctl calibrate {by}") for path, by in unknown.items()]
     ):
         click.echo(line)
+    simulated = simulated_copy_of(file.file)
+    if simulated != file.file and simulated.exists():
+        click.echo(f"simulated robot: diffbotctl calibrate show --robot {display_path(simulated)}")
 
 
 def _grouped(rows: Sequence[CalibrationEntry]) -> Iterator[str]:

@@ -305,7 +305,7 @@ def range_(
         5.0, 1, 60, "How long the voltage is averaged at each distance."
     ),
 ) -> None:
-    """Find the curve of a distance sensor, with a rule and a white card.
+    """Find the curve of a distance sensor, with a ruler and a white card.
 
     Six distances from 4 to 30 cm. Nothing moves.
     """

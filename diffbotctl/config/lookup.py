@@ -72,8 +72,9 @@ def simulated_copy_of(path: Path) -> Path:
 
 
 def original_of(path: Path) -> Path:
-    """The robot file whose results of a simulated robot are at `path`."""
-    return path.with_name(f"{path.stem.removesuffix(SIMULATED)}.yaml")
+    """The robot whose results of a simulated robot are at `path`: its file, or its shipped name."""
+    file = path.with_name(f"{path.stem.removesuffix(SIMULATED)}.yaml")
+    return file if file.exists() else Path(file.stem)
 
 
 def is_known(name: str, kind: str) -> bool:

@@ -14,12 +14,14 @@ from diffbotctl.calibrate.robot_file import (
     plan_change,
     plan_value_change,
     replace_section,
+    simulated_copy,
     undo,
     writable_copy,
     write_change,
 )
 from diffbotctl.cli.calibrate import calibrate as command
 from diffbotctl.config.load import load_robot
+from diffbotctl.config.lookup import original_of
 from diffbotctl.errors import ConfigurationError, RunError, UsageError
 
 SHIPPED = Path(__file__).parent.parent.parent / "robots" / "book_2wd.yaml"
@@ -128,6 +130,15 @@ def test_undo_goes_back_step_by_step_to_the_very_bytes(robot):
     assert [each.name for each in robot.parent.iterdir()] == ["mine.yaml"]
     with pytest.raises(UsageError, match="no calibration was written"):
         undo(robot)
+
+
+def test_undo_names_the_results_of_the_simulated_robot(robot):
+    copy, is_new = simulated_copy(robot)
+    with pytest.raises(UsageError, match=f"--robot .*{copy.name}"):
+        undo(robot)
+    assert is_new and original_of(copy) == robot
+    robot.unlink()
+    assert original_of(copy) == Path("mine")
 
 
 def test_one_value_of_its_own_is_written_and_undone(robot):
