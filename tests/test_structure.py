@@ -470,6 +470,19 @@ def test_format_is_rarely_skipped():
     )
 
 
+def test_printed_texts_are_broken_where_a_paragraph_ends():
+    wide = [
+        place(path, node.lineno)
+        for folder in ("cli", "flash")
+        for path in sorted((ROOT / "diffbotctl" / folder).glob("*.py"))
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Constant) and isinstance(node.value, str)
+        # A module's docstring is in line 1, the lines of others are indented.
+        if node.lineno > 1 and re.search(r"(?m)^.{81,}\n(?=\S)", node.value)
+    ]
+    assert not wide, f"{wide}: the terminal folds the line, and the next one begins too soon"
+
+
 def test_every_package_ships():
     metadata = configparser.ConfigParser()
     metadata.read(ROOT / "setup.cfg")

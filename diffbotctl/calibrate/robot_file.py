@@ -38,7 +38,7 @@ EMPTY_SECTION = re.compile(
     re.MULTILINE,
 )
 SIMULATED_FILE = """\
-# What `calibrate` measures on a simulated robot. A real port refuses these results.
+# What `calibrate` measures on a simulated robot. A real port refuses it.
 format: 1
 kind: robot
 include: {include}

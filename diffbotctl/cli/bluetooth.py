@@ -167,9 +167,10 @@ def _proposal(proposal: RateAdvice, robot: Robot, measured_at: int) -> list[str]
     return [*lines, "Write into the robot file:", *(f"    {change}" for change in changes)]
 
 
-FLOATS = """\
-The board is flashed twice. After each reset its pins float for 0.83 s, and a motor driver whose
-inputs float may turn the wheels: lift them, or switch the motors' supply off."""
+FLOATS = (
+    "The board is flashed twice. After each reset its pins float for 0.83 s, and a motor driver "
+    "whose inputs float may turn the wheels: lift them, or switch the motors' supply off."
+)
 DONE = "The module went from {before} to {now} baud, and the board expects it so."
 BY_HAND = """\
 {file} still states {old} baud, and the next run would set the board to it. It must state:

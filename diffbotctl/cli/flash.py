@@ -26,9 +26,10 @@ After each reset the board's pins float for 0.83 s, and a motor driver with
 floating inputs may turn the wheels. Lift the wheels off the ground, or switch
 the motors' power off."""
 LIFT = "Lift the wheels off the ground, or switch the motors' power off."
-STILL_ROSSERIAL = """\
-Note: {file} has link: {{protocol: rosserial}}, which this board no longer uses. Change it
-to link: {{protocol: diffbot}} before the next run."""
+STILL_ROSSERIAL = (
+    "Note: {file} has link: {{protocol: rosserial}}, which this board no longer uses. Change it "
+    "to link: {{protocol: diffbot}} before the next run."
+)
 INTERRUPTED = "\nInterrupted. The bootloader is intact: run `flash firmware` again at any time."
 
 

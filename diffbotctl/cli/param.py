@@ -246,7 +246,8 @@ def _print_actions(rows: Iterable[dict[str, Any]], as_json: bool) -> None:
             for name in row["arguments"]
         )
         click.echo(f"{row['action']} {' '.join(arguments)}".rstrip())
-        click.echo(f"    {row['help']}")
+        for paragraph in row["help"].split("\n\n"):
+            click.echo(f"    {' '.join(paragraph.split())}")
 
 
 def _argument(text: str, action: dict[str, Any]) -> tuple[str, float | str]:

@@ -25,7 +25,7 @@ RESET_NOTICE = "Asking each board. A board on a USB port is reset by this: lift 
 BUNDLE_SUFFIXES = (".zip",)
 DOCTOR_INDENT = 20  # columns of verdict and topic
 BUNDLE_HEADLINE = (
-    "To be packed, without names of users and computers, home folders, addresses, serial\n"
+    "To be packed, without names of users and computers, home folders, addresses, serial "
     "numbers and access codes:"
 )
 NO_FLIGHT = (

@@ -23,9 +23,10 @@ BRIDGE, FIRMWARE = "bridge_mega2560.hex", "diffbot_mega2560.hex"
 BRIDGE_START_TIME_S = 1.5  # from opening the port until the bridge runs; earlier bytes delay it
 REPLY_TIMEOUT_S = 0.6  # at 38400 baud one takes 10 ms
 ATTEMPTS_MAX = 3  # at getting the module into AT mode
-BUTTON = """\
-Now the module: disconnect its VCC wire. Hold its small button, reconnect VCC, and release the
-button after a second. Its light must blink slowly, once in two seconds: that is AT mode."""
+BUTTON = (
+    "Now the module: disconnect its VCC wire. Hold its small button, reconnect VCC, and release "
+    "the button after a second. Its light must blink slowly, once in two seconds: that is AT mode."
+)
 OUT_AGAIN = (
     "Disconnect the module's VCC and reconnect it, without the button: its light blinks fast."
 )
