@@ -11,6 +11,7 @@ from diffbotctl.cli.command import NEGATIVE_NUMBERS, NumbersCommand, group, opti
 from diffbotctl.cli.engine_client import attached
 from diffbotctl.cli.options import ENGINE, FORCE, JSON, YES, quantity_option
 from diffbotctl.cli.output import check_overwrite, print_json
+from diffbotctl.errors import Problem, RunError, UsageError, closest_match
 
 if TYPE_CHECKING:
     from diffbotctl.control_socket.client import ControlClient
@@ -32,7 +33,7 @@ def save(name: str, force: bool = FORCE, engine: str | None = ENGINE) -> int:
     """Save the map of the running engine as NAME."""
     from diffbotctl.drivers.map_store import map_path
 
-    check_overwrite(map_path(name), force)
+    _refuse_saved(map_path(name), force, "choose another name, or add --force to replace it")
     _ask(engine, "save", {"name": name})
     click.echo(f"map saved: {name}, {map_path(name)}")
     return 0
@@ -143,7 +144,7 @@ def import_(
     if not is_map_name(name):
         raise click.UsageError(f"a map's name has letters, digits, - and _; not '{name}': --name")
     path = map_path(name)
-    check_overwrite(path, force)
+    _refuse_saved(path, force, "choose another --name, or add --force to replace it")
     path.parent.mkdir(parents=True, exist_ok=True)
     save_map(Map(grid.resolution, (), np.zeros((0, 3)), grid), path)
     rows, columns = grid.cells.shape
@@ -151,10 +152,15 @@ def import_(
     return 0
 
 
+def _refuse_saved(path: Path, force: bool, fix: str) -> None:
+    """Raises UsageError when the map of this name exists, without `force`."""
+    if path.exists() and not force:
+        raise UsageError(Problem("E-OUTPUT", path.stem, "there is a map of this name", fix))
+
+
 def _existing(name: str) -> Path:
     """The file of a saved map. Raises UsageError."""
     from diffbotctl.drivers.map_store import map_path, stored_maps
-    from diffbotctl.errors import closest_match
 
     names = [each.name for each in stored_maps()]
     if name in names:
@@ -166,8 +172,6 @@ def _existing(name: str) -> Path:
 
 def _ask(engine: str | None, task: str, arguments: dict[str, Any]) -> None:
     """Have the engine's map carry out a task, and wait until it has. Raises RunError."""
-    from diffbotctl.errors import Problem, RunError
-
     with attached(engine, f"map {task}") as client:
         rows = client.request("list_actions")["actions"]
         block = next((row["action"] for row in rows if row["action"].endswith(".place")), "")

@@ -49,7 +49,7 @@ def test_a_map_is_saved_loaded_exported_and_deleted(engine, tmp_path):
     assert (tmp_path / "flat.pgm").read_bytes().startswith(b"P5")
     assert "map imported: cells" in program("map", "import", "flat.yaml", "--name", "cells")
     assert "map loaded: cells" in program("map", "load", "cells")
-    program("map", "import", "flat.yaml", code=2)  # it would overwrite
+    assert "there is a map of this name" in program("map", "import", "flat.yaml", code=2)
     assert "b.pgm" in program("map", "import", write_description("b"), code=1)
     half = tmp_path / "state" / "diffbotctl" / "maps" / "half.npz"
     half.write_bytes(half.with_name("flat.npz").read_bytes()[:900])
