@@ -166,6 +166,9 @@ def class_table(folders: tuple[Path, ...] = argument(required=True)) -> None:
     from diffbotctl.learn.learner_folder import LearnerFolder
 
     known = lessons()
+    for folder in folders:
+        if not folder.is_dir():
+            raise click.UsageError(f"there is no folder {folder}")
     names = [folder.resolve().name for folder in folders]
     width = max(map(len, names))
     for name, folder in zip(names, folders, strict=True):
@@ -194,6 +197,11 @@ def _lesson(name: str | None) -> Lesson:
     return known[-1]
 
 
+def _argument(lesson: Lesson) -> str:
+    """How a command names `lesson`; empty where it is the one without a name."""
+    return "" if _lesson(None).name == lesson.name else f" {lesson.name}"
+
+
 def _show(lesson: Lesson, path: Path) -> None:
     from rich.markdown import Markdown
 
@@ -203,7 +211,7 @@ def _show(lesson: Lesson, path: Path) -> None:
     console.print(Markdown(lesson.text))
     click.echo(f"\nYour folder: {path}")
     click.echo(f"Your files:  {', '.join(lesson.section.files)}")
-    click.echo("Then: diffbotctl learn check")
+    click.echo(f"Then: diffbotctl learn check{_argument(lesson)}")
 
 
 def _checked(lesson: Lesson, folder: LearnerFolder, seed: int | None = None) -> LessonVerdict:
@@ -231,7 +239,7 @@ def _print_verdict(lesson: Lesson, folder: LearnerFolder, verdict: LessonVerdict
         for each in run.sets:
             words += ["--set", each]
         click.echo(f"\nThe same run, to look at:\n    {shlex.join(words)}")
-    click.echo("\nA hint: diffbotctl learn hint")
+    click.echo(f"\nA hint: diffbotctl learn hint{_argument(lesson)}")
 
 
 def _print_changed(lesson: Lesson, folder: LearnerFolder) -> None:

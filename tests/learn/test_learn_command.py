@@ -4,6 +4,7 @@ import json
 import shutil
 from pathlib import Path
 
+import click
 import pytest
 
 from diffbotctl.cli.learn import learn as command
@@ -32,12 +33,15 @@ def test_the_first_lesson_passes_and_the_next_one_is_shown(folder):
     assert invoke(command)[1].splitlines()[0].endswith("passed")
     assert "Parameters that change" in invoke(command, "next")[1]
     assert f"1 of {len(lessons())}" in invoke(command, "class", ".")[1]
+    with pytest.raises(click.UsageError, match="there is no folder ann"):
+        invoke(command, "class", "ann")
 
 
 def test_the_run_that_failed_is_repeated_by_its_seed(folder):
     _, first = invoke(command, "check", "one_metre", "--repeat", "7")
     _, second = invoke(command, "check", "one_metre", "--repeat", "7")
     assert first.split("not yet")[1] == second.split("not yet")[1]
+    assert first.rstrip().endswith("diffbotctl learn hint one_metre")  # talker is the present one
     command_line = next(line for line in first.splitlines() if "diffbotctl run" in line)
     assert Path(command_line.split()[2]).is_file()
     code, text = invoke(command, "check", "5", "--json")
