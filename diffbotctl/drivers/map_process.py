@@ -44,6 +44,7 @@ TILE_BYTES_MAX = 100_000
 RESUMED_SD = (0.15, 0.15, 0.1)  # m, m, rad: after the death of the process before
 PLACED_SD = 0.2  # m, of a person's click
 NOT_PLACED = "no heading fits there; state it, or another place"
+PLACE_KNOWN = "the place in the map is known; state the heading too to correct it"
 PARAMETERS = ("resolution", "range_max")
 CAUSES = {  # and what a person can do
     MapperState.SEARCHING: "drive gently, a look from one place is not enough",
@@ -98,7 +99,9 @@ class MapSession:
         elif request.task == "place":
             pose = np.array([request.x, request.y, request.heading])
             spread = np.diag(np.square([PLACED_SD, PLACED_SD, request.heading_sd]))
-            cause = "" if self.mapper.answer(pose, spread) else NOT_PLACED
+            is_known = not self.mapper.is_searching
+            refusal = PLACE_KNOWN if is_known else NOT_PLACED
+            cause = "" if self.mapper.answer(pose, spread) else refusal
         self.request, self.refusal = request.number, cause
         return self._update()
 

@@ -169,6 +169,11 @@ class Mapper:
         return True
 
     @property
+    def is_searching(self) -> bool:
+        """Whether the robot's place in the map is not known."""
+        return self._search is not None
+
+    @property
     def submaps(self) -> Submaps:
         """What the map is built from; a mapper that only finds its place has none."""
         assert self._builder is not None

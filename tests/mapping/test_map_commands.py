@@ -45,6 +45,8 @@ def test_a_map_is_saved_loaded_exported_and_deleted(engine, tmp_path):
     program("map", "load", "flat")
     assert engine.request("read_map")["map"] > before
     program("map", "place", "--x", "0", "--y", "-1cm", "--heading", "0")
+    known = program("map", "place", "--x", "0", "--y", "0", code=1)
+    assert "state the heading too" in known
     program("map", "export", "flat", "--to", "flat.yaml")
     assert (tmp_path / "flat.pgm").read_bytes().startswith(b"P5")
     assert "map imported: cells" in program("map", "import", "flat.yaml", "--name", "cells")
