@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from diffbotctl.programs.driver import ProgramsDriver
+    from diffbotctl.trials.comparison import ComparedRun
     from diffbotctl.trials.plan import Trial, TrialsPlan
     from diffbotctl.trials.verdict import JudgedRun
     from diffbotctl.trials.workers import TrialOutcome
@@ -65,6 +66,7 @@ def trials(
     Exit code: 0 all runs are as expected, 1 not all, or they are worse than those of --against,
     2 wrong files or usage, 130 interrupted.
     """
+    from diffbotctl.trials.comparison import ComparedRun, other_plan, read_baseline
     from diffbotctl.trials.plan import read_plan
 
     _check_outputs(junit, report, force)
@@ -78,10 +80,10 @@ def trials(
     if watch:
         return _watch(plan, programs)
     count = workers or len(os.sched_getaffinity(0))
-    other = None
-    if against is not None and not against.endswith(BASELINE_ENDINGS):
-        from diffbotctl.trials.comparison import other_plan
-
+    other, before = None, list[ComparedRun]()
+    if against is not None and against.endswith(BASELINE_ENDINGS):
+        before = read_baseline(Path(against))
+    elif against is not None:
         found = against
         other = with_code_consent(lambda: other_plan(file, found, sets), allow_programs)
         _allowed_programs(other, allow_programs)
@@ -92,8 +94,10 @@ def trials(
         _print_summary(plan, verdicts)
     _write_outputs(plan, verdicts, seconds, junit, report, force)
     is_worse = False
+    if other is not None:
+        judged, _ = _run_and_judge(other.at(places), count, yes)
+        before = [ComparedRun.of(each) for each in judged]
     if against is not None:
-        before = None if other is None else _run_and_judge(other.at(places), count, yes)[0]
         is_worse = _compare(against, before, verdicts, as_json)
     return 0 if all(verdict.passed for verdict in verdicts) and not is_worse else 1
 
@@ -142,16 +146,12 @@ def _write_outputs(
 
 
 def _compare(
-    against: str, before: Sequence[JudgedRun] | None, judged: Sequence[JudgedRun], as_json: bool
+    against: str, before: Sequence[ComparedRun], judged: Sequence[JudgedRun], as_json: bool
 ) -> bool:
-    """Print the comparison with the runs `before`, or with a file; whether these are worse."""
-    from diffbotctl.trials.comparison import ComparedRun, compare, read_baseline
+    """Print the comparison with the runs `before`; whether these are worse."""
+    from diffbotctl.trials.comparison import ComparedRun, compare
 
-    if before is None:
-        others = read_baseline(Path(against))
-    else:
-        others = [ComparedRun.of(each) for each in before]
-    comparison = compare(against, others, [ComparedRun.of(each) for each in judged])
+    comparison = compare(against, before, [ComparedRun.of(each) for each in judged])
     if as_json:
         record = {"against": against, "regression": comparison.is_regression}
         print_json({**record, "lost": comparison.lost, "gained": comparison.gained})

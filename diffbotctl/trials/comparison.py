@@ -55,8 +55,9 @@ def read_baseline(path: Path) -> list[ComparedRun]:
         records = [json.loads(line) for line in lines]
         return [_compared(record) for record in records if "run" in record]
     except (OSError, ValueError, KeyError, TypeError) as error:
+        cause = (isinstance(error, OSError) and error.strerror) or UNREADABLE
         fix = "write it with: diffbotctl trials FILE --json > base.json"
-        raise UsageError(Problem("E-TRIALS-BASELINE", str(path), UNREADABLE, fix)) from error
+        raise UsageError(Problem("E-TRIALS-BASELINE", str(path), cause, fix)) from error
 
 
 def _compared(record: dict[str, Any]) -> ComparedRun:
@@ -107,7 +108,7 @@ class Comparison(NamedTuple):
         yield f"against {self.name}, {count} pairs with equal seeds:"
         before, after = (sum(pair[side].passed for pair in self.pairs) for side in (0, 1))
         share = paired_shares([(first.passed, second.passed) for first, second in self.pairs])
-        yield f"  passed  {after} of {count}, was {before}: {_interval_text(share, 100.0, '%')}"
+        yield f"  passed  {after} of {count}, against {before}: {_interval_text(share, 100.0, '%')}"
         for field, factor, unit in (("error", MM, "mm"), ("time", 1.0, "s")):
             values = self.differences(field)
             interval = mean_difference([second - first for first, second in values])
@@ -118,7 +119,7 @@ class Comparison(NamedTuple):
                 sum(value[side] for value in values) / len(values) * factor for side in (0, 1)
             )
             text = _interval_text(interval, factor, unit)
-            yield f"  {field:7} {second:.1f} {unit}, was {first:.1f} {unit}: {text}"
+            yield f"  {field:7} {second:.1f} {unit}, against {first:.1f} {unit}: {text}"
         if self.is_regression:
             worse = [field for field in ("error", "time") if self.is_worse(field)]
             names = ", ".join(self.lost[:NAMES_SHOWN_MAX]) or f"the {' and the '.join(worse)}"
@@ -129,7 +130,7 @@ class Comparison(NamedTuple):
 def _interval_text(interval: ConfidenceInterval, factor: float, unit: str) -> str:
     value, low, high = (each * factor for each in interval)
     proof = "proven" if interval.is_proven else "not proven"
-    return f"{value:+.1f} {unit} (95 %: {low:+.1f} to {high:+.1f}; a difference is {proof})"
+    return f"{value:+.1f} {unit} (95 %: {low:+.1f} to {high:+.1f}; {proof})"
 
 
 def compare(name: str, before: Sequence[ComparedRun], after: Sequence[ComparedRun]) -> Comparison:

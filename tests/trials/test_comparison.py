@@ -74,6 +74,7 @@ def test_a_regression(before, after, is_regression):
     assert len(comparison.pairs) == 10
     lines = list(comparison.lines())
     assert lines[0] == "against base, 10 pairs with equal seeds:"
+    assert max(map(len, lines)) <= 80
     assert lines[-1].startswith("REGRESSION") is is_regression
 
 
@@ -100,6 +101,8 @@ def test_a_baseline_is_what_json_has_printed(tmp_path):
     file.write_text("nothing\n")
     with pytest.raises(UsageError, match="E-TRIALS-BASELINE"):
         read_baseline(file)
+    with pytest.raises(UsageError, match="No such file"):
+        read_baseline(tmp_path / "other.json")
     with pytest.raises(UsageError, match="it has none of these runs"):
         compare("base", runs(name="other")[:3], runs())
 
