@@ -6,6 +6,7 @@ import os
 import sys
 import time
 from collections.abc import Iterator
+from shutil import get_terminal_size
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -16,7 +17,7 @@ from diffbotctl.cli.engine_client import WATCHER_NICENESS, attached
 from diffbotctl.cli.options import ENGINE, FOR, JSON, choice_option, number_option
 from diffbotctl.cli.output import print_json
 from diffbotctl.messages import LOG_LEVELS, LogLine
-from diffbotctl.printable import printable, write_raw
+from diffbotctl.printable import fold_line, printable, write_raw
 
 if TYPE_CHECKING:
     from diffbotctl.control_socket.client import ControlClient
@@ -82,6 +83,7 @@ def _print_line(line: dict[str, Any]) -> None:
 
     text = printable(log_line_text(LogLine(**line)))
     if sys.stdout.isatty():
+        text = fold_line(text, get_terminal_size().columns)
         text = click.style(text, fg=COLOURS.get(line["level"]))
     write_raw(sys.stdout, f"{text}\n")
     sys.stdout.flush()

@@ -9,7 +9,7 @@ from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
-from diffbotctl.cli import main
+from diffbotctl.cli import log, main
 from diffbotctl.config.lookup import folder
 from diffbotctl.printable import fold_line, fold_lines, keep_lines, printable_stream, write_raw
 from tests.sampling import each_once
@@ -54,6 +54,15 @@ def test_no_word_is_lost_or_broken_and_no_row_is_too_long(line, width):
     assert folded.split() == line.split()
     for row in folded.split("\n"):
         assert len(row) <= width or len(row.split()) == 1
+
+
+def test_a_line_of_the_log_is_folded_on_a_terminal(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", str(COLUMNS))
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    line = {"time": 0, "level": "error", "source": "gate", "text": "STOP a cause " * 20}
+    log._print_line(line)
+    rows = re.sub(r"\x1b\[[0-9;]*m", "", capsys.readouterr().out).splitlines()
+    assert len(rows) > 4 and max(map(len, rows)) <= COLUMNS
 
 
 def test_a_stream_folds_what_is_printed_and_not_what_others_read():
