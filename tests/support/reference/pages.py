@@ -117,6 +117,8 @@ def kind_of(setting: Declaration) -> str:
         int: "whole number",
         str: "text",
         bool: "true or false",
+        dict: "mapping",
+        tuple: "list",
     }
     if inside(setting.kind) is not None:
         return "section"
@@ -137,6 +139,8 @@ def default_of(setting: Declaration) -> str:
         value = value.low
     if isinstance(value, float):
         return with_unit(value, setting.unit)
+    if isinstance(value, bool):
+        return f"`{str(value).lower()}`"
     return f"`{value}`"
 
 
