@@ -140,7 +140,9 @@ def _read(path: Path, written: str) -> bytes:
     try:
         if not path.is_file():
             cause = f"there is no file {lookup.display_path(path)}"
-            raise RegistryError("E-CODE-FILE", cause, "correct the path: it counts from this file")
+            raise RegistryError(
+                "E-CODE-FILE", cause, "correct the path: in a file it counts from its folder"
+            )
         with path.open("rb") as file:
             data = file.read(CODE_BYTES_MAX + 1)
     except (OSError, ValueError) as error:

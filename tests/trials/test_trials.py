@@ -174,6 +174,15 @@ def test_a_mistake_is_shown_where_it_is_and_nothing_runs(tmp_path, old, new, cod
     assert part in " ".join(str(caught.value).replace("|", " ").split())
 
 
+def test_a_mistake_of_several_robots_is_reported_once(tmp_path):
+    text = TWO_CASES.replace("wheel_blocked", "imu_biased")
+    text = text.replace("pipeline: goal", "pipeline: goal\nrandom_robots: {count: 2}")
+    with pytest.raises(UserError) as caught:
+        read_plan(str(trials_file(tmp_path, text)))
+    (problem,) = [each for each in caught.value.problems if "has no IMU" in each.cause]
+    assert problem.fix == "state it, such as `imu: {type: mpu6050}`"
+
+
 def test_robots_are_drawn_within_what_check_accepts(tmp_path):
     text = TWO_CASES.replace("seeds: 2", "seeds: 1\nrandom_robots: {count: 3}")
     trials = read_plan(str(trials_file(tmp_path, text))).trials

@@ -56,7 +56,9 @@ NEEDS = {  # by the words of faults.yaml
         OTHER_FAULT,
     ),
     "imu": Need(
-        lambda robot: robot.imu.type is not None, "it has no IMU", "state it: `imu: {type: }`"
+        lambda robot: robot.imu.type is not None,
+        "it has no IMU",
+        "state it, such as `imu: {type: mpu6050}`",
     ),
     "board": Need(
         lambda robot: robot.board.type != SIMULATED,
