@@ -42,6 +42,13 @@ def test_a_new_file_has_no_problem_and_asks_nothing(kind):
     assert output.startswith(f"{path}: no errors\n")
 
 
+@pytest.mark.parametrize("what", ["trials", "block", "message", "driver", "program"])
+def test_a_terminal_of_80_columns_shows_what_is_to_be_typed(what):
+    invoke(new.new, what, "sonar")
+    text = Path("trials/sonar.yaml" if what == "trials" else "sonar/README.md").read_text()
+    assert [line for line in text.splitlines() if len(line) > 80] == []
+
+
 @pytest.mark.parametrize("kind", ["robot", "pipeline"])
 def test_a_new_file_among_the_shipped_ones_is_refused(monkeypatch, kind):
     monkeypatch.chdir(ROOT)
