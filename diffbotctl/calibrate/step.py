@@ -85,6 +85,7 @@ class Outcome:
     pictures: dict[str, str] = field(default_factory=dict)
     """contents of files by the end of the file name, such as an SVG"""
     volts: float | None = None  # of the battery, if it was measured
+    is_recorded: bool = True  # false where the robot has nothing to measure
 
 
 class Step(Protocol):

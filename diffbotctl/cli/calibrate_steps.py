@@ -53,7 +53,7 @@ class CalibrateOptions(NamedTuple):
     answers: Path | None = ANSWERS
     yes: bool = YES
     dry_run: bool = option("Do not write the robot file.")
-    fast: bool = option("On the simulator: ask only what no simulated hand can do or measure.")
+    fast: bool = option("Simulated robot: press Enter, and take the readings, by itself.")
 
 
 def run(names: Sequence[str], options: CalibrateOptions, **settings: object) -> None:
@@ -111,6 +111,9 @@ def _run_step(
         screen.rest()
     for line in outcome.report:
         click.echo(fold_text(line, hang=2))
+    if not outcome.is_recorded:
+        session.recording = []
+        return
     done = save_result(step, outcome, session, FOLDER)
     for file in done.files:
         click.echo(f"saved: {file}")

@@ -174,6 +174,7 @@ def test_without_a_pin_there_is_nothing_to_calibrate(robot):
     assert result.exit_code == 0
     assert "Chemistry" not in result.output
     assert "does not measure its battery" in result.output
+    assert "saved: " not in result.output  # a recording of nothing
     assert not calibrated(robot).calibration
 
 

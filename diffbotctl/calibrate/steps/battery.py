@@ -94,7 +94,7 @@ class BatteryStep:
                 "the board does not measure its battery: connect it through a divider to a free "
                 "analog pin, and add `battery: {pin: A1, divider: 3}`"
             )
-            return Outcome("battery", findings, lines, volts=volts)
+            return Outcome("battery", findings, lines, is_recorded=False)
         yield Message("Nothing moves. Connect a meter to the terminals of the battery.")
         readings = self._readings(session)
         check = partial(_meter_contradiction, board=fmean(readings))

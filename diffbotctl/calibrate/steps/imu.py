@@ -81,7 +81,7 @@ class ImuStep:
         session.connect()
         imu = session.file.robot.imu
         if imu.type is None:
-            return Outcome("spin", [], ["the robot file has no IMU"])
+            return Outcome("spin", [], ["the robot file has no IMU"], is_recorded=False)
         stated = imu.axes
         try:
             axes = yield from self._find_axes(session)
