@@ -295,8 +295,7 @@ def members(owner: type, *kinds: type[T]) -> dict[str, T]:
 
 def with_unit(value: float, unit: str) -> str:
     """A number with its unit, for display: `0.3 m/s`, `5`; an angle in rad or deg, by length."""
-    text = f"{value:g}"
-    angle = f"{degrees(value):g}"
+    text, angle = f"{value:g}", f"{degrees(value):g}"
     if unit == "rad" and len(angle) <= len(text):
         return f"{angle} deg"
     return text if unit in ("", "1") else f"{text} {unit}"

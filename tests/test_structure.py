@@ -71,11 +71,11 @@ SOURCES = sorted((ROOT / "diffbotctl").rglob("*.py"))
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
 
 BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the folders
-    ".": 3_310,
+    ".": 3_313,
     "blocks": 3_050,
     "bluetooth": 790,
     "calibrate": 8_090,
-    "cli": 9_265,
+    "cli": 9_283,
     "client": 920,
     "config": 8_530,
     "control": 1_540,

@@ -51,8 +51,7 @@ def other_plan(file: str, other: str, sets: Sequence[str]) -> TrialsPlan:
 def read_baseline(path: Path) -> list[ComparedRun]:
     """The runs that `--json` once printed. Raises UsageError."""
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-        records = [json.loads(line) for line in lines]
+        records = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
         return [_compared(record) for record in records if "run" in record]
     except (OSError, ValueError, KeyError, TypeError) as error:
         cause = (isinstance(error, OSError) and error.strerror) or UNREADABLE

@@ -173,7 +173,6 @@ class _PlanReader:
 
     def _raise(self) -> None:
         if any(problem.severity == "error" for problem in self.problems):
-            # Several robots may have the same one.
             raise ConfigurationError({each.render(): each for each in self.problems}.values())
 
     def _refuse_names(self) -> None:

@@ -180,7 +180,7 @@ def test_a_mistake_of_several_robots_is_reported_once(tmp_path):
     with pytest.raises(UserError) as caught:
         read_plan(str(trials_file(tmp_path, text)))
     (problem,) = [each for each in caught.value.problems if "has no IMU" in each.cause]
-    assert problem.fix == "state it, such as `imu: {type: mpu6050}`"
+    assert problem.fix == "add `imu: {type: mpu6050}`"
 
 
 def test_robots_are_drawn_within_what_check_accepts(tmp_path):

@@ -56,9 +56,7 @@ NEEDS = {  # by the words of faults.yaml
         OTHER_FAULT,
     ),
     "imu": Need(
-        lambda robot: robot.imu.type is not None,
-        "it has no IMU",
-        "state it, such as `imu: {type: mpu6050}`",
+        lambda robot: robot.imu.type is not None, "it has no IMU", "add `imu: {type: mpu6050}`"
     ),
     "board": Need(
         lambda robot: robot.board.type != SIMULATED,
