@@ -13,7 +13,7 @@ from diffbotctl.log import INFO, Log
 from diffbotctl.recording.reader import RecordingReader
 from tests.pico_robot import PICO
 from tests.support.running import OPEN_FIELD, PlainClient, cli, moves, running, stands
-from tests.support.usb_lidar import DEGREES, SCAN_DESCRIPTOR, UsbLidar
+from tests.support.usb_lidar import DEGREES, SCAN_DESCRIPTOR, TURN_PERIOD_S, UsbLidar
 from tests.support.virtual_board import board
 
 COMMAND_PERIOD_S = 0.05
@@ -38,7 +38,7 @@ blocks:
 def outcome(lidar, model, speed=4, **values):
     """What the driver of `model` makes of `lidar`: its first scans, or why there are none.
 
-    Its clock is `speed` times as fast, and stands still when this process does.
+    Its clock is `speed` times as fast, and waits for this process and for the lidar.
     """
     driver = Lidar(device=lidar.device, model=model, **values)
     driver.log = Log("lidar", lidar.logged, INFO)
@@ -47,7 +47,8 @@ def outcome(lidar, model, speed=4, **values):
         driver.open()
         while len(scans) < 3:
             passed = time.monotonic_ns() - last
-            now, last = now + speed * min(passed, STEP_MAX), last + passed
+            latest = round(speed * (lidar.periods + 1) * TURN_PERIOD_S * 1e9)
+            now, last = min(now + speed * min(passed, STEP_MAX), latest), last + passed
             scans += [reading.message for reading in driver.read(now)]
             time.sleep(0.002)
         return scans

@@ -148,6 +148,8 @@ class UsbLidar:
         self.requests = b""
         self.logged: list[tuple[int, str, str]] = []  # by a driver without an engine
         self.is_started = not self.facts.start
+        self.periods = 0
+        """of a turn, that have passed for it"""
         self.damage: Callable[[bytes], bytes] | None = None  # a function of the bytes of a turn
         self.thread = threading.Thread(target=self._run, daemon=True)
         self.thread.start()
@@ -167,6 +169,7 @@ class UsbLidar:
     def _run(self) -> None:
         self._send(self.power_up)
         while not self.over.wait(TURN_PERIOD_S):
+            self.periods += 1
             self._answer()
             if self.is_started and not self.is_silent.is_set():
                 seen = self.distances() if callable(self.distances) else self.distances
