@@ -6,6 +6,7 @@ import numpy as np
 
 from diffbotctl.mapping.lidar_scan import MappedScan, SurfacePoints
 from diffbotctl.mapping.match_field import MatchField
+from diffbotctl.mapping.place_search import apart
 from diffbotctl.mapping.plane_pose import (
     Array,
     between,
@@ -19,9 +20,10 @@ FLOOR = np.diag([0.01, 0.01, 0.004]) ** 2  # of a match, however many points agr
 SLIP_ALONG = (0.005, 0.10, 0.02)  # m; m a metre; m a rad: what wheels add on any floor
 SLIP_HEADING = (0.005, 0.10, 0.02)  # rad; rad a rad; rad a metre
 OVERLAP_MIN = 0.25  # share of the points at lines of the map; with fewer, a match is not used
-# With fewer, wheels may have slipped more than stated: the match is repeated with a variance of the
-# prediction that is larger by the factor, and used if it explains more by the gain.
-POOR_OVERLAP, WIDENING, GAIN_MIN = 0.6, 16.0, 0.15
+# With fewer, wheels may have slipped more than stated on a long way (m, or rad) from scan to scan:
+# the match is repeated with a variance of the prediction that is larger by the factor, and used if
+# it explains more by the gain. After a short way, the robot was put elsewhere.
+POOR_OVERLAP, LONG_WAY, WIDENING, GAIN_MIN = 0.6, (0.5, 0.5), 16.0, 0.15
 
 
 class ScanTracker:
@@ -31,10 +33,12 @@ class ScanTracker:
         self.pose = np.array(pose, float)
         self.covariance = np.array(covariance, float)
         """of small motions in the frame of `pose`"""
+        self._has_gone_far = False  # from scan to scan, at the last prediction
 
     def predict(self, last: MappedScan, scan: MappedScan) -> None:
         """Move by the odometry from `last` to `scan`."""
         motion = between(last.odometry, scan.odometry)
+        self._has_gone_far = apart(last.odometry, scan.odometry, LONG_WAY)
         self.pose = compose(self.pose, motion)
         self.covariance = moved_covariance(self.covariance, motion) + _spread(last, scan, motion)
 
@@ -43,7 +47,7 @@ class ScanTracker:
         heading = float(self.pose[2])
         covariance = rotated_covariance(self.covariance, heading)
         fit = match(field, surface, self.pose, covariance)
-        if fit.overlap < POOR_OVERLAP:
+        if fit.overlap < POOR_OVERLAP and self._has_gone_far:
             wide = match(field, surface, self.pose, WIDENING * covariance)
             if wide.overlap > fit.overlap + GAIN_MIN:
                 fit, covariance = wide, WIDENING * covariance
