@@ -14,8 +14,8 @@ from diffbotctl.mapping.lidar_scan import MappedScan, SurfacePoints, surface_poi
 from diffbotctl.mapping.map_builder import MapBuilder, resumed
 from diffbotctl.mapping.match_field import MatchField
 from diffbotctl.mapping.occupancy_grid import GridBuilder, OccupancyGrid
-from diffbotctl.mapping.place_search import FIXES_WITHOUT_PLACE, PlaceSearch, apart
-from diffbotctl.mapping.plane_pose import Array, between, compose, inverse, rotated_covariance
+from diffbotctl.mapping.place_search import FIXES_WITHOUT_PLACE, PlaceSearch
+from diffbotctl.mapping.plane_pose import Array, apart, compose, inverse, rotated_covariance
 from diffbotctl.mapping.scan_map import Map
 from diffbotctl.mapping.scan_match import explained
 from diffbotctl.mapping.scan_tracker import FLOOR, ScanTracker
@@ -235,13 +235,10 @@ class Mapper:
             and explained(field, surface, self._tracker.pose) < EXPLAINED_MIN
             and self._drawn.contradicted(scan, self._pose()[0]) > CONTRADICTED_MAX
         )
+        is_near = self._builder is None or not apart(self._fitted, scan.odometry, SUDDEN)
         if not is_wrong:
             self._fitted, self._mismatches = scan.odometry, 0
-        elif (
-            self._mismatches
-            or self._builder is None
-            or not apart(self._fitted, scan.odometry, SUDDEN)
-        ):
+        elif self._mismatches or is_near:
             self._mismatches += 1
         if self._mismatches >= MISMATCHES_MAX:
             known = self.map()
@@ -254,11 +251,8 @@ class Mapper:
         if self._mismatches or self._looked is None:
             return not self._mismatches
         time, pose, looks = self._looked
-        motion = between(pose, self._tracker.pose)
-        if (
-            np.hypot(motion[0], motion[1]) > self.parameters.keyframe_distance
-            or abs(motion[2]) > self.parameters.keyframe_turn
-        ):
+        limits = self.parameters.keyframe_distance, self.parameters.keyframe_turn
+        if apart(pose, self._tracker.pose, limits):
             return True
         is_due = scan.time - time >= LOOK_PERIOD and looks < LOOKS_MAX
         return is_due and self._drawn.contradicted(scan, self._pose()[0]) > CHANGED_MIN

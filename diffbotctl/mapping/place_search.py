@@ -17,7 +17,7 @@ from diffbotctl.mapping.branch_and_bound import Peak, Window, best_pose
 from diffbotctl.mapping.lidar_scan import MappedScan, SurfacePoints
 from diffbotctl.mapping.match_field import MatchField
 from diffbotctl.mapping.occupancy_grid import GridBuilder
-from diffbotctl.mapping.plane_pose import Array, between, compose, transformed, wrapped
+from diffbotctl.mapping.plane_pose import Array, apart, between, compose, transformed
 from diffbotctl.mapping.scan_match import explained, refine
 from diffbotctl.mapping.submaps import thinned
 
@@ -167,9 +167,3 @@ class PlaceSearch:
                     mean = (each.misfit * each.fixes + misfit) / (each.fixes + 1)
                     return PlaceCandidate(pose, each.fixes + 1, each.travelled + way, mean)
         return PlaceCandidate(pose, 1, 0.0, misfit)
-
-
-def apart(first: Array, second: Array, limits: tuple[float, float]) -> bool:
-    """Whether two poses are more than `limits` (m, rad) apart."""
-    distance = np.hypot(second[0] - first[0], second[1] - first[1])
-    return bool(distance > limits[0] or abs(wrapped(second[2] - first[2])) > limits[1])

@@ -70,3 +70,9 @@ def rotated_covariance(covariance: Array, angle: float) -> Array:
     turn = adjoint(np.array([0.0, 0.0, angle]))
     turned: Array = turn @ covariance @ turn.T
     return turned
+
+
+def apart(first: Array, second: Array, limits: tuple[float, float]) -> bool:
+    """Whether two poses are more than `limits` (m, rad) apart."""
+    distance = np.hypot(second[0] - first[0], second[1] - first[1])
+    return bool(distance > limits[0] or abs(wrapped(second[2] - first[2])) > limits[1])

@@ -6,9 +6,9 @@ import numpy as np
 
 from diffbotctl.mapping.lidar_scan import MappedScan, SurfacePoints
 from diffbotctl.mapping.match_field import MatchField
-from diffbotctl.mapping.place_search import apart
 from diffbotctl.mapping.plane_pose import (
     Array,
+    apart,
     between,
     compose,
     moved_covariance,
