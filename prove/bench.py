@@ -310,7 +310,7 @@ def main() -> int:
     sections: tuple[Section, ...] = SECTIONS
     if options.against:
         speed = partial(speed_against, options.against, options.pairs)
-        sections = (Section("against", speed),)
+        sections = (Section("simulation", speed),)
     return prove("bench", sections, options)
 
 

@@ -118,7 +118,7 @@ def test_a_drive_stops_where_it_is_asked_to_and_prints_where_it_stands(
         if metres is None or driven == pytest.approx(metres, abs=0.01):
             break
     if metres is not None:
-        assert driven == pytest.approx(metres, abs=0.01 + 0.25 * metres * ("--for" in words))
+        assert driven == pytest.approx(metres, abs=0.01 + 0.15 * metres * ("--for" in words))
         assert driven == pytest.approx(math.dist(before[:2], after[:2]), abs=0.01)
     else:
         assert turned == pytest.approx(degree, abs=3.0)
