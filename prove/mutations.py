@@ -1,27 +1,29 @@
 """Mutations of the program: how many of those that all tests notice `make test` notices, too.
 
-Each is made in a copy of the last commit, and the tests run there. Those with the mark `nightly`
-run only on what `make test` misses.
+Each is made in a copy of the last commit, and the tests run there that reach its place: all tests
+have run once before with a mark at every place. A value that one test has computed and another
+finds in a cache counts for the first alone. A place outside of functions, and the firmware, are
+reached by all. Tests with the mark `nightly` run only on what `make test` misses.
 """
 
 from __future__ import annotations
 
-import ast
 import os
 import re
 import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from random import Random
 from typing import NamedTuple
 
+from prove.mutation_places import Mutation, c_mutations, python_mutations
 from tests.support.trials.row import NoData, Row
 
 ROOT = Path(__file__).parents[1]
-# What is mutated, and the tests that are most likely to notice it: they run first.
+# What is mutated, and the tests that are most likely to notice it, which run first.
 AREAS = {
     "engine": ("diffbotctl/engine/*.py", "tests/engine tests/control_socket tests/runs"),
     "gate": ("diffbotctl/engine/[sow]*.py", "tests/engine tests/runs"),
@@ -32,45 +34,24 @@ AREAS = {
     "firmware": ("firmware/*.c", "tests/firmware tests/runs"),
 }
 NOT_IN_AN_IMAGE = {"bridge.c"}  # another program, which is written by hand on a Mega
-COMPARISONS = {
-    ast.Lt: ast.LtE,
-    ast.LtE: ast.Lt,
-    ast.Gt: ast.GtE,
-    ast.GtE: ast.Gt,
-    ast.Eq: ast.NotEq,
-    ast.NotEq: ast.Eq,
-    ast.Is: ast.IsNot,
-    ast.IsNot: ast.Is,
-    ast.In: ast.NotIn,
-    ast.NotIn: ast.In,
-}
-OPERATIONS = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult}
-TOKENS = {" < ": " <= ", " <= ": " < ", " > ": " >= ", " >= ": " > ", " == ": " != "}
-TOKENS |= {" != ": " == ", " && ": " || ", " || ": " && ", " + ": " - ", " - ": " + "}
-C_TOKEN = re.compile(
-    "|".join(map(re.escape, sorted(TOKENS, key=len, reverse=True))) + r"|(?<![\w.])\d+(?=[;,)\]u ])"
-)
-C_COMMENT = re.compile(r"/\*.*?\*/|//[^\n]*|\"[^\"\n]*\"|^\s*#[^\n]*|'[^'\n]*'", re.S | re.M)
+# Written into the checkout as diffbotctl/reached.py. A confined process may not write.
+REACHED = """
+import os
+
+_known = set()
 
 
-class Mutation(NamedTuple):
-    """A piece of a file, and what stands there instead."""
-
-    area: str
-    path: Path  # from the root of the checkout
-    begin: int
-    end: int
-    new: str
-
-    def applied(self, text: str) -> str:
-        """The text of the file with the mutation."""
-        return text[: self.begin] + self.new + text[self.end :]
-
-    def described(self, text: str) -> str:
-        """Where and what it is, in one line."""
-        line = text.count("\n", 0, self.begin) + 1
-        old = " ".join(text[self.begin : self.end].split())
-        return f"{self.path}:{line}: {old} -> {' '.join(self.new.split())}"
+def mark(number):
+    test = os.environ.get("PYTEST_CURRENT_TEST", "").partition("::")[0]
+    if (number, test) not in _known:
+        _known.add((number, test))
+        try:
+            with open({path!r}, "a") as file:
+                file.write(f"{{number}} {{test}}\\n")
+        except OSError:
+            pass
+"""
+MARKED = ('(__import__("diffbotctl.reached", fromlist=["mark"]).mark({number}) or (', "))")
 
 
 class Found(NamedTuple):
@@ -78,59 +59,6 @@ class Found(NamedTuple):
 
     test: str | None
     is_short: bool
-
-
-def python_mutations(text: str) -> Iterator[tuple[int, int, str]]:
-    """Begin, end and replacement of each mutation of a Python file."""
-    tree = ast.parse(text)
-    starts = [0]
-    for line in text.splitlines(keepends=True):
-        starts.append(starts[-1] + len(line))
-    left_out = {id(node) for each in ast.walk(tree) for node in unmutated(each)}
-    for node in ast.walk(tree):
-        changed = None if id(node) in left_out else mutated(node)
-        if changed is not None:
-            begin = starts[node.lineno - 1] + node.col_offset  # type: ignore[attr-defined]
-            end = starts[node.end_lineno - 1] + node.end_col_offset  # type: ignore[attr-defined]
-            yield begin, end, f"({ast.unparse(changed)})"
-
-
-def unmutated(node: ast.AST) -> Iterator[ast.AST]:
-    """Nodes inside of types, which change nothing, and of f-strings, which have no own places."""
-    for name in ("annotation", "returns"):
-        stated = getattr(node, name, None)
-        if stated is not None:
-            yield from ast.walk(stated)
-    if isinstance(node, ast.JoinedStr):
-        yield from ast.walk(node)
-
-
-def mutated(node: ast.AST) -> ast.expr | None:
-    """The node with another operator or number; None when it has neither."""
-    match node:
-        case ast.Compare(left, [operator], rest) if type(operator) in COMPARISONS:
-            return ast.Compare(left, [COMPARISONS[type(operator)]()], rest)
-        case ast.BinOp(left, operator, right) if type(operator) in OPERATIONS:
-            return ast.BinOp(left, OPERATIONS[type(operator)](), right)
-        case ast.BoolOp(operator, values):
-            return ast.BoolOp(ast.Or() if isinstance(operator, ast.And) else ast.And(), values)
-        case ast.UnaryOp(ast.Not(), operand):
-            return operand
-        case ast.IfExp(test, body, orelse):
-            return ast.IfExp(ast.UnaryOp(ast.Not(), test), body, orelse)
-        case ast.Constant(bool() as value):
-            return ast.Constant(not value)
-        case ast.Constant(int() | float() as value):
-            return ast.Constant(value + 1 if isinstance(value, int) else 2.0 * value + 0.5)
-    return None
-
-
-def c_mutations(text: str) -> Iterator[tuple[int, int, str]]:
-    """Begin, end and replacement of each mutation of a C file."""
-    code = C_COMMENT.sub(lambda found: " " * len(found[0]), text)
-    for found in C_TOKEN.finditer(code):
-        new = TOKENS.get(found[0]) or str(int(found[0]) + 1)
-        yield found.start(), found.end(), new
 
 
 def drawn(rng: Random, area: str) -> Mutation:
@@ -175,24 +103,28 @@ class Checkout:
         )
         return made.returncode == 0
 
-    def failing(self, *words: str) -> str | None:
-        """The first test that fails; None when all pass."""
-        options = ["-n", "3", "--dist", "loadscope", "-x", "-q", "-p", "no:cacheprovider"]
-        options += [f"--deselect={test}" for test in self.left_out]
-        done = subprocess.run(
-            [sys.executable, "-m", "pytest", *options, *words],
+    def run(self, *words: str) -> subprocess.CompletedProcess[str]:
+        """Run tests beside each other, as `make test` does."""
+        options = ["-n", "5", "--dist", "loadscope", "--no-loadscope-reorder"]
+        return subprocess.run(
+            [sys.executable, "-m", "pytest", *options, "-q", "-p", "no:cacheprovider", *words],
             cwd=self.folder,
             env=self.environment,
             capture_output=True,
             text=True,
         )
+
+    def failing(self, passed: Iterable[str], words: list[str]) -> str | None:
+        """The first test that fails, but for those that `passed` when alone; None when all pass."""
+        left_out = [f"--deselect={test}" for test in [*self.left_out, *passed]]
+        done = self.run("-x", *left_out, *words)
         if done.returncode in (0, 5):  # 5: no test was chosen
             return None
         failed = re.search(r"^(?:FAILED|ERROR) (.*?)(?: - .*)?$", done.stdout, re.M)
         return failed[1] if failed else "collection"
 
     def fails(self, test: str) -> bool:
-        """Whether a test fails: with the mutation taken back, it is no judge of it."""
+        """Whether a test fails alone: it does with the mutation, and not without it."""
         words = ["-q", "-p", "no:cacheprovider", "-m", "nightly or not nightly", test]
         done = subprocess.run(
             [sys.executable, "-m", "pytest", *words],
@@ -203,15 +135,74 @@ class Checkout:
         return done.returncode == 1
 
 
-def examined(checkout: Checkout, mutation: Mutation) -> Found | None:
-    """Which test notices a mutation; None when it is none: it does not compile."""
+def compiled(checkout: Checkout, rng: Random, area: str) -> Mutation:
+    """A mutation of an area with which the firmware compiles."""
+    while True:
+        mutation = drawn(rng, area)
+        original = (ROOT / mutation.path).read_text()
+        succeeded = checkout.write(mutation, mutation.applied(original))
+        checkout.write(mutation, original)
+        if succeeded:
+            return mutation
+
+
+def reached(checkout: Checkout, mutations: list[Mutation]) -> list[set[str] | None]:
+    """The modules of tests that reach each mutation; None: all of them may."""
+    reports = checkout.folder / "reached"
+    module = checkout.folder / "diffbotctl" / "reached.py"
+    module.write_text(REACHED.format(path=str(reports)))
+    for path in {each.path for each in mutations if each.is_in_function}:
+        text = (ROOT / path).read_text()
+        marks = [
+            mark
+            for number, each in enumerate(mutations)
+            if each.path == path and each.is_in_function
+            for mark in zip((each.begin, each.end), MARKED, (number, number), strict=True)
+        ]
+        for place, mark, index in sorted(marks, reverse=True):
+            text = text[:place] + mark.replace("{number}", str(index)) + text[place:]
+        compile(text, path, "exec")
+        (checkout.folder / path).write_text(text)
+    checkout.run("-m", "nightly or not nightly")
+    for path in {each.path for each in mutations}:
+        (checkout.folder / path).write_text((ROOT / path).read_text())
+    module.unlink()
+    found: list[set[str] | None] = [set() if each.is_in_function else None for each in mutations]
+    for line in reports.read_text().splitlines():
+        at, _, test = line.partition(" ")
+        tests = found[int(at)]
+        if tests is not None and test:
+            tests.add(test)
+        else:
+            found[int(at)] = None
+    return found
+
+
+def stages(mutation: Mutation, modules: set[str] | None) -> Iterator[tuple[bool, list[str]]]:
+    """Words that choose the tests of a mutation, one run after the other; are they short?"""
+    near = AREAS[mutation.area][1].split()
+    if modules is None:
+        yield from ((True, near), (True, []), (False, ["-m", "nightly"]))
+        return
+    first = sorted(each for each in modules if each.startswith(tuple(f"{name}/" for name in near)))
+    for words in (first, sorted(modules.difference(first))):
+        if words:
+            yield True, words
+    if modules:
+        yield False, ["-m", "nightly", *sorted(modules)]
+
+
+def examined(checkout: Checkout, mutation: Mutation, modules: set[str] | None) -> Found:
+    """Which test notices a mutation."""
     original = (ROOT / mutation.path).read_text()
+    passed: list[str] = []
     try:
-        if not checkout.write(mutation, mutation.applied(original)):
-            return None
-        near = AREAS[mutation.area][1].split()
-        for is_short, words in ((True, near), (True, []), (False, ["-m", "nightly"])):
-            while (test := checkout.failing(*words)) is not None:
+        checkout.write(mutation, mutation.applied(original))
+        for is_short, words in stages(mutation, modules):
+            while (test := checkout.failing(passed, words)) is not None:
+                if not checkout.fails(test):
+                    passed.append(test)
+                    continue
                 checkout.write(mutation, original)
                 if not checkout.fails(test):
                     return Found(test, is_short)
@@ -227,11 +218,9 @@ def rows(seed: int, mutations: int) -> Iterator[Row]:
     rng, areas = Random(f"mutations {seed}"), list(AREAS)
     short = noticed = 0
     with Checkout() as checkout:
-        for number in range(mutations):
-            found = None
-            while found is None:
-                mutation = drawn(rng, areas[number % len(areas)])
-                found = examined(checkout, mutation)
+        chosen = [compiled(checkout, rng, areas[each % len(areas)]) for each in range(mutations)]
+        for mutation, modules in zip(chosen, reached(checkout, chosen), strict=True):
+            found = examined(checkout, mutation, modules)
             noticed += found.test is not None
             short += found.is_short
             how = "make test" if found.is_short else "nightly" if found.test else "none"
