@@ -34,11 +34,16 @@ AREAS = {
     "firmware": ("firmware/*.c", "tests/firmware tests/runs"),
 }
 NOT_IN_AN_IMAGE = {"bridge.c"}  # another program, which is written by hand on a Mega
-# Written into the checkout as diffbotctl/reached.py. A confined process may not write.
+# Written into the checkout as diffbotctl/reached.py, and a plugin of pytest: what a module of tests
+# reaches when it is imported is its own. A confined process may not write.
 REACHED = """
 import os
 
 _known = set()
+
+
+def pytest_collectstart(collector):
+    os.environ["PYTEST_CURRENT_TEST"] = collector.nodeid
 
 
 def mark(number):
@@ -163,7 +168,7 @@ def reached(checkout: Checkout, mutations: list[Mutation]) -> list[set[str] | No
             text = text[:place] + mark.replace("{number}", str(index)) + text[place:]
         compile(text, path, "exec")
         (checkout.folder / path).write_text(text)
-    checkout.run("-m", "nightly or not nightly")
+    checkout.run("-p", "diffbotctl.reached", "-m", "nightly or not nightly")
     for path in {each.path for each in mutations}:
         (checkout.folder / path).write_text((ROOT / path).read_text())
     module.unlink()
