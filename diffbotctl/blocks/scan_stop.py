@@ -52,7 +52,8 @@ class ScanStop(Block):
     A scan without one return does not show that the way is free: it may come from a scanner that is
     covered or defective. The robot does not start before the first return, and stops 1 s after the
     last one; until then the points of the last return count. Echoes from within the outline are no
-    returns. `open_space` is for halls in which nothing is in reach of the scanner.
+    returns, nor is a scan of which more than half is too close. `open_space` is for halls in which
+    nothing is in reach of the scanner.
 
     blocks:
       guard: {block: scan_stop, in: {twist: limiter.twist, scan: robot.scan, odometry: o.odometry}}
@@ -197,7 +198,7 @@ class ScanStop(Block):
 
         Those of the last return are kept until the scanner counts as blind.
         """
-        self.has_return = has_return(scan, self.mount, self.outline)
+        self.has_return = self._detects(scan)
         self.has_seen = self.has_seen or self.has_return
         if self.has_return or self.last_scan is None:
             self.blind_since = scan.time
@@ -214,6 +215,19 @@ class ScanStop(Block):
         elif scan.time - self.blind_since >= BLIND_TIME:
             self.seen_points = []
         self.points = located if self.has_return else self.seen_points + located
+
+    def _detects(self, scan: Scan) -> bool:
+        """Whether a ray meets anything outside of the outline, be it too close to be measured.
+
+        Where more than half are too close the scanner is covered, and the rest shows no free way.
+        """
+        if 2 * sum(far <= 0.0 for far in scan.distances) > len(scan.distances):
+            return False
+        directions = ray_directions(scan.start, scan.step, len(scan.distances))
+        rays = zip((far or self.nearest for far in scan.distances), directions, strict=True)
+        echoes = [(far * c, far * s) for far, (c, s) in rays if 0.0 < far < inf]
+        points = out_of_frame(echoes, *self.mount)
+        return any(self.outline.clearance(*point) > OWN_ECHO_MAX for point in points)
 
     def _stale_event(self, now: int) -> Stop | None:
         """A Stop when there is no fresh scan; the first one may take up to `stale_after`."""
@@ -238,22 +252,6 @@ CAUSES: dict[StopCode, str] = {
     BLIND: "the scanner measures nothing: it is covered or defective, or the hall is empty "
     "(open_space)",
 }
-
-
-def has_return(scan: Scan, mount: tuple[float, float, float], outline: Footprint) -> bool:
-    """Whether any ray of a scan detects something outside of the robot's own outline.
-
-    Objects too close to be measured do, but not all around: a scan of zeros alone is no scan.
-    """
-    too_close = sum(far <= 0.0 for far in scan.distances)
-    if 0 < too_close < len(scan.distances):
-        return True
-    directions = ray_directions(scan.start, scan.step, len(scan.distances))
-    return any(
-        outline.clearance(*out_of_frame([(far * c, far * s)], *mount)[0]) > OWN_ECHO_MAX
-        for far, (c, s) in zip(scan.distances, directions, strict=True)
-        if 0.0 < far < inf
-    )
 
 
 def points_around(

@@ -199,12 +199,14 @@ class Guarded:
 
 
 CLEAR, SEEN = [inf] * 360, [2.0] * 360
-# What does not show that the way is free: no return at all, no numbers, all too close to measure,
-# and a cable over the scanner, which is within the outline (scanner 32 mm behind the axle).
+# What does not show that the way is free: no return at all, no numbers, all or most of it too close
+# to measure, and a cable over the scanner, which is within the outline (32 mm behind the axle).
 NOTHING = {
     "inf": CLEAR,
     "nan": [nan] * 360,
     "zeros": [0.0] * 360,
+    "covered but for a ray": [0.0] * 359 + [inf],
+    "covered, and a wall beside": [0.0] * 181 + [2.0] * 179,
     "-inf": [-inf] * 360,
     "own cable": [inf] * 180 + [0.06] + [inf] * 179,
     "no rays": [inf],
@@ -226,6 +228,14 @@ def test_a_scanner_that_goes_blind_stops_the_robot_until_it_sees_again(distances
     assert robot.drive_at(5.0, distances) == (0.0, BLIND)
     assert all(twist.angular == 0.0 for twist in robot.drive(0.5, distances, 0.0, 1.0))
     assert robot.drive_at(0.3, SEEN) == (0.2, "")
+
+
+def test_what_is_too_close_to_measure_within_the_outline_is_no_return():
+    """A body so large that all that is too close, below 0.12 m, is inside of it."""
+    robot = Guarded(front=0.2, back=0.2, width=0.4)
+    assert robot.drive_at(1.0, SEEN) == (0.2, "")
+    assert robot.drive_at(2.0, [0.0] * 90 + [inf] * 270) == (0.0, BLIND)
+    assert robot.drive_at(0.3, [0.0] * 90 + [2.0] * 270) == (0.2, "")
 
 
 def test_a_wall_that_was_seen_is_there_while_the_scanner_sees_nothing():
