@@ -81,7 +81,7 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "control": 1_540,
     "control_socket": 3_630,
     "diagnostics": 600,
-    "drivers": 3_630,
+    "drivers": 3_640,
     "emulator": 1_110,
     "engine": 2_380,
     "estimation": 5_280,

@@ -107,15 +107,15 @@ def test(
     """
     from diffbotctl.bluetooth.link_stats import LinkFigures
     from diffbotctl.bluetooth.rate_advice import advise_rate
-    from diffbotctl.config.load import load_robot
     from diffbotctl.config.robot import line_baud
     from diffbotctl.drivers.board_ports import is_usb
     from diffbotctl.drivers.robot_link import diffbot_host
+    from diffbotctl.drivers.robot_ports import load_robot_at
     from diffbotctl.flash.board_jobs import measure_link
     from diffbotctl.links import link_protocol
 
     device = _device(port)
-    file = load_robot(robot)
+    file = load_robot_at(device, robot)
     click.echo(f"robot {file.file}, port {device}, {seconds:g} s")
     for report in measure_link(device, diffbot_host(file.robot, device), seconds):
         if not isinstance(report, LinkFigures):
@@ -190,14 +190,14 @@ def baud(
     1 when the robot file does not state the module's rate in the end.
     """
     from diffbotctl.bluetooth.hc05_at import BaudChange
-    from diffbotctl.config.load import load_robot
     from diffbotctl.drivers.board_ports import refuse_radio
     from diffbotctl.drivers.robot_link import board_settings
+    from diffbotctl.drivers.robot_ports import load_robot_at
     from diffbotctl.flash.hc05_baud import change_rate
 
     device = choose_port() if port == "auto" else port
     refuse_radio(device)
-    file = load_robot(robot)
+    file = load_robot_at(device, robot)
     click.echo(f"robot {file.file}, port {device}")
     click.echo(FLOATS)
     _wait(yes)

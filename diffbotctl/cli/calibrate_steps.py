@@ -165,13 +165,13 @@ def _open_robot(
     """
     from diffbotctl.calibrate.runner import open_session
     from diffbotctl.config.load import load_robot
-    from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS, is_simulated_port
+    from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS, is_simulated_port, load_robot_at
     from diffbotctl.prompts.keyboard import Keyboard
     from diffbotctl.runs.signals import signals_as_interrupts
 
     port = choose_port(radio=True, simulates=True) if options.port == "auto" else options.port
     is_real, is_simulated = port not in VIRTUAL_PORTS, is_simulated_port(port)
-    file = load_robot(options.robot, refuse_simulated=not is_simulated)
+    file = load_robot_at(port, options.robot)
     if not options.dry_run:
         file = load_robot(str(own(file.file, is_simulated).absolute()))
     click.echo(f"robot {display_path(file.file)}, {port}{': SIMULATED' * is_simulated}")

@@ -50,14 +50,14 @@ def flash(
     The board can be flashed again after an interruption.
     """
     from diffbotctl.config.board_pins import BOARDS
-    from diffbotctl.config.load import load_robot
     from diffbotctl.drivers.board_ports import refuse_other_board, refuse_radio
     from diffbotctl.drivers.robot_link import board_settings
+    from diffbotctl.drivers.robot_ports import load_robot_at
     from diffbotctl.flash.flasher import flash, load
     from diffbotctl.flash.pico import find_pico, flash_pico
     from diffbotctl.links.diffbot_frames import BoardCode
 
-    file = load_robot(robot)
+    file = load_robot_at(port, robot)
     ours = image is None
     settings = board_settings(file.robot)
     program = folder("firmware") / BOARDS[file.robot.board.type].image if image is None else image
@@ -143,13 +143,13 @@ def blink(
     times: int = number_option(10, 1, 1000, "How often the light blinks."),
 ) -> None:
     """Connect to the board and blink its light: board, cable and port work. No motor moves."""
-    from diffbotctl.config.load import load_robot
     from diffbotctl.config.motor_pulses import pulses_text
     from diffbotctl.drivers.robot_link import diffbot_host
+    from diffbotctl.drivers.robot_ports import load_robot_at
     from diffbotctl.flash.board_jobs import blink
 
     device = choose_port(radio=True) if port == "auto" else port
-    file = load_robot(robot)
+    file = load_robot_at(device, robot)
     click.echo(f"robot {file.file}, port {device}")
     host = diffbot_host(file.robot, device)
     for report in blink(device, host, times):

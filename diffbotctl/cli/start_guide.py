@@ -297,9 +297,9 @@ class SetupGuide:
             self._calibrate(step)
 
     def _file(self) -> RobotFile:
-        from diffbotctl.config.load import load_robot
+        from diffbotctl.drivers.robot_ports import load_robot_at
 
-        return load_robot(self.robot)
+        return load_robot_at(self.port, self.robot)
 
     def _calibrate(self, step: str, **settings: object) -> None:
         from diffbotctl.cli.calibrate_steps import CalibrateOptions, run

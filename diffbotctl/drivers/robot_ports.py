@@ -8,6 +8,8 @@ from __future__ import annotations
 import os
 import stat
 
+from diffbotctl.config.configuration import RobotFile
+from diffbotctl.config.load import load_robot
 from diffbotctl.config.robot import Robot
 from diffbotctl.control.speed_loop import limit_duty, speed_gains
 from diffbotctl.messages import Duty, Wheels
@@ -33,6 +35,11 @@ def is_simulated_port(port: str) -> bool:
     except (OSError, ValueError):
         return False
     return stat.S_ISCHR(mode) and bool(mode & EMULATED_MODE)
+
+
+def load_robot_at(port: str, robot: str | None) -> RobotFile:
+    """`load_robot`; raises ConfigurationError for results of a simulated robot at a real `port`."""
+    return load_robot(robot, refuse_simulated=not is_simulated_port(port))
 
 
 def is_duty_board(robot: Robot) -> bool:

@@ -70,8 +70,17 @@ def test_what_changes_in_the_robot_s_file_counts_for_its_simulated_one(folder):
     assert load_robot("mine.simulated").robot.drive.track == 0.131
 
 
+COMMANDS = (
+    "run goal --port {port}",
+    "calibrate motors --yes --port {port}",
+    "flash firmware --yes --port {port}",
+    "blink --port {port}",
+    "bluetooth test {port}",
+)
+
+
 @pytest.mark.parametrize("way", ["named", "renamed", "included"])
-@pytest.mark.parametrize("command", ["run", "calibrate"])
+@pytest.mark.parametrize("command", COMMANDS)
 def test_a_real_port_refuses_them_and_names_file_field_and_fix(folder, port, way, command):
     file = Path("robots/mine.simulated.yaml")
     if way == "renamed":
@@ -79,8 +88,7 @@ def test_a_real_port_refuses_them_and_names_file_field_and_fix(folder, port, way
     elif way == "included":
         file = Path("robots/other.yaml")
         file.write_text("format: 1\nkind: robot\ninclude: mine.simulated\n")
-    words = ("run", "goal") if command == "run" else ("calibrate", "motors", "--yes")
-    done = diffbotctl(*words, "--robot", str(file), "--port", port)
+    done = diffbotctl(*command.format(port=port).split(), "--robot", str(file))
     assert isinstance(done.exception, ConfigurationError), done.output
     (error,) = [each for each in done.exception.problems if each.severity == "error"]
     assert error.code == "E-CALIBRATION-SIMULATED"
