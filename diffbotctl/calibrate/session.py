@@ -187,7 +187,7 @@ class RobotSession:
 
         Detects an encoder that counts at standstill. Raises RunError on a timeout.
         """
-        self._wait_for_frame()
+        self._wait_for_frame(CONNECT_TIMEOUT_NS)
         self.driver.stop(self.now)
         frames = self.listen(NOISE_TEST_TIME_S).encoders
         first, last = frames[0], frames[-1]
@@ -262,6 +262,8 @@ class RobotSession:
         self.key = None
         try:
             if self.encoders is not None:
+                self.driver.stop(self.now)
+                self.catch_up(STOP_TIMEOUT_NS)
                 self.stop_and_wait()
             self.stop_confirmed = self.driver.stopped or self.encoders is None
         except RunError:
@@ -274,26 +276,28 @@ class RobotSession:
         self.encoders, self.frame_time = frame, now
         self.recording.append(frame)
 
-    def catch_up(self) -> None:
+    def catch_up(self, timeout: int = CONNECT_TIMEOUT_NS) -> None:
         """Receive what arrived while the program waited for input.
 
-        Frames from that time must arrive before anything moves. Raises RunError if none does.
+        Frames from that time must arrive before anything moves. Raises RunError if none does within
+        `timeout` (ns).
         """
         self.now = max(self.now, self.clock.wait(self.now, [])[0])
         if self.encoders is None:
             self.connect()
         elif self.now - self.frame_time > FRAME_TIMEOUT_NS:
-            self._wait_for_frame()
+            self._wait_for_frame(timeout)
             self.stop_and_wait()
 
-    def _wait_for_frame(self) -> None:
-        """Wait for a frame over a link that is up. Raises RunError on a timeout."""
+    def _wait_for_frame(self, timeout: int) -> None:
+        """Wait for a frame over a link that is up. Raises RunError after `timeout` (ns)."""
         begin = self.now
         while self.encoders is None or self.frame_time <= begin or self._link_fault():
-            if self.now - begin > CONNECT_TIMEOUT_NS:
+            if self.now - begin > timeout:
                 cause = self._link_fault() or "no frames arrived"
                 fix = "is the board switched on, and does `diffbotctl blink` work?"
-                raise stopped_error(f"the board was not ready within 20 s: {cause}", fix)
+                waited = f"the board was not ready within {timeout // SECOND} s"
+                raise stopped_error(f"{waited}: {cause}", fix)
             self._receive(self.now + FRAME_TIMEOUT_NS)
 
     def _link_fault(self) -> str:

@@ -89,6 +89,18 @@ def test_a_question_at_a_terminal_has_no_time_limit(robot):
     assert len(times) > 100 and all(a < b for a, b in pairwise(times))
 
 
+@pytest.mark.parametrize("answer", ["no\r", "\x03"])
+def test_leaving_a_question_after_a_while_confirms_the_stop(robot, answer):
+    with board.board() as virtual:
+        words = command_line("calibrate", "motors", "--robot", robot, "--port", virtual.usb)
+        with Terminal(words) as terminal:
+            terminal.until(lambda text: "Press Enter to start" in text)
+            terminal.look(1.5)  # the link is silent for as long
+            terminal.type(answer)
+            assert terminal.ended() in (1, 130)
+            assert "NOT CONFIRMED" not in terminal.text
+
+
 def test_an_interrupt_reports_that_the_robot_stands_still(robot):
     words = command_line("calibrate", "distance", "--robot", robot, "--port", "sim")
     with Terminal(words) as terminal:
