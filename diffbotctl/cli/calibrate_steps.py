@@ -164,7 +164,6 @@ def _open_robot(
     At the end the robot is stopped and its port closed.
     """
     from diffbotctl.calibrate.runner import open_session
-    from diffbotctl.config.load import load_robot
     from diffbotctl.drivers.robot_ports import VIRTUAL_PORTS, is_simulated_port, load_robot_at
     from diffbotctl.prompts.keyboard import Keyboard
     from diffbotctl.runs.signals import signals_as_interrupts
@@ -173,7 +172,7 @@ def _open_robot(
     is_real, is_simulated = port not in VIRTUAL_PORTS, is_simulated_port(port)
     file = load_robot_at(port, options.robot)
     if not options.dry_run:
-        file = load_robot(str(own(file.file, is_simulated).absolute()))
+        file = load_robot_at(port, str(own(file.file, is_simulated).absolute()))
     click.echo(f"robot {display_path(file.file)}, {port}{': SIMULATED' * is_simulated}")
     keyboard = Keyboard(sys.stdin.fileno()) if sys.stdin.isatty() else None
     session, tools = open_session(file, port, options.seed, keyboard, click.echo)

@@ -175,12 +175,13 @@ class SetupGuide:
                 self._identify_wheels()
             case ChapterKey.MEASURE:
                 self._calibrate_missing()
-            case ChapterKey.METRE:
-                self.prompter.confirm(question("metre"))
-                self._run_pipeline("distance", self.drive_port)
-            case ChapterKey.GOAL:
-                self.prompter.confirm(question("goal"))
-                self._run_pipeline("goal", self.drive_port)
+            case ChapterKey.METRE | ChapterKey.GOAL:
+                asked = question(key)
+                if not self._file().robot.sensors:
+                    asked = replace(asked, text=f"{asked.text} {MESSAGES['unguarded']}")
+                self.prompter.confirm(asked)
+                pipeline = "goal" if key == ChapterKey.GOAL else "distance"
+                self._run_pipeline(pipeline, self.drive_port)
             case _:
                 assert_never(key)
 

@@ -122,7 +122,11 @@ class Comparison(NamedTuple):
         if self.is_regression:
             worse = [field for field in ("error", "time") if self.is_worse(field)]
             names = ", ".join(self.lost[:NAMES_SHOWN_MAX]) or f"the {' and the '.join(worse)}"
-            more = "" if len(self.lost) <= NAMES_SHOWN_MAX else f" and {len(self.lost) - NAMES_SHOWN_MAX} more"
+            more = (
+                ""
+                if len(self.lost) <= NAMES_SHOWN_MAX
+                else f" and {len(self.lost) - NAMES_SHOWN_MAX} more"
+            )
             yield f"REGRESSION: worse than {self.name}: {names}{more}"
 
 

@@ -1,8 +1,11 @@
 """The answers file of the guided setup, and the errors of an unusable one."""
 
 import pytest
+from click.testing import CliRunner
 
-from diffbotctl.cli.start_steps import QUESTIONS, read_answers
+from diffbotctl.cli.main import program
+from diffbotctl.cli.start_guide import SetupGuide, StopGuide
+from diffbotctl.cli.start_steps import QUESTIONS, ChapterKey, GuideProgress, read_answers
 from diffbotctl.errors import UsageError
 
 BY_NAME = {question.name: question for question in QUESTIONS}
@@ -50,3 +53,18 @@ def test_errors_are_reported(answers, text, name, words):
 def test_a_missing_file(tmp_path):
     with pytest.raises(UsageError, match="no such file"):
         read_answers(tmp_path / "none.yaml")
+
+
+@pytest.mark.parametrize("words, is_told", [("robot --kit romi_32u4", True), ("robot", False)])
+@pytest.mark.parametrize("key", [ChapterKey.METRE, ChapterKey.GOAL])
+def test_the_consent_states_that_nothing_stops_it(
+    answers, tmp_path, monkeypatch, capsys, words, is_told, key
+):
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(program, ["new", *words.split(), "mine"])
+    assert done.exit_code == 0, done.output
+    progress, file = GuideProgress(tmp_path / "start.json", "here"), answers(f"{key}: no\n")
+    guide = SetupGuide(progress, "mine", None, None, file)
+    with pytest.raises(StopGuide):
+        guide._run_chapter(key)
+    assert ("does not stop before" in " ".join(capsys.readouterr().out.split())) is is_told
