@@ -14,6 +14,7 @@ from diffbotctl.control.motion_profile import shortest_turn
 from diffbotctl.control.pose_sd import PoseSd
 from diffbotctl.engine.stop_places import stops_in_force
 from diffbotctl.errors import WIDTH, join_words
+from diffbotctl.estimation.geometry_deviation import may_have_wrong_slots
 from diffbotctl.messages import (
     Duty,
     Goal,
@@ -284,7 +285,8 @@ def _error_summary(
 ) -> Iterator[tuple[str, str]]:
     is_estimated = robot is None or robot.has_board  # otherwise the actual error is known
     if is_estimated and (limit := errors.limit_text()):
-        yield "error", limit + _error_cause(pose, robot)
+        is_open = robot is not None and may_have_wrong_slots(robot.calibration or {})
+        yield "error", limit + " if `slots` is right" * is_open + _error_cause(pose, robot)
     if verbose and errors.estimated_error is not None:
         yield "estimated error", errors.estimated_error.text()
     if verbose and errors.pose_sd is not None:
