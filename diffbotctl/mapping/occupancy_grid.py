@@ -19,7 +19,7 @@ LOG_ODDS = 0.75  # of one unit
 HIT, MISS = 3, -2
 HIGHEST, LOWEST = 6, -9  # five misses turn the most certain wall into free space
 PERCENT = np.rint(100 / (1 + np.exp(-LOG_ODDS * np.arange(LOWEST, HIGHEST + 1)))).astype(np.int8)
-CLEARANCE = 0.2  # m before its end, where a ray may touch the cells of what it meets
+CLEARANCE = 0.2  # m before and behind its end, where a ray may touch the cells of what it meets
 GROWTH = 40  # cells, by which the grid grows beyond what it must hold
 CELLS_MAX = 16_000_000  # of one grid: 200 m x 200 m at 5 cm
 RESOLUTION_MIN, RESOLUTION_MAX = 0.01, 1.0  # m
@@ -118,21 +118,22 @@ class GridBuilder:
         self.seen[part] |= change != 0
 
     def contradicted(self, scan: MappedScan, pose: Array) -> float:
-        """Share of the rays of `scan`, seen from `pose`, that pass through occupied cells."""
+        """Share of the rays of `scan`, from `pose`, through occupied cells or to free ones."""
         if not len(scan.points) or not self.odds.size:
             return 0.0
         source = transformed(np.array([scan.origin]), pose)[0]
         ray = transformed(scan.points, pose) - source
-        length = np.hypot(*ray.T)
-        along = self.resolution * np.arange(int(length.max() / self.resolution) + 1)
-        before = along[None, :] < (length - CLEARANCE)[:, None]
-        share = np.where(before, along[None, :], 0.0) / np.maximum(length, 1e-9)[:, None]
+        length = np.hypot(*ray.T)[:, None]
+        along = self.resolution * np.arange(int((length.max() + CLEARANCE) / self.resolution) + 1)
+        before, past = along < length - CLEARANCE, along >= length + CLEARANCE
+        share = np.where(past, 0.0, along) / np.maximum(length, 1e-9)
         place = np.floor((source + ray[:, None, :] * share[..., None]) / self.resolution)
         column, row = (place - self.low).astype(np.int64).transpose(2, 0, 1)
         rows, columns = self.odds.shape
-        inside = before & (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-        index = np.where(inside, row * columns + column, 0)
-        return float(((self.odds.reshape(-1)[index] > 0) & inside).any(1).mean())
+        inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+        odds = inside * self.odds.reshape(-1)[np.where(inside, row * columns + column, 0)]
+        contradicts = ((odds > 0) & before).any(1) | ((odds < 0) | before | past).all(1)
+        return float(contradicts.mean())
 
     def grid(self) -> OccupancyGrid:
         """The grid with a probability for each cell: 50 where free and occupied balance."""
