@@ -88,17 +88,17 @@ def trials(
         other = with_code_consent(lambda: other_plan(file, found, sets), allow_programs)
         _allowed_programs(other, allow_programs)
     verdicts, seconds = _run_and_judge(plan, count, yes)
-    if as_json:
-        _print_records(verdicts)
-    else:
-        _print_summary(plan, verdicts)
-    _write_outputs(plan, verdicts, seconds, junit, report, force)
-    is_worse = False
+    try:
+        _write_outputs(plan, verdicts, seconds, junit, report, force)
+    finally:
+        if as_json:
+            _print_records(verdicts)
+        else:
+            _print_summary(plan, verdicts)
     if other is not None:
         judged, _ = _run_and_judge(other.at(places), count, yes)
         before = [ComparedRun.of(each) for each in judged]
-    if against is not None:
-        is_worse = _compare(against, before, verdicts, as_json)
+    is_worse = against is not None and _compare(against, before, verdicts, as_json)
     return 0 if all(verdict.passed for verdict in verdicts) and not is_worse else 1
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import comb, sqrt
+from math import exp, lgamma, log, log1p, sqrt
 from statistics import NormalDist, fmean, stdev
 from typing import NamedTuple
 
@@ -32,12 +32,16 @@ def proven_share(passed: int, runs: int) -> float:
     """
     if not passed:
         return 0.0
-    low, high = 0.0, 1.0
+    low, high = 0.0, passed / runs  # there the terms of the tail fall from the first one on
+    ways = lgamma(runs + 1) - lgamma(passed + 1) - lgamma(runs - passed + 1)
     for _ in range(BISECTIONS):
         share = 0.5 * (low + high)
-        tail = sum(
-            comb(runs, k) * share**k * (1.0 - share) ** (runs - k) for k in range(passed, runs + 1)
-        )
+        term = tail = exp(ways + passed * log(share) + (runs - passed) * log1p(-share))
+        for k in range(passed, runs):
+            term *= (runs - k) / (k + 1) * share / (1.0 - share)
+            if tail + term == tail:
+                break
+            tail += term
         if tail < 1.0 - CONFIDENCE:
             low = share
         else:

@@ -10,9 +10,6 @@ from diffbotctl.trials.sections import Expectation, StopExpectation
 from diffbotctl.trials.trial_run import StopRecord, TrialResult
 
 MM = 1000.0
-# A goal that is claimed although the robot is this far off, in reported standard deviations and in
-# m, is a false claim.
-FALSE_SIGMAS, FALSE_MIN = 4.0, 0.020
 
 
 class Score(NamedTuple):
@@ -35,16 +32,6 @@ class JudgedRun(NamedTuple):
     def passed(self) -> bool:
         """Whether all is as expected."""
         return not self.unmet
-
-    @property
-    def is_false_claim(self) -> bool:
-        """Whether it claims a goal from which it is farther than it reports."""
-        found = self.result
-        return (
-            found.outcome == "reached"
-            and (found.error or 0.0) > FALSE_MIN
-            and (found.estimate_sigmas or 0.0) > FALSE_SIGMAS
-        )
 
     @property
     def score(self) -> Score:

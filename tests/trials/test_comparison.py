@@ -2,6 +2,8 @@
 
 import json
 import re
+from fractions import Fraction
+from math import comb
 
 import pytest
 
@@ -28,6 +30,26 @@ from tests.trials.test_verdict import GOOD, STOPPED
 )
 def test_what_runs_prove(passed, runs, share):
     assert proven_share(passed, runs) == pytest.approx(share, abs=0.001)
+
+
+@pytest.mark.parametrize("runs", [1, 2, 7, 25])
+def test_what_runs_prove_is_the_exact_bound(runs):
+    for passed in range(1, runs + 1):
+        bound = Fraction(proven_share(passed, runs))
+        lower, upper = (
+            sum(comb(runs, k) * p**k * (1 - p) ** (runs - k) for k in range(passed, runs + 1))
+            for p in (bound - Fraction(1, 10**9), bound + Fraction(1, 10**9))
+        )
+        assert lower < Fraction(1, 20) < upper
+
+
+@pytest.mark.parametrize("runs", [1030, 100_000])
+def test_what_many_runs_prove_is_about_the_normal_bound(runs):
+    for passed in (runs // 2, runs * 9 // 10):
+        share = passed / runs
+        normal = share - 1.645 * (share * (1.0 - share) / runs) ** 0.5
+        assert proven_share(passed, runs) == pytest.approx(normal, abs=2.0 / runs)
+    assert proven_share(runs, runs) == pytest.approx(0.05 ** (1 / runs), abs=1e-9)
 
 
 def test_the_interval_of_a_mean_difference():

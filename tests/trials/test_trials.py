@@ -81,6 +81,17 @@ def test_a_failed_run_shows_its_seed_and_the_command_that_shows_it(tmp_path):
     assert "not reached" in suite.find("testcase/failure").get("message")
 
 
+def test_the_report_is_written_though_nobody_reads_what_is_printed(tmp_path):
+    report = tmp_path / "found.html"
+    words = [trials_file(tmp_path), "--only", "blocked/*/1", "--report", report]
+    read, write = os.pipe()
+    os.close(read)
+    line = [sys.executable, "-m", "diffbotctl", "trials", *map(str, words)]
+    subprocess.run(line, stdout=write, stderr=subprocess.DEVNULL, check=False)
+    os.close(write)
+    assert "0 of 1 runs as expected" in report.read_text()
+
+
 class Endless(Block):
     """Does not return, ends its process, or raises; prints."""
 
