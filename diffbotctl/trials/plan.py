@@ -17,7 +17,7 @@ from diffbotctl.config import lookup, yaml_reader
 from diffbotctl.config.checks.faults import emulated_problems, fault_problems
 from diffbotctl.config.checks.world import typed_goal_problems
 from diffbotctl.config.code_files import CodeConsentError
-from diffbotctl.config.configuration import Configuration, WorldEntry
+from diffbotctl.config.configuration import Configuration, GoalEntry, WorldEntry
 from diffbotctl.config.faults import FaultEntry, read_sizes
 from diffbotctl.config.load import load
 from diffbotctl.config.section_reader import read_section
@@ -283,6 +283,24 @@ class _PlanReader:
             shown = replace(configuration, world=world)
             for goal, value in zip(section.goals, goals.items if goals else (), strict=True):
                 self.problems += typed_goal_problems(shown, value.place, goal.x, goal.y, True)
+        self._refuse_unjudgeable(section, section.goals or configuration.goals[-1:])
+
+    def _refuse_unjudgeable(self, section: Trials, goals: Sequence[GoalEntry]) -> None:
+        """Refuse what is expected at a goal where there is none, or none with a heading."""
+        for name, case in (section.cases or {NO_CASE: CaseEntry()}).items():
+            steps = ("cases", name) if case.expect else ()
+            for key in ("error", "heading_error", "farther"):
+                value = self.tree.at(*steps, "expect", key)
+                if value is None or getattr(case.expect or section.expect, key) is None:
+                    continue
+                if not goals:
+                    cause, fix = "the runs have no goal", "state `goals`"
+                elif key == "heading_error" and any(goal.heading is None for goal in goals):
+                    cause, fix = "a goal has no heading", "state the heading of each goal"
+                else:
+                    continue
+                cause, fix = f"{key} cannot be judged: {cause}", f"{fix}, or leave {key} out"
+                self.problems.append(Problem("E-TRIALS", value.place, cause, fix))
 
     def _trials(self, section: Trials, robots: dict[str, Configuration]) -> Iterator[Trial]:
         worlds: dict[str, WorldEntry | None] = {**section.worlds} or {"": None}

@@ -68,7 +68,7 @@ class TrialResult(NamedTuple):
     heading_error: float | None = None
     estimate_error: float | None = None
     estimate_sigmas: float | None = None
-    farther: float = 0.0
+    farther: float | None = None
     clearance: float = CLEARANCE_MAX
     fault_at: float = 0.0
     stops: tuple[StopRecord, ...] = ()
@@ -204,6 +204,7 @@ def trial_result(run: TrialRun, result: RunResult) -> TrialResult:
     assert run.plant is not None
     trial = run.trial
     outcome = run.outcome(result)
+    goal = run.goal_at_end(result)
     stops = [StopRecord(stop.time / SECOND, stop.code, stop.cause) for stop in result.stops]
     state = run.state
     if state is not None and outcome in ("blocked", "stuck", "given_up"):
@@ -218,13 +219,13 @@ def trial_result(run: TrialRun, result: RunResult) -> TrialResult:
         result.ending.time / SECOND,
         result.reached + result.unsure,
         result.goals,
-        farther=run.farther,
+        farther=None if goal is None else run.farther,
         clearance=run.clearance,
         fault_at=min((fault.start for fault in run.plant.faults.faults), default=0) / SECOND,
         stops=tuple(stops),
         path=tuple(run.path[:: -(-len(run.path) // PATH_POINTS_MAX) or 1]),
     )
-    return _with_errors(found, result, run.goal_at_end(result))
+    return _with_errors(found, result, goal)
 
 
 def _with_errors(found: TrialResult, result: RunResult, goal: Goal | None) -> TrialResult:

@@ -69,7 +69,10 @@ def _unmet(found: TrialResult, expect: Expectation) -> Iterator[str]:
         ("time", found.time, expect.time, 1.0, "s"),
     )
     for what, value, limit, factor, unit in limits:
-        if limit is not None and value is not None and value > limit:
+        if limit is not None and value is None:
+            goal = "a goal with a heading" if unit == "deg" else "a goal"
+            yield f"{what}: unknown without {goal}"
+        elif limit is not None and value is not None and value > limit:
             shown = [degrees(each) if unit == "deg" else each * factor for each in (value, limit)]
             yield f"{what} {shown[0]:.1f} {unit}, more than {shown[1]:g} {unit}"
     if expect.clearance is not None and 0.0 < found.clearance < expect.clearance:

@@ -168,10 +168,6 @@ def test_a_run_that_crashes_or_does_not_end_is_a_result_and_the_others_go_on(tmp
         ("  healthy:", "  'a/b*':", "E-NAME", "leave out /"),
         ("  healthy:", "  '':", "E-NAME", "begin it with a letter"),
         ("seeds: 2", "seeds: 60000", "E-TRIALS", "120,000 runs; at most 100,000"),
-        ("pipeline: goal", "pipeline: ./two.yaml", "E-KIND", "this is a file of trials, but a"),
-        ("  healthy:", "  'a/b*':", "E-NAME", "leave out /"),
-        ("  healthy:", "  '':", "E-NAME", "begin it with a letter"),
-        ("seeds: 2", "seeds: 60000", "E-TRIALS", "120,000 runs; at most 100,000"),
     ],
 )
 def test_a_mistake_is_shown_where_it_is_and_nothing_runs(tmp_path, old, new, code, part):
@@ -183,6 +179,54 @@ def test_a_mistake_is_shown_where_it_is_and_nothing_runs(tmp_path, old, new, cod
         read_plan(str(file))
     assert code in {problem.code for problem in caught.value.problems}
     assert part in " ".join(str(caught.value).replace("|", " ").split())
+
+
+WANDER = "format: 1\nkind: trials\npipeline: wander\nseeds: 1\ntime_limit: 2 s\n"
+HEADED = "cases: {a: {expect: {heading_error: 5 deg}}}\npipeline: goal\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "keys", "part"),
+    [
+        (
+            WANDER + "expect: {error: 1 mm, heading_error: 1 deg, farther: 1 mm}\n",
+            ["error", "heading_error", "farther"],
+            "cannot be judged: the runs have no goal",
+        ),
+        (WANDER + "expect: {error: 1 mm}\ncases: {a: {expect: {time: 3 s}}}\n", [], ""),
+        (WANDER + "expect: {error: none, time: 3 s}\n", [], ""),
+        (
+            TWO_CASES.replace("pipeline: goal\n", "").partition("cases:")[0] + HEADED,
+            ["heading_error"],
+            "cannot be judged: a goal has no heading",
+        ),
+        (
+            TWO_CASES.replace("pipeline: goal\n", "")
+            .partition("cases:")[0]
+            .replace("0.2 m", "0.2 m, heading: 0 deg")
+            + HEADED,
+            [],
+            "",
+        ),
+    ],
+)
+def test_what_cannot_be_judged_is_refused_where_it_is_expected(tmp_path, text, keys, part):
+    file = trials_file(tmp_path, text)
+    problems = []
+    try:
+        read_plan(str(file))
+    except UserError as error:
+        problems = [each for each in error.problems if each.code == "E-TRIALS"]
+    assert [each.cause.split()[0] for each in problems] == keys
+    assert all(part in each.cause and each.fix.endswith("out") for each in problems)
+    lines = file.read_text().splitlines()
+    assert all(each.cause.split()[0] in lines[each.place.line - 1] for each in problems)
+
+
+def test_a_run_without_a_goal_has_no_distance_from_it(tmp_path):
+    done = command(trials_file(tmp_path, WANDER), "--json")
+    (record,) = map(json.loads, done.stdout.splitlines())
+    assert record["farther"] is None and record["error"] is None
 
 
 def test_a_mistake_of_several_robots_is_reported_once(tmp_path):
