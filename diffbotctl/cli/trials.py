@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from diffbotctl.programs.driver import ProgramsDriver
-    from diffbotctl.trials.comparison import ComparedRun
+    from diffbotctl.trials.comparison import Comparison
     from diffbotctl.trials.plan import Trial, TrialsPlan
     from diffbotctl.trials.verdict import JudgedRun
     from diffbotctl.trials.workers import TrialOutcome
@@ -66,7 +66,7 @@ def trials(
     Exit code: 0 all runs are as expected, 1 not all, or they are worse than those of --against,
     2 wrong files or usage, 130 interrupted.
     """
-    from diffbotctl.trials.comparison import ComparedRun, other_plan, read_baseline
+    from diffbotctl.trials.comparison import ComparedRun, compare, other_plan, read_baseline
     from diffbotctl.trials.plan import read_plan
 
     _check_outputs(junit, report, force)
@@ -82,7 +82,7 @@ def trials(
     count = workers or len(os.sched_getaffinity(0))
     other, before = None, list[ComparedRun]()
     if against is not None and against.endswith(BASELINE_ENDINGS):
-        before = read_baseline(Path(against))
+        before = read_baseline(Path(against), {trial.name for trial in plan.trials})
     elif against is not None:
         found = against
         other = with_code_consent(lambda: other_plan(file, found, sets), allow_programs)
@@ -98,7 +98,10 @@ def trials(
     if other is not None:
         judged, _ = _run_and_judge(other.at(places), count, yes)
         before = [ComparedRun.of(each) for each in judged]
-    is_worse = against is not None and _compare(against, before, verdicts, as_json)
+    after = [ComparedRun.of(each) for each in verdicts]
+    is_worse = against is not None and _print_comparison(
+        compare(against, before, after, by_name=other is None), as_json
+    )
     return 0 if all(verdict.passed for verdict in verdicts) and not is_worse else 1
 
 
@@ -145,15 +148,11 @@ def _write_outputs(
             output.write(html(plan, judged, seconds))
 
 
-def _compare(
-    against: str, before: Sequence[ComparedRun], judged: Sequence[JudgedRun], as_json: bool
-) -> bool:
-    """Print the comparison with the runs `before`; whether these are worse."""
-    from diffbotctl.trials.comparison import ComparedRun, compare
-
-    comparison = compare(against, before, [ComparedRun.of(each) for each in judged])
+def _print_comparison(comparison: Comparison, as_json: bool) -> bool:
+    """Print it; whether the runs are worse."""
     if as_json:
-        record = {"against": against, "regression": comparison.is_regression}
+        counts = {"pairs": len(comparison.pairs), "unpaired": comparison.unpaired}
+        record = {"against": comparison.name, "regression": comparison.is_regression, **counts}
         print_json({**record, "lost": comparison.lost, "gained": comparison.gained})
     else:
         for line in comparison.lines():

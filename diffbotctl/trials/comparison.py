@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -48,15 +48,19 @@ def other_plan(file: str, other: str, sets: Sequence[str]) -> TrialsPlan:
     return read_plan(file, sets, pipeline=other)
 
 
-def read_baseline(path: Path) -> list[ComparedRun]:
-    """The runs that `--json` once printed. Raises UsageError."""
+def read_baseline(path: Path, names: Collection[str]) -> list[ComparedRun]:
+    """The runs that `--json` once printed. Raises UsageError, also if it has none of `names`."""
+    fix = "write it with: diffbotctl trials FILE --json > base.json"
     try:
         records = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
-        return [_compared(record) for record in records if "run" in record]
+        runs = [_compared(record) for record in records if "run" in record]
     except (OSError, ValueError, KeyError, TypeError) as error:
         cause = (isinstance(error, OSError) and error.strerror) or UNREADABLE
-        fix = "write it with: diffbotctl trials FILE --json > base.json"
         raise UsageError(Problem("E-TRIALS-BASELINE", str(path), cause, fix)) from error
+    if not any(run.name in names for run in runs):
+        cause = "it has none of these runs"
+        raise UsageError(Problem("E-TRIALS-BASELINE", str(path), cause, fix))
+    return runs
 
 
 def _compared(record: dict[str, Any]) -> ComparedRun:
@@ -66,10 +70,14 @@ def _compared(record: dict[str, Any]) -> ComparedRun:
 
 
 class Comparison(NamedTuple):
-    """Pairs of runs with the same seed, the other one first; `name` is what the other one is."""
+    """Pairs of runs with the same seed, the other one first; `name` is what the other one is.
+
+    `unpaired`: how many of the other's runs, and of these, have no partner.
+    """
 
     name: str
     pairs: Sequence[tuple[ComparedRun, ComparedRun]]
+    unpaired: tuple[int, int] = (0, 0)
 
     @property
     def lost(self) -> list[str]:
@@ -105,6 +113,9 @@ class Comparison(NamedTuple):
         """The comparison as text."""
         count = len(self.pairs)
         yield f"against {self.name}, {count} pairs with equal seeds:"
+        if any(self.unpaired):
+            others, these = self.unpaired
+            yield f"  without a partner of the same name: {these} of these, {others} of the other"
         before, after = (sum(pair[side].passed for pair in self.pairs) for side in (0, 1))
         share = paired_shares([(first.passed, second.passed) for first, second in self.pairs])
         yield f"  passed  {after} of {count}, against {before}: {_interval_text(share, 100.0, '%')}"
@@ -122,11 +133,8 @@ class Comparison(NamedTuple):
         if self.is_regression:
             worse = [field for field in ("error", "time") if self.is_worse(field)]
             names = ", ".join(self.lost[:NAMES_SHOWN_MAX]) or f"the {' and the '.join(worse)}"
-            more = (
-                ""
-                if len(self.lost) <= NAMES_SHOWN_MAX
-                else f" and {len(self.lost) - NAMES_SHOWN_MAX} more"
-            )
+            rest = len(self.lost) - NAMES_SHOWN_MAX
+            more = f" and {rest} more" if rest > 0 else ""
             yield f"REGRESSION: worse than {self.name}: {names}{more}"
 
 
@@ -136,15 +144,12 @@ def _interval_text(interval: ConfidenceInterval, factor: float, unit: str) -> st
     return f"{value:+.1f} {unit} (95 %: {low:+.1f} to {high:+.1f}; {proof})"
 
 
-def compare(name: str, before: Sequence[ComparedRun], after: Sequence[ComparedRun]) -> Comparison:
-    """Pair the runs in their order, or those of a baseline by their names. Raises UsageError."""
+def compare(
+    name: str, before: Sequence[ComparedRun], after: Sequence[ComparedRun], by_name: bool
+) -> Comparison:
+    """Pair the runs by their names, or in their order."""
+    if not by_name:
+        return Comparison(name, list(zip(before, after, strict=True)))
     known = {run.name: run for run in before}
-    if known.keys() & {run.name for run in after}:
-        pairs = [(known[run.name], run) for run in after if run.name in known]
-    elif len(before) == len(after):
-        pairs = list(zip(before, after, strict=True))
-    else:
-        cause = "it has none of these runs"
-        fix = "write it again with --json, of the same file of trials"
-        raise UsageError(Problem("E-TRIALS-BASELINE", name, cause, fix))
-    return Comparison(name, pairs)
+    pairs = [(known[run.name], run) for run in after if run.name in known]
+    return Comparison(name, pairs, (len(before) - len(pairs), len(after) - len(pairs)))

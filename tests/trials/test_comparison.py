@@ -91,7 +91,7 @@ def runs(passed=10, error=0.004, time=6.0, name="healthy"):
     ],
 )
 def test_a_regression(before, after, is_regression):
-    comparison = compare("base", before, after)
+    comparison = compare("base", before, after, by_name=before[0].name == after[0].name)
     assert comparison.is_regression is is_regression
     assert len(comparison.pairs) == 10
     lines = list(comparison.lines())
@@ -110,7 +110,7 @@ def test_a_regression(before, after, is_regression):
     ],
 )
 def test_a_regression_names_what_is_worse(after, worse):
-    *_, last = compare("base", runs(), after).lines()
+    *_, last = compare("base", runs(), after, by_name=True).lines()
     assert last == f"REGRESSION: worse than base: {worse}"
 
 
@@ -118,15 +118,36 @@ def test_a_baseline_is_what_json_has_printed(tmp_path):
     judged = [judge(GOOD, Expectation()), judge(STOPPED, Expectation(reach=9.0))]
     file = tmp_path / "base.json"
     file.write_text("".join(f"{json.dumps(record(each))}\n" for each in judged))
-    assert read_baseline(file) == [ComparedRun.of(each) for each in judged]
-    assert [run.passed for run in read_baseline(file)] == [True, False]
+    found = read_baseline(file, {GOOD.name})
+    assert found == [ComparedRun.of(each) for each in judged]
+    assert [run.passed for run in found] == [True, False]
+    with pytest.raises(UsageError, match="it has none of these runs"):
+        read_baseline(file, {"other"})
     file.write_text("nothing\n")
     with pytest.raises(UsageError, match="E-TRIALS-BASELINE"):
-        read_baseline(file)
+        read_baseline(file, {GOOD.name})
     with pytest.raises(UsageError, match="No such file"):
-        read_baseline(tmp_path / "other.json")
-    with pytest.raises(UsageError, match="it has none of these runs"):
-        compare("base", runs(name="other")[:3], runs())
+        read_baseline(tmp_path / "other.json", {GOOD.name})
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "pairs", "unpaired"),
+    [
+        (runs(), runs(), 10, (0, 0)),
+        (runs(), runs()[2:], 8, (2, 0)),
+        (runs()[:5], runs()[3:], 2, (3, 5)),
+        (runs()[:9] + runs(name="other")[:1], runs(), 9, (1, 1)),  # equal counts
+    ],
+)
+def test_runs_are_paired_with_those_of_a_file_by_their_names_alone(before, after, pairs, unpaired):
+    comparison = compare("base.json", before, after, by_name=True)
+    assert all(first.name == second.name for first, second in comparison.pairs)
+    assert (len(comparison.pairs), comparison.unpaired) == (pairs, unpaired)
+    head, second, *_ = comparison.lines()
+    assert head == f"against base.json, {pairs} pairs with equal seeds:"
+    others, these = unpaired
+    counts = f"  without a partner of the same name: {these} of these, {others} of the other"
+    assert (second == counts) is any(unpaired)
 
 
 def test_the_report_is_one_file_with_the_failed_runs_first(tmp_path):

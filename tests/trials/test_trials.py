@@ -311,6 +311,16 @@ def test_a_change_that_makes_it_worse_fails_against_what_was_before(tmp_path):
     assert f"against {slower}, 6 pairs with equal seeds" in paired.stdout
 
 
+def test_a_baseline_of_other_runs_is_refused_before_any_run(tmp_path):
+    base = tmp_path / "base.json"
+    base.write_text(command(trials_file(tmp_path), "--only", "blocked/*", "--json").stdout)
+    done = command(trials_file(tmp_path), "--only", "healthy/*", "--against", base)
+    assert done.returncode == 2 and "it has none of these runs" in done.stderr
+    assert done.stdout == ""
+    record = command(trials_file(tmp_path), "--json", "--against", base).stdout.splitlines()[-1]
+    assert json.loads(record)["pairs"] == 2 and json.loads(record)["unpaired"] == [0, 2]
+
+
 LEAD = """
 import json, sys
 for line in sys.stdin:
