@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Iterator, Sequence
+from math import isfinite
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,6 +17,7 @@ from diffbotctl.trials.verdict import JudgedRun
 WORSE_RATIO = 0.1  # of the mean: what is worse by less is no regression, though it may be proven
 NAMES_SHOWN_MAX = 5
 MM = 1000.0
+KEYS = ("run", "passed", "outcome", "error", "time")  # of a line, which are read
 UNREADABLE = "this is not what `diffbotctl trials FILE --json` printed"
 
 
@@ -50,23 +52,35 @@ def other_plan(file: str, other: str, sets: Sequence[str]) -> TrialsPlan:
 
 def read_baseline(path: Path, names: Collection[str]) -> list[ComparedRun]:
     """The runs that `--json` once printed. Raises UsageError, also if it has none of `names`."""
-    fix = "write it with: diffbotctl trials FILE --json > base.json"
+    place, cause, runs = str(path), "it has none of these runs", list[ComparedRun]()
     try:
-        records = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
-        runs = [_compared(record) for record in records if "run" in record]
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        cause = (isinstance(error, OSError) and error.strerror) or UNREADABLE
-        raise UsageError(Problem("E-TRIALS-BASELINE", str(path), cause, fix)) from error
-    if not any(run.name in names for run in runs):
-        cause = "it has none of these runs"
-        raise UsageError(Problem("E-TRIALS-BASELINE", str(path), cause, fix))
-    return runs
+        for number, line in enumerate(path.read_text(encoding="utf-8").split("\n"), 1):
+            place = f"{path}:{number}"
+            runs += _compared(json.loads(line or "{}"))
+        place = str(path)
+    except OSError as error:
+        cause = error.strerror or UNREADABLE
+    except (ValueError, LookupError, TypeError, OverflowError, RecursionError):
+        cause = UNREADABLE
+    else:
+        if any(run.name in names for run in runs):
+            return runs
+    fix = "write it with: diffbotctl trials FILE --json > base.json"
+    raise UsageError(Problem("E-TRIALS-BASELINE", place, cause, fix))
 
 
-def _compared(record: dict[str, Any]) -> ComparedRun:
-    is_claimed = record["outcome"] in ("reached", "reached_unsure")
-    error = record["error"] if is_claimed else None
-    return ComparedRun(record["run"], bool(record["passed"]), error, float(record["time"]))
+def _compared(record: dict[str, Any]) -> list[ComparedRun]:
+    """The run of a line; none of one that is of no run. Raises whatever a wrong line raises."""
+    if "run" not in record:
+        return []
+    name, passed, outcome, error, time = (record[key] for key in KEYS)
+    if not (isinstance(name, str) and isinstance(passed, bool) and isinstance(outcome, str)):
+        raise TypeError
+    for number in (time, time if error is None else error):
+        if type(number) not in (int, float) or not isfinite(number):
+            raise TypeError
+    is_claimed = outcome in ("reached", "reached_unsure")
+    return [ComparedRun(name, passed, error if is_claimed else None, time)]
 
 
 class Comparison(NamedTuple):

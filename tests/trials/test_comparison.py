@@ -123,11 +123,44 @@ def test_a_baseline_is_what_json_has_printed(tmp_path):
     assert [run.passed for run in found] == [True, False]
     with pytest.raises(UsageError, match="it has none of these runs"):
         read_baseline(file, {"other"})
-    file.write_text("nothing\n")
-    with pytest.raises(UsageError, match="E-TRIALS-BASELINE"):
-        read_baseline(file, {GOOD.name})
     with pytest.raises(UsageError, match="No such file"):
         read_baseline(tmp_path / "other.json", {GOOD.name})
+
+
+def line(**changed):
+    return json.dumps({**record(judge(GOOD, Expectation())), **changed})
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        "nothing",
+        "[" * 100_000,
+        "5",
+        "{",
+        '{"run": "a"}',
+        line(run=5),
+        line(passed="yes"),
+        line(outcome=None),
+        line(outcome=[]),
+        line(error="abc"),
+        line(error=float("nan")),
+        line(error=float("inf")),
+        line(error=True),
+        line(error=10**400),
+        line(outcome="stopped", error="abc"),
+        line(time="5"),
+        line(time=None),
+    ],
+    ids=lambda text: text[-40:],
+)
+def test_a_wrong_line_of_a_baseline_is_named(tmp_path, wrong):
+    file = tmp_path / "base.json"
+    file.write_text(f"{line()}\n{wrong}\n{line()}\n")
+    with pytest.raises(UsageError) as caught:
+        read_baseline(file, {GOOD.name})
+    (problem,) = caught.value.problems
+    assert (problem.code, problem.place) == ("E-TRIALS-BASELINE", f"{file}:2")
 
 
 @pytest.mark.parametrize(
