@@ -11,7 +11,7 @@ from diffbotctl.params import REQUIRED, Choice, Count, Number, Param, Section
 
 TrialPort = Literal["sim", "emulated"]
 Unsure = Literal["never", "allowed", "required"]
-ENDS = ("blocked", "stuck", "given_up")  # of a goal, for which the robot stops
+CLEARANCE_MAX = 1.0  # m; what is farther away is not searched
 STOP_CODES = tuple(code for code in (*get_args(StopCode), *get_args(GoalEnd)) if code)
 
 
@@ -52,7 +52,7 @@ class Expectation(Section):
     )
     clearance = Number(
         "m",
-        "(0, inf)",
+        f"(0, {CLEARANCE_MAX}]",
         None,
         "The outline is never nearer to a wall or an obstacle. Contact always fails.",
     )

@@ -17,10 +17,10 @@ from diffbotctl.runs.options import RunOptions, RunResult
 from diffbotctl.runs.run import Run
 from diffbotctl.time import MILLISECOND, SECOND
 from diffbotctl.trials.plan import Trial
+from diffbotctl.trials.sections import CLEARANCE_MAX
 
 STOPPED_TIME = SECOND  # ns after which a stop that only `resume` could end is the end of the run
 LOOK_PERIOD = 50 * MILLISECOND  # at 0.3 m/s the robot drives 15 mm
-CLEARANCE_MAX = 1.0  # m; what is farther away is not searched
 PATH_POINTS_MAX = 120
 
 Outcome = Literal[

@@ -163,6 +163,7 @@ def test_a_run_that_crashes_or_does_not_end_is_a_result_and_the_others_go_on(tmp
         ),
         ("pipeline: goal", "pipeline: goalie", "E-FILE-NAME", "did you mean goal?"),
         ("8 s, error", "8 kg, error", "E-UNIT", "kg"),
+        ("8 s, error", "8 s, clearance: 1.5 m, error", "E-BOUNDS", "1 m"),
         ("kind: trials", "kind: trails", "E-KIND", "write `kind: trials`"),
         ("pipeline: goal", "pipeline: ./two.yaml", "E-KIND", "this is a file of trials, but a"),
         ("  healthy:", "  'a/b*':", "E-NAME", "leave out /"),
