@@ -11,8 +11,9 @@ from io import TextIOWrapper
 from textwrap import wrap
 from typing import Any, TextIO
 
-# C0 but tab and newline, DEL, C1, the line separators, and what reorders text (Unicode TR36, 2.4).
-CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]")
+REORDERING = "\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069"  # and separating: Unicode TR36, 2.4
+UNWRITABLE = "\ud800-\udfff\ufffe\uffff"  # in UTF-8 or XML
+CONTROL = re.compile(f"[\x00-\x08\x0b-\x1f\x7f-\x9f{REORDERING}{UNWRITABLE}]")  # C0, DEL, C1
 STYLE = re.compile("\x1b\\[[0-9;]*m")
 REPLACEMENT = "\N{MIDDLE DOT}"
 NAME_LENGTH_MAX = 60
@@ -121,16 +122,15 @@ class PrintableStream(TextIOWrapper):
         self.column = len(last) if begun else self.column + len(last)
 
 
-def fold_lines(stream: TextIO, columns: int) -> None:
-    """Fold what is written to `stream` at `columns`, between words."""
+def fold_lines(stream: TextIO, columns: int | None) -> None:
+    """Fold what is written to `stream` at `columns`, between words; None: not."""
     if isinstance(stream, PrintableStream):
         stream.columns = columns
 
 
 def keep_lines(stream: TextIO) -> None:
     """Write lines whole from now on: another program reads them, or a person copies them."""
-    if isinstance(stream, PrintableStream):
-        stream.columns = None
+    fold_lines(stream, None)
 
 
 class RawStream:

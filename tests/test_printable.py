@@ -28,6 +28,7 @@ ESCAPE = "\x1b]0;owned\x07\x1b[2J\x9b31m\u202e"
 
 def test_control_characters_become_dots_and_text_stays():
     assert printable(f"a{ESCAPE}b") == "a\u00b7]0;owned\u00b7\u00b7[2J\u00b731m\u00b7b"
+    assert printable("\ud800 \udcff \ufffe \uffff") == "\u00b7 \u00b7 \u00b7 \u00b7"
     plain = "tab\t line\n \u00e9 \u4e2d \U0001f916 \u2800 \u00b5 non\u00a0breaking"
     assert printable(plain) == plain
 

@@ -12,9 +12,10 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import NamedTuple
 
+from diffbotctl.printable import printable
 from diffbotctl.processes.limited_child import ChildEndedError, ChildLimits, LimitedChild
 from diffbotctl.trials.plan import Trial
-from diffbotctl.trials.trial_run import TrialResult, run_trial
+from diffbotctl.trials.trial_run import StopRecord, TrialResult, run_trial
 
 MEMORY_MAX_BYTES = 4 << 30  # of a child: a block that fills the memory ends alone
 # Processor time on a busy machine takes longer; a block that sleeps uses none.
@@ -77,9 +78,11 @@ def _crashed(trial: Trial, cause: str) -> TrialResult:
 
 
 def _outcome(trial: Trial, child: LimitedChild[TrialResult]) -> TrialOutcome:
-    """The outcome of a trial whose child has ended, or is late."""
+    """The outcome of a trial whose child has ended, or is late; the texts of its code printable."""
     try:
         result = child.result()
     except ChildEndedError as error:
         result = _crashed(trial, str(error))
+    stops = (StopRecord(time, code, printable(cause)) for time, code, cause in result.stops)
+    result = result._replace(cause=printable(result.cause), stops=tuple(stops))
     return TrialOutcome(result, child.processor)

@@ -16,6 +16,8 @@ from diffbotctl.cli.main import program
 from diffbotctl.errors import UserError
 from diffbotctl.messages import Twist
 from diffbotctl.trials.plan import read_plan
+from diffbotctl.trials.report import html
+from diffbotctl.trials.summary import junit
 from diffbotctl.trials.verdict import judge
 from diffbotctl.trials.workers import run_trials
 
@@ -115,6 +117,13 @@ class Exiting(Endless):
     what = "exit"
 
 
+class Raising(Endless):
+    """Raises texts that neither UTF-8 nor XML can have."""
+
+    def react(self, now, requested):
+        raise ValueError("bad \ud800 \x01 \x1b[31m \uffff")
+
+
 class Looping(Endless):
     """Does not return."""
 
@@ -144,6 +153,17 @@ def test_a_run_that_crashes_or_does_not_end_is_a_result_and_the_others_go_on(tmp
     assert "more than 1 s of processor time" in looped.unmet[0]
     assert healthy.passed
     assert capfd.readouterr().out == ""
+
+
+def test_the_text_of_what_a_run_raised_can_be_written_to_every_file(tmp_path):
+    plan = read_plan(str(trials_file(tmp_path)))
+    (trial, *_) = plan.trials
+    (outcome,) = run_trials([with_block(trial, Raising)], 1, 5.0, lambda number, outcome: None)
+    judged = judge(outcome.result, trial.expect)
+    (case,) = ElementTree.fromstring(junit("two", [judged]).encode()).iter("testcase")
+    message = case[0].get("message")
+    assert "bad \u00b7 \u00b7 \u00b7[31m \u00b7" in message
+    assert message.split("; ")[0] in html(plan, [judged], 1.0).encode().decode()
 
 
 @pytest.mark.parametrize(
