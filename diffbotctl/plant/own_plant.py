@@ -19,6 +19,7 @@ from diffbotctl.plant.encoder_disc import LevelChange, PulseFaults
 from diffbotctl.plant.robot_parameters import PlantParameters
 from diffbotctl.time import SECOND
 
+NUMBER_MAX = 1e9  # m and rad
 SHORTED_SHARE_MIN = 0.5  # of the time without drive, from which a motor counts as shorted
 
 
@@ -107,6 +108,9 @@ class OwnDrive:
         """Let time pass; see `DriveTrain`."""
         left, right = (motor_input(*each) for each in zip(duties, self._shorted, strict=True))
         step, before = self.plant.step(until, left, right), self.last.angles
+        if not all(abs(each) <= NUMBER_MAX for each in (*step[2:5], *step.angles)):  # also no NaN
+            name, pose = type(self.plant).__name__, f"pose {step[2:5]}, angles {step.angles}"
+            raise ValueError(f"{name}.step returned a number that is not finite, or huge: {pose}")
         seconds = (until - self._now) / SECOND
         for wheel, angle, earlier in zip(self.wheels, step.angles, before, strict=True):
             wheel.angle = angle

@@ -1,7 +1,7 @@
 """Plants behind one interface: the shipped ones, and the one that the page shows."""
 
 import re
-from math import pi
+from math import inf, nan, pi
 from pathlib import Path
 
 import pytest
@@ -11,7 +11,7 @@ from diffbotctl.config.code_files import CodeConsentError
 from diffbotctl.config.load import check, load
 from diffbotctl.messages import Goal
 from diffbotctl.physics_model import Edge, MotorInput, Plant, PlantStep
-from diffbotctl.plant.own_plant import plant_robot
+from diffbotctl.plant.own_plant import OwnDrive, plant_robot
 from diffbotctl.plant.simulated_robot import draw_robot
 from diffbotctl.runs.options import RunOptions
 from diffbotctl.runs.run import Run
@@ -84,6 +84,27 @@ def test_every_plant_behaves_like_a_robot(make):
     assert (halted.x, halted.angles) == (still.x, still.angles)
     turned = plant.step(7 * SECOND, driven(-0.6), driven(0.6))
     assert turned.heading > still.heading + 1.0
+
+
+class Wrong(Plant):
+    """Returns numbers that no robot can have."""
+
+    def __init__(self, numbers):
+        self.numbers = numbers
+
+    def step(self, until, left, right):
+        x, y, heading, *angles = self.numbers
+        return PlantStep((), (), x, y, heading, tuple(angles))
+
+
+@pytest.mark.parametrize("place", range(5))
+@pytest.mark.parametrize("number", [nan, inf, -inf, 1e308, -1e10])
+def test_a_number_that_no_robot_can_have_is_refused_where_it_comes_from(place, number):
+    numbers = [0.0] * 5
+    OwnDrive(Wrong(numbers), False).advance(1, (0.0, 0.0))
+    numbers[place] = number
+    with pytest.raises(ValueError, match=r"Wrong\.step returned a number that is not finite"):
+        OwnDrive(Wrong(numbers), False).advance(1, (0.0, 0.0))
 
 
 @pytest.fixture
