@@ -251,7 +251,7 @@ class _Session:
 def _print_summary(plan: TrialsPlan, verdicts: Sequence[JudgedRun]) -> None:
     from diffbotctl.trials.sections import Expectation
     from diffbotctl.trials.statistics import proven_share
-    from diffbotctl.trials.summary import case_lines, failed_lines
+    from diffbotctl.trials.summary import case_lines, failed_lines, unbegun_lines
 
     robots = dict.fromkeys(trial.robot for trial in plan.trials)
     click.echo(f"robots: {', '.join(robots)}")
@@ -260,9 +260,8 @@ def _print_summary(plan: TrialsPlan, verdicts: Sequence[JudgedRun]) -> None:
     passed, runs = sum(verdict.passed for verdict in verdicts), len(verdicts)
     share = 100.0 * proven_share(passed, runs)
     click.echo(f"{passed} of {runs} runs as expected; this proves {share:.0f} % (95 % confidence)")
-    early = sum(verdict.result.fault_at > verdict.result.time for verdict in verdicts)
-    if early:
-        click.echo(f"{early} ended before their first fault began: choose an earlier `at`")
+    for line in unbegun_lines(verdicts):
+        click.echo(line)
     if all(vars(trial.expect) == vars(Expectation()) for trial in plan.trials):
         click.echo(
             "nothing is expected of them but no contact: `expect: {reach: 20 s}` asks for more"

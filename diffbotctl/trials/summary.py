@@ -91,6 +91,14 @@ def failed_lines(file: Path, verdicts: Sequence[JudgedRun]) -> Iterator[str]:
         yield f"and {len(failed) - len(chosen)} more; --json lists all runs, --report shows them"
 
 
+def unbegun_lines(verdicts: Sequence[JudgedRun]) -> Iterator[str]:
+    """Each fault that did not begin, and in how many runs of its case."""
+    found = [each.result for each in verdicts]
+    runs = Counter((each.case, kind) for each in found for kind in dict.fromkeys(each.unbegun))
+    for (case, kind), count in runs.items():
+        yield f"{case}: {count} ended before {kind} began: choose an earlier `at`"
+
+
 def worst_first(verdicts: Sequence[JudgedRun]) -> list[JudgedRun]:
     """By the score; equal ones in the order of their runs."""
     return sorted(verdicts, key=lambda verdict: verdict.score, reverse=True)

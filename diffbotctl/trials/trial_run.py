@@ -52,7 +52,8 @@ class TrialResult(NamedTuple):
     The errors are at the end of the run: `error` and `heading_error` from the last goal to where
     the robot really is, `estimate_error` between estimate and truth, `estimate_sigmas` this over
     the standard deviation that odometry reports. `farther`: how much farther from its goal it was
-    than at the start. `fault_at`: when the first fault began.
+    than at the start. `fault_at`: when the first fault began. `unbegun`: kinds of those that never
+    did.
     """
 
     name: str
@@ -71,6 +72,7 @@ class TrialResult(NamedTuple):
     farther: float | None = None
     clearance: float = CLEARANCE_MAX
     fault_at: float = 0.0
+    unbegun: tuple[str, ...] = ()
     stops: tuple[StopRecord, ...] = ()
     path: tuple[tuple[float, float], ...] = ()
 
@@ -202,7 +204,7 @@ def run_trial(trial: Trial) -> TrialResult:
 def trial_result(run: TrialRun, result: RunResult) -> TrialResult:
     """What came of a run that has ended."""
     assert run.plant is not None
-    trial = run.trial
+    trial, faults = run.trial, run.plant.faults.faults
     outcome = run.outcome(result)
     goal = run.goal_at_end(result)
     stops = [StopRecord(stop.time / SECOND, stop.code, stop.cause) for stop in result.stops]
@@ -221,7 +223,8 @@ def trial_result(run: TrialRun, result: RunResult) -> TrialResult:
         result.goals,
         farther=None if goal is None else run.farther,
         clearance=run.clearance,
-        fault_at=min((fault.start for fault in run.plant.faults.faults), default=0) / SECOND,
+        fault_at=min((fault.start for fault in faults), default=0) / SECOND,
+        unbegun=tuple(fault.kind for fault in faults if fault.start > result.ending.time),
         stops=tuple(stops),
         path=tuple(run.path[:: -(-len(run.path) // PATH_POINTS_MAX) or 1]),
     )

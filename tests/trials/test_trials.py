@@ -403,10 +403,15 @@ def test_a_fault_of_a_program_that_is_not_there_is_refused(tmp_path, old, new, p
 
 
 def test_runs_that_prove_nothing_are_named(tmp_path):
-    late = "  late: {faults: [{fault: battery_cut, at: 100 s}]}\n"
+    late = (
+        "  late: {faults: [{fault: battery_step, at: 0.1 s, size: 0.95}, "
+        "{fault: battery_cut, at: 100 s}, {fault: link_cut, at: [90 s, 100 s]}]}\n"
+    )
     text = TWO_CASES.replace("seeds: 2", "seeds: 1").partition("  blocked")[0] + late
     done = command(trials_file(tmp_path, text))
-    assert "1 ended before their first fault began" in done.stdout
+    for kind in ("battery_cut", "link_cut"):
+        assert f"late: 1 ended before {kind} began" in done.stdout
+    assert done.stdout.count("ended before") == 2
     assert "nothing is expected" not in done.stdout
     text = text.replace("expect: {reach: 8 s, error: 30 mm}", "")
     done = command(trials_file(tmp_path, text), "--only", "healthy")
