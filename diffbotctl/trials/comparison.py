@@ -44,10 +44,7 @@ def other_plan(file: str, other: str, sets: Sequence[str]) -> TrialsPlan:
     """
     if "=" in other:
         return read_plan(file, (*sets, other))
-    is_robot = not takes_robot(other)
-    if is_robot:
-        return read_plan(file, sets, robot=other)
-    return read_plan(file, sets, pipeline=other)
+    return read_plan(file, sets, **{"pipeline" if takes_robot(other) else "robot": other})
 
 
 def read_baseline(path: Path, names: Collection[str]) -> list[ComparedRun]:

@@ -164,11 +164,8 @@ class _PlanReader:
         self._refuse_too_many(section, len(robots))
         self._raise()
         trials = tuple(self._trials(section, robots))
-        warnings = tuple(
-            {
-                problem.render(): problem for each in robots.values() for problem in each.warnings
-            }.values()
-        )
+        found = [problem for each in robots.values() for problem in each.warnings]
+        warnings = tuple({problem.render(): problem for problem in found}.values())
         return TrialsPlan(self.path, section, trials, warnings, self.drawn)
 
     def _raise(self) -> None:
@@ -312,23 +309,15 @@ class _PlanReader:
         seeds = range(section.first_seed, section.first_seed + section.seeds)
         for (case_name, case), (robot, configuration) in product(cases.items(), robots.items()):
             faulty = with_faults(configuration, case.faults)
+            rest = section.port, section.time_limit, case.expect or section.expect
             for (world_name, world), (goal_name, goal) in product(
                 worlds.items(), goals or [("", ())]
             ):
                 placed = faulty if world is None else replace(faulty, world=world)
                 for seed in seeds:
                     parts = (case_name, robot, world_name, goal_name, str(seed))
-                    yield Trial(
-                        "/".join(part for part in parts if part),
-                        case_name,
-                        robot,
-                        placed,
-                        goal,
-                        seed,
-                        section.port,
-                        section.time_limit,
-                        case.expect or section.expect,
-                    )
+                    name = "/".join(part for part in parts if part)
+                    yield Trial(name, case_name, robot, placed, goal, seed, *rest)
 
 
 def with_faults(configuration: Configuration, faults: Sequence[FaultEntry]) -> Configuration:

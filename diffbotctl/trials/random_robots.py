@@ -7,7 +7,6 @@ ruler and of a calibration.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from math import exp, log, pi, sqrt
 from random import Random
 from typing import Any, NamedTuple
@@ -29,6 +28,7 @@ LINKS = {
         "stamp_jitter": 0.008,
     },
 }
+LIMITS = ("speed", "turn_rate", "acceleration", "braking")
 STOCK_FIRST = 1000  # robots with this number and beyond have the book's firmware
 EDGE_RATE_MAX = 20_000  # per second, of one encoder
 PITCH_TRACK_RATIO_MAX = 0.2
@@ -98,12 +98,7 @@ class RobotDesign(NamedTuple):
                 "back": round(1.2 * self.track, 3),
                 "width": self.track + 0.03,
             },
-            "limits": {
-                "speed": self.speed,
-                "turn_rate": self.turn_rate,
-                "acceleration": self.acceleration,
-                "braking": self.braking,
-            },
+            "limits": {name: getattr(self, name) for name in LIMITS},
             "simulation": self.simulation,
         }
 
@@ -173,16 +168,7 @@ def _log_uniform(rng: Random, low: float, high: float) -> float:
 
 def yaml_text(tree: dict[str, Any]) -> str:
     """`tree` as a file that a person could have written."""
-    return "\n".join(_yaml_lines(tree, "")) + "\n"
-
-
-def _yaml_lines(tree: dict[str, Any], indent: str) -> Iterator[str]:
-    for key, value in tree.items():
-        if isinstance(value, dict) and any(isinstance(inner, dict) for inner in value.values()):
-            yield f"{indent}{key}:"
-            yield from _yaml_lines(value, indent + "  ")
-        else:
-            yield f"{indent}{key}: {_flow(value)}"
+    return "".join(f"{key}: {_flow(value)}\n" for key, value in tree.items())
 
 
 def _flow(value: Any) -> str:

@@ -11,7 +11,7 @@ from pathlib import Path
 from diffbotctl.config.configuration import Configuration
 from diffbotctl.trials.plan import Trial, TrialsPlan
 from diffbotctl.trials.statistics import proven_share
-from diffbotctl.trials.summary import case_rows, watch_command
+from diffbotctl.trials.summary import case_rows, watch_command, worst_first
 from diffbotctl.trials.verdict import JudgedRun
 
 SIZE = 120  # of a picture, in its own units
@@ -68,13 +68,9 @@ def _parts(plan: TrialsPlan, judged: Sequence[JudgedRun], seconds: float) -> Ite
     yield "<p>Grey: the start, walls and obstacles. Green circle: a goal. Blue: where the robot "
     yield 'really drove.</p>\n<div class="runs">\n'
     trials = {trial.name: trial for trial in plan.trials}
-    for each in sorted(judged, key=lambda each: (each.passed, *_reversed(each))):
+    for each in sorted(worst_first(judged), key=lambda each: each.passed):
         yield _tile(plan.file, trials[each.result.name], each)
     yield "</div></body></html>\n"
-
-
-def _reversed(judged: JudgedRun) -> tuple[float, ...]:
-    return tuple(-float(value) for value in judged.score)
 
 
 def _tile(file: Path, trial: Trial, judged: JudgedRun) -> str:

@@ -125,13 +125,8 @@ def junit(name: str, verdicts: Sequence[JudgedRun]) -> str:
     )
     for verdict in verdicts:
         found = verdict.result
-        case = ElementTree.SubElement(
-            suite,
-            "testcase",
-            classname=f"{name}.{found.case}",
-            name=found.name,
-            time=f"{found.time:.3f}",
-        )
+        facts = {"classname": f"{name}.{found.case}", "name": found.name}
+        case = ElementTree.SubElement(suite, "testcase", facts, time=f"{found.time:.3f}")
         if not verdict.passed:
             kind = "error" if found.outcome == "crashed" else "failure"
             text = "; ".join(verdict.unmet)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import hypot
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, cast
 
 from diffbotctl.control.motion_profile import shortest_turn
 from diffbotctl.control.pose_sd import PoseSd
 from diffbotctl.graph import Sink
-from diffbotctl.messages import GOAL_EXIT_CODES, Goal, GoalState
+from diffbotctl.messages import GOAL_EXIT_CODES, Goal, GoalEnd, GoalState
 from diffbotctl.plant.collision import BodyOutline, clearance
 from diffbotctl.programs.driver import ProgramsDriver
 from diffbotctl.runs.build_graph import wires_of
@@ -23,19 +23,7 @@ STOPPED_TIME = SECOND  # ns after which a stop that only `resume` could end is t
 LOOK_PERIOD = 50 * MILLISECOND  # at 0.3 m/s the robot drives 15 mm
 PATH_POINTS_MAX = 120
 
-Outcome = Literal[
-    "reached",
-    "reached_unsure",
-    "blocked",
-    "stuck",
-    "given_up",
-    "cancelled",
-    "stopped",
-    "time_limit",
-    "ended",
-    "failed",
-    "crashed",
-]
+Outcome = GoalEnd | Literal["stopped", "time_limit", "ended", "failed", "crashed"]
 
 
 class StopRecord(NamedTuple):
@@ -184,15 +172,8 @@ class TrialRun(Run):
         state = self.state
         if state is None or state.state not in GOAL_EXIT_CODES:
             return "ended"
-        ends: dict[str, Outcome] = {
-            "reached": "reached_unsure" if result.unsure else "reached",
-            "reached_unsure": "reached_unsure",
-            "blocked": "blocked",
-            "stuck": "stuck",
-            "given_up": "given_up",
-            "cancelled": "cancelled",
-        }
-        return ends[state.state]
+        is_unsure = state.state == "reached" and result.unsure
+        return "reached_unsure" if is_unsure else cast("GoalEnd", state.state)
 
 
 def run_trial(trial: Trial) -> TrialResult:
@@ -211,20 +192,15 @@ def trial_result(run: TrialRun, result: RunResult) -> TrialResult:
     state = run.state
     if state is not None and outcome in ("blocked", "stuck", "given_up"):
         stops.append(StopRecord(state.time / SECOND, state.state, state.cause))
+    end = result.ending
     found = TrialResult(
-        trial.name,
-        trial.case,
-        trial.robot,
-        trial.seed,
-        outcome,
-        result.ending.cause,
-        result.ending.time / SECOND,
+        *(trial.name, trial.case, trial.robot, trial.seed, outcome, end.cause, end.time / SECOND),
         result.reached + result.unsure,
         result.goals,
         farther=None if goal is None else run.farther,
         clearance=run.clearance,
         fault_at=min((fault.start for fault in faults), default=0) / SECOND,
-        unbegun=tuple(fault.kind for fault in faults if fault.start > result.ending.time),
+        unbegun=tuple(fault.kind for fault in faults if fault.start > end.time),
         stops=tuple(stops),
         path=tuple(run.path[:: -(-len(run.path) // PATH_POINTS_MAX) or 1]),
     )
