@@ -87,6 +87,7 @@ def trials(
         found = against
         other = with_code_consent(lambda: other_plan(file, found, sets), allow_programs)
         _allowed_programs(other, allow_programs)
+        other = other.partners(plan, places)
     verdicts, seconds = _run_and_judge(plan, count, yes)
     try:
         _write_outputs(plan, verdicts, seconds, junit, report, force)
@@ -96,7 +97,7 @@ def trials(
         else:
             _print_summary(plan, verdicts)
     if other is not None:
-        judged, _ = _run_and_judge(other.at(places), count, yes)
+        judged, _ = _run_and_judge(other, count, yes)
         before = [ComparedRun.of(each) for each in judged]
     after = [ComparedRun.of(each) for each in verdicts]
     is_worse = against is not None and _print_comparison(

@@ -88,6 +88,23 @@ class TrialsPlan(NamedTuple):
         chosen = [number for number, is_chosen in enumerate(matches) if is_chosen]
         return self.at(chosen), chosen
 
+    def partners(self, plan: TrialsPlan, places: Sequence[int]) -> TrialsPlan:
+        """The runs to compare with those of `plan`, which are at `places` of the same file.
+
+        Raises UsageError for several robots in place of which this plan has one.
+        """
+        if len({trial.robot for trial in self.trials}) > 1:
+            return self.at(places)
+        own, names = (
+            [t.name.replace(f"/{t.robot}", "", 1) for t in p.trials] for p in (self, plan)
+        )
+        if len(set(names)) < len(names):
+            cause = "the runs have several robots, and one robot is compared with one"
+            fix = f"choose one of them: --only '*/{plan.trials[0].robot}/*'"
+            raise UsageError(Problem("E-TRIALS", "--against", cause, fix))
+        numbers = {name: number for number, name in enumerate(own)}
+        return self.at([numbers[name] for name in names])
+
     def at(self, numbers: Sequence[int]) -> TrialsPlan:
         """Only the runs at these places."""
         return self._replace(trials=tuple(self.trials[number] for number in numbers))
@@ -211,7 +228,7 @@ class _PlanReader:
             file = configuration.robot_file
             label = file.stem if file is not None else ""
             found[label if label not in found else str(file)] = configuration
-        if section.random_robots is not None and not self.problems:
+        if section.random_robots is not None and self.robot is None and not self.problems:
             found |= self._drawn(section.random_robots, pipeline, settings)
         return found
 

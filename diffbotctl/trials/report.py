@@ -117,10 +117,8 @@ def _picture(trial: Trial, judged: JudgedRun) -> str:
     line = f"M{points[0][0]} {points[0][1]}l{' '.join(steps)}" if steps else ""
     start, end = scale.at(0.0, 0.0), points[-1]
     marks = [f'<circle class="s" cx="{start[0]}" cy="{start[1]}" r="3"/>']
-    marks += [
-        f'<circle class="g" cx="{x}" cy="{y}" r="5"/>'
-        for x, y in (scale.at(*goal) for goal in goals)
-    ]
+    places = [scale.at(*goal) for goal in goals]
+    marks += [f'<circle class="g" cx="{x}" cy="{y}" r="5"/>' for x, y in places]
     marks += [f'<circle class="e" cx="{end[0]}" cy="{end[1]}" r="3"/>']
     label = f"Path of the run {escape(trial.name)}"
     return (

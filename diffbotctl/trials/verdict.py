@@ -76,10 +76,8 @@ def _unmet(found: TrialResult, expect: Expectation) -> Iterator[str]:
             shown = [degrees(each) if unit == "deg" else each * factor for each in (value, limit)]
             yield f"{what} {shown[0]:.1f} {unit}, more than {shown[1]:g} {unit}"
     if expect.clearance is not None and 0.0 < found.clearance < expect.clearance:
-        yield (
-            f"{found.clearance * MM:.0f} mm from a wall or obstacle, less than "
-            f"{expect.clearance * MM:.0f} mm"
-        )
+        near, asked = (f"{each * MM:.0f} mm" for each in (found.clearance, expect.clearance))
+        yield f"{near} from a wall or obstacle, less than {asked}"
 
 
 def _not_reached(found: TrialResult, within: float) -> Iterator[str]:

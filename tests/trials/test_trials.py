@@ -15,6 +15,7 @@ from diffbotctl.block import Block, In, Out
 from diffbotctl.cli.main import program
 from diffbotctl.errors import UserError
 from diffbotctl.messages import Twist
+from diffbotctl.trials.comparison import other_plan
 from diffbotctl.trials.plan import read_plan
 from diffbotctl.trials.report import html
 from diffbotctl.trials.summary import junit
@@ -340,6 +341,20 @@ def test_a_baseline_of_other_runs_is_refused_before_any_run(tmp_path):
     assert done.stdout == ""
     record = command(trials_file(tmp_path), "--json", "--against", base).stdout.splitlines()[-1]
     assert json.loads(record)["pairs"] == 2 and json.loads(record)["unpaired"] == [0, 2]
+
+
+def test_one_of_several_robots_is_compared_with_another(tmp_path):
+    text = TWO_CASES.replace("seeds: 2", "seeds: 2\nrobots: [book_2wd, turtlebot3_burger]")
+    file = trials_file(tmp_path, text)
+    done = command(file, "--against", "book_2wd")
+    assert done.returncode == 2 and done.stdout == ""
+    assert "one robot is compared with one" in done.stderr and "*/book_2wd/*" in done.stderr
+    plan, places = read_plan(str(file)).only(["*/turtlebot3_burger/*"])
+    partners = other_plan(str(file), "book_2wd", ()).partners(plan, places)
+    names = [trial.name.replace("turtlebot3_burger", "book_2wd") for trial in plan.trials]
+    assert [trial.name for trial in partners.trials] == names and len(names) == 4
+    setting = other_plan(str(file), "follower.tolerance=20 mm", ()).partners(plan, places)
+    assert [trial.name for trial in setting.trials] == [trial.name for trial in plan.trials]
 
 
 LEAD = """
