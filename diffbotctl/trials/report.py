@@ -80,17 +80,13 @@ def _tile(file: Path, trial: Trial, judged: JudgedRun) -> str:
         figures.append(f"{found.error * 1000:.0f} mm off")
     why = "".join(f'<p class="why">{escape(text)}</p>' for text in judged.unmet)
     command = escape(watch_command(file, found.name))
+    name = escape(found.name).replace("/", "/<wbr>")  # where it may be broken
     return (
-        f'<div class="run{"" if judged.passed else " bad"}"><b>{_breakable(found.name)}</b>'
+        f'<div class="run{"" if judged.passed else " bad"}"><b>{name}</b>'
         f"{_picture(trial, judged)}<p>{escape(', '.join(figures))}</p>{why}"
         f"<details><summary>seed {found.seed}: show it</summary><code>{command}</code></details>"
         "</div>\n"
     )
-
-
-def _breakable(name: str) -> str:
-    """A name that may be broken after each of its parts."""
-    return escape(name).replace("/", "/<wbr>")
 
 
 class _Scale:
