@@ -86,11 +86,11 @@ def _plant_rows(name: str, results: list[CaseResult]) -> Iterator[Row]:
         share >= 0.97,
     )
     yield from _given_up_row(name, results)
-    late = [result for result in results if result.trial.farther > result.farther_limit]
-    worst = max(results, key=lambda result: result.trial.farther / result.farther_limit)
+    late = [result for result in results if result.farther > result.farther_limit]
+    worst = max(results, key=lambda result: result.farther / result.farther_limit)
     yield Row(
         f"{name}: farther than the start by more than allowed",
-        f"{len(late)}, worst {worst.trial.farther:.2f} m",
+        f"{len(late)}, worst {worst.farther:.2f} m",
         "0: max(0.3 m, speed x (1 s + lag))",
         not late,
     )
@@ -236,7 +236,7 @@ def judge(result: CaseResult) -> JudgedRun:
     unmet = {
         "feasible, not reached": result.is_feasible and not found.is_claimed,
         "given up late": not (result.is_feasible or found.is_claimed) and is_late(result),
-        "farther than allowed": found.farther > result.farther_limit,
+        "farther than allowed": result.farther > result.farther_limit,
         "false claim": is_false(result),
         "position beyond 4 sd": _position_sigmas(result) > FALSE_SIGMAS,
         "heading beyond 4 sd": _heading_sigmas(result) > FALSE_SIGMAS,
@@ -251,7 +251,7 @@ def line(judged: JudgedRun) -> str:
         f"{found.name:<26} {found.outcome:<14} {found.time:6.1f} s  "
         f"true {(found.error or 0.0) * 1000:5.0f} mm  "
         f"estimate off {(found.estimate_error or 0.0) * 1000:5.0f} mm  "
-        f"farther {found.farther:.2f} m  {', '.join(judged.unmet)}: {found.cause}"
+        f"farther {found.farther or 0.0:.2f} m  {', '.join(judged.unmet)}: {found.cause}"
     )
 
 
@@ -297,7 +297,7 @@ def encoder_rows(results: list[CaseResult]) -> Iterator[Row]:
 def _encoder_row(what: str, group: list[CaseResult]) -> Row:
     false = [result for result in group if is_false(result)]
     most = max((result.true_error for result in false), default=0.0)
-    farther = sum(result.trial.farther > result.farther_limit for result in group)
+    farther = sum(result.farther > result.farther_limit for result in group)
     return Row(
         f"{what}: reached, but > 4 sd and > 20 mm off",
         f"{len(false)}, worst {most * 1000:.0f} mm; {farther} farther than allowed",

@@ -85,6 +85,11 @@ class CaseResult(NamedTuple):
         """Distance from the goal to where the robot really is."""
         return self.trial.error or 0.0
 
+    @property
+    def farther(self) -> float:
+        """How much farther from the goal it was than at the start."""
+        return self.trial.farther or 0.0
+
 
 class CaseSetting(NamedTuple):
     """What a case consists of."""
