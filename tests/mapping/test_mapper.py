@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from diffbotctl.mapping.lidar_scan import MappedScan
 from diffbotctl.mapping.mapper import Mapper, MapperParameters, MapperState
+from diffbotctl.mapping.occupancy_grid import GridBuilder
 from diffbotctl.mapping.plane_pose import between, compose
 from tests.support.rooms import Robot, box, polyline
 
@@ -98,3 +100,24 @@ def test_the_grid_shows_the_walls():
     beside = np.hypot(*(in_world[:, None] - foot).transpose(2, 0, 1)).min(1)
     assert len(beside) > 300
     assert np.mean(beside < 0.05) > 0.98
+
+
+@pytest.mark.parametrize(
+    ("end", "share"),
+    [
+        ((2.0, 0.0), 0.0),
+        ((1.9, 0.0), 0.0),
+        ((1.0, 0.0), 1.0),
+        ((3.0, 0.0), 1.0),
+        ((-2.0, 0.0), 0.0),
+    ],
+    ids=["on the wall", "close to it", "where it was free", "behind it", "where nothing is known"],
+)
+def test_a_ray_contradicts_the_map_through_a_wall_and_among_free_cells(end, share):
+    """A wall 2 m ahead, from 1 m on the right to 1 m on the left; a lidar at the origin."""
+    grid, known = GridBuilder(0.05), (np.zeros(3), np.zeros((3, 3)))
+    wall = np.array([(2.0, y) for y in np.arange(-1.0, 1.01, 0.02)])
+    for number in range(3):
+        grid.insert(MappedScan(number, 0.1 * number, wall, (0.0, 0.0), *known), np.zeros(3))
+    ray = MappedScan(9, 0.9, np.array([end], float), (0.0, 0.0), *known)
+    assert grid.contradicted(ray, np.zeros(3)) == share

@@ -151,6 +151,19 @@ def test_a_robot_that_was_put_elsewhere_notices_and_is_found_again(rooms, is_sav
     assert len(mapper.map().scans) < kept + 12
 
 
+@pytest.mark.parametrize("turned", [0.0, 1.0, 2.0, 3.1, -2.0])
+@pytest.mark.parametrize("place", [each[:2] for each in STARTS])
+def test_a_robot_that_was_put_elsewhere_claims_no_wrong_place(rooms, place, turned):
+    robot, mapper = Robot(ROOMS, seed=3), Mapper(MapperParameters(), rooms)
+    for pose in polyline(WAY, 0.05, 0.15):
+        mapper.add(robot.scan(pose))
+    robot.pose = None
+    for number, pose in enumerate(turning(np.array([*place, turned]), 40)):
+        correction = mapper.add(robot.scan(pose))
+        far = np.abs(between(between(ORIGIN, pose), correction.pose)).max()
+        assert number < 8 or correction.state != MapperState.LOCALISED or far < 0.2
+
+
 def test_a_lost_robot_that_stands_is_found_where_a_person_points(rooms):
     robot, mapper, put = Robot(ROOMS, seed=3), Mapper(MapperParameters()), np.array([1.2, 0.8, 2.0])
     for pose in polyline(WAY, 0.05, 0.15):
