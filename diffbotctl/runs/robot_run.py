@@ -18,7 +18,7 @@ from diffbotctl.messages import Duty, Goal, GoalState, Link, Odometry, Path, Sto
 from diffbotctl.recording.black_box import BlackBox
 from diffbotctl.runs.build_graph import RobotAssembly, sources, wires_of
 from diffbotctl.runs.options import RunOptions
-from diffbotctl.time import SECOND
+from diffbotctl.time import NEVER, SECOND
 
 if TYPE_CHECKING:
     from diffbotctl.control_socket.command_driver import ControlClientDriver
@@ -71,6 +71,7 @@ class RobotRun:
         ]
         self.ending: tuple[int, str] | None = None
         self.goals_ended = 0  # number of the goal with which they ended
+        self.waits = options.socket is not None or options.duration is not None or not options.fast
         rest = goal_rest(self.configuration.robot)
         self.operator = Operator(self.goals, self._end_goals, stay=options.stay, rest=rest)
         self.on_goals_end = end
@@ -131,7 +132,7 @@ class RobotRun:
             if wire not in followed:  # otherwise a block follows it, such as path_follower
                 sinks[wire].append(operator.on_path)
         for wire in wires_of(assembly, Stop):
-            sinks[wire].append(operator.stop_sink(wire))
+            sinks[wire] += [operator.stop_sink(wire), self._on_stop]
         if box is not None:
             operator.on_new_stop = box.stop
         pose = pose_wire(assembly.graph)
@@ -166,6 +167,15 @@ class RobotRun:
             robot.command(now, command)
 
         return send
+
+    def _on_stop(self, now: int, stop: Stop) -> None:
+        """End the goals at a latched stop which no client can end, nor a fault of the operator."""
+        if not stop.latched or self.waits or self.operator.active is None:
+            return
+        faults = () if self.plant is None else self.plant.faults.faults
+        if not any(each.kind == "operator_stop" and now < each.end < NEVER for each in faults):
+            number, self.operator.active = self.operator.number, None
+            self._end_goals(1, f"goal {number} was not reached ({stop.code}): {stop.cause}")
 
     def _end_goals(self, code: int, cause: str) -> None:
         self.ending, self.goals_ended = (code, cause), self.operator.number

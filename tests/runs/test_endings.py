@@ -86,6 +86,41 @@ def test_the_end_of_the_time_is_a_confirmed_stop():
     assert abs(left) < 0.01 and abs(right) < 0.01
 
 
+def run_with_fault(fault, **options):
+    sets = ["world.walls=[]", f"robot.simulation.faults=[{{fault: {fault}}}]"]
+    return Run(load("goal", None, sets), RunOptions(fast=True, **options)).go()
+
+
+@pytest.mark.parametrize("fault", ["board_reset, at: 1 s", "operator_stop, at: 1 s"])
+def test_a_latched_stop_that_nothing_can_end_ends_a_fast_run(fault):
+    result = run_with_fault(fault)
+    (stop,) = result.stops
+    assert (result.ending.code, result.ending.stopped, result.reached) == (1, True, 0)
+    assert stop.code in result.ending.cause and result.ending.cause.endswith(stop.cause)
+    assert result.ending.time - stop.time < SECOND
+
+
+def test_a_latched_stop_that_something_can_end_ends_no_run():
+    assert run_with_fault("operator_stop, at: 1 s, for: 1 s").reached == 1
+    limited = run_with_fault("operator_stop, at: 1 s", duration=3.0)
+    assert limited.ending.cause.startswith("time limit")
+
+
+def test_a_latched_stop_of_one_robot_ends_only_its_goals(tmp_path):
+    path = tmp_path / "pair.yaml"
+    path.write_text("""format: 1
+kind: pipeline
+include:
+  - {path: goal, as: left, set: {world.walls: []}}
+  - path: goal
+    as: right
+    set: {world.walls: [], robot.simulation.faults: [{fault: operator_stop, at: 1 s}]}
+""")
+    result = Run(load(str(path)), RunOptions(fast=True)).go()
+    assert (result.ending.code, result.reached, result.goals) == (1, 1, 2)
+    assert "left: all goals reached; right: goal 1 was not reached" in result.ending.cause
+
+
 class Breaks(Block):
     """Raises when it has driven for a while."""
 
