@@ -7,7 +7,7 @@ import pytest
 from diffbotctl.learn.check import check
 from diffbotctl.learn.course import lessons
 from tests.learn.turtle_recording import TURNS, record
-from tests.learn.wrong_solutions import WRONG
+from tests.learn.wrong_solutions import RIGHT, WRONG
 from tests.sampling import by_day
 
 LESSONS = {lesson.name: lesson for lesson in lessons()}
@@ -30,9 +30,18 @@ def test_the_start_fails_and_the_solution_passes(name, tmp_path):
     assert solved.passed, solved
 
 
+@pytest.mark.parametrize(("name", "old", "new"), RIGHT)
+def test_another_right_solution_passes(name, old, new, tmp_path):
+    path = copy_of(LESSONS[name], tmp_path, "solution") / LESSONS[name].section.files[0]
+    assert old in path.read_text()
+    path.write_text(path.read_text().replace(old, new))
+    verdict = check(LESSONS[name], tmp_path)
+    assert verdict.passed, verdict
+
+
 @pytest.mark.parametrize(
     ("name", "number"),
-    by_day(14, [(name, k) for k in range(5) for name in WRITTEN if k < len(WRONG[name])]),
+    by_day(14, [(name, k) for k in range(6) for name in WRITTEN if k < len(WRONG[name])]),
 )
 def test_a_usual_mistake_is_rejected_with_what_was_seen(name, number, tmp_path):
     lesson, wrong = LESSONS[name], WRONG[name][number]

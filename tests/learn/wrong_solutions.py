@@ -15,6 +15,20 @@ MOVES = (  # of the odometry
     "            self.x += forward * cos(self.heading + turn / 2.0)\n"
     "            self.y += forward * sin(self.heading + turn / 2.0)\n"
 )
+ONCE = """        if driven < DISTANCE:
+            return Twist(pose.time, SPEED, 0.0)
+        if not self.stands:
+            self.stands = True
+            return Twist(pose.time, 0.0, 0.0)
+        return None
+"""
+RIGHT = [  # lesson, text of its solution, and what is as right in its place
+    (
+        "one_metre",
+        "        return Twist(pose.time, SPEED if driven < DISTANCE else 0.0, 0.0)\n",
+        f"        self.stands = getattr(self, 'stands', False)\n{ONCE}",
+    ),
+]
 WRONG = {
     "talker": [
         Wrong("period: 100 ms", "period: 10 ms", "rate"),
@@ -47,6 +61,7 @@ WRONG = {
             "return Twist(pose.time, SPEED, 0.0) if driven < DISTANCE else None",
             "silent",
         ),
+        Wrong("SPEED = 0.2", "SPEED = 0.03", "rest"),
     ],
     "counter": [
         Wrong("self.sum += number.data", "self.sum = number.data", "sum"),

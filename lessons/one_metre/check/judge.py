@@ -37,8 +37,11 @@ class Judge(Block):
             return Text(now, f"rest: {seen}, and does not stand")
         if now - self.still_since < REST or now < 3 * SECOND:
             return None
-        if twist is None or now - twist.time > SECOND:
-            return Text(now, f"silent: {seen}" if twist else "nothing: the block published nothing")
-        if abs(driven - 1.0) > 0.020 or twist.linear or twist.angular:
+        if twist is None:
+            return Text(now, "nothing: the block published nothing")
+        commands_motion = twist.linear or twist.angular
+        if commands_motion and now - twist.time > SECOND:
+            return Text(now, f"silent: {seen}")
+        if commands_motion or abs(driven - 1.0) > 0.020:
             return Text(now, f"distance: {seen}")
         return Text(now, "passed")
