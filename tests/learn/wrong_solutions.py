@@ -28,6 +28,11 @@ RIGHT = [  # lesson, text of its solution, and what is as right in its place
         "        return Twist(pose.time, SPEED if driven < DISTANCE else 0.0, 0.0)\n",
         f"        self.stands = getattr(self, 'stands', False)\n{ONCE}",
     ),
+    (
+        "odometry",
+        "self.heading += turn\n",
+        "self.heading = (self.heading + turn + pi) % (2 * pi) - pi\n",
+    ),
 ]
 WRONG = {
     "talker": [

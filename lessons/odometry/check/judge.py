@@ -1,6 +1,6 @@
 """Random curves, and how far the pose of the learner's block is from the true one."""
 
-from math import cos, hypot, sin
+from math import cos, hypot, pi, remainder, sin
 from random import Random
 
 from diffbotctl.block import Block, Every, In, Out
@@ -59,8 +59,8 @@ class Judge(Block):
         c, s = cos(self.start.heading), sin(self.start.heading)
         off = hypot(pose.x - (c * dx + s * dy), pose.y - (c * dy - s * dx))
         turned = truth.heading - self.start.heading
-        if not abs(pose.heading - turned) <= TURN_MAX:
-            seen = f"a heading of {pose.heading:.2f} rad where it is {turned:.2f}"
+        if not abs(remainder(pose.heading - turned, 2.0 * pi)) <= TURN_MAX:
+            seen = f"a heading of {pose.heading:.2f} rad where it is {turned:.2f}, also modulo 2 pi"
             return Text(now, f"heading: {seen}")
         if not off <= PART * self.path:
             seen = f"x {pose.x:.2f} m, y {pose.y:.2f} m, which is {1000.0 * off:.0f} mm off"
