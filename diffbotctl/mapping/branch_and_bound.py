@@ -104,11 +104,7 @@ class _Search:
 
 
 def best_pose(
-    field: MatchField,
-    points: Array,
-    window: Window,
-    least: float,
-    excluded: Sequence[Array] = (),
+    field: MatchField, points: Array, window: Window, least: float, excluded: Sequence[Array] = ()
 ) -> Generator[None, None, Peak | None]:
     """The pose with the highest score above `least` (0 to 1); none without one.
 

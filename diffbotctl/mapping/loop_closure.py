@@ -62,9 +62,7 @@ def _targets(
         (
             i,
             Window(
-                seen[i],
-                min(reach[i] + REACH_MORE, REACH_MAX),
-                min(turn[i] + TURN_MORE, TURN_MAX),
+                seen[i], min(reach[i] + REACH_MORE, REACH_MAX), min(turn[i] + TURN_MORE, TURN_MAX)
             ),
         )
         for i in near[:TARGETS_MAX]

@@ -6,8 +6,9 @@ Rules: wiki.ros.org/map_server. A picture's row 0 is the top, dark is occupied.
 from __future__ import annotations
 
 import re
+from errno import EINVAL
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import IO, Any
 
 import numpy as np
 import yaml
@@ -24,9 +25,10 @@ from diffbotctl.mapping.occupancy_grid import (
     OccupancyGrid,
 )
 
-DESCRIPTION_MAX, HEADER_MAX = 10_000, 4096  # characters, bytes
+DESCRIPTION_MAX, HEADER_MAX = 10_000, 4096  # bytes
 GREY_OCCUPIED, GREY_FREE, GREY_UNKNOWN = 0, 254, 205
-HEADER = re.compile(rb"P5\s+(?:#[^\n]*\n\s*)*(\d+)\s+(?:#[^\n]*\n\s*)*(\d+)\s+(\d+)\s")
+HEADER = re.compile(rb"P5" + 3 * rb"(?:\s|#[^\n]*\n)+(\d+)" + rb"\s")
+UNREADABLE = (LookupError, ArithmeticError, ValueError, TypeError, yaml.YAMLError)
 
 
 def save_picture(grid: OccupancyGrid, path: Path) -> None:
@@ -50,36 +52,43 @@ def load_picture(path: Path) -> OccupancyGrid:
 
     Raises RunError, with place, cause and fix.
     """
+    picture = path
     try:
-        with path.open() as file:
+        with _open(path) as file:
             text = yaml.safe_load(file.read(DESCRIPTION_MAX))
-        if not isinstance(text, dict):
-            raise ValueError("it is no table of keys")
-        picture = path.parent / str(text["image"])
-        with picture.open("rb") as content:
+        if not (isinstance(text, dict) and isinstance(text["image"], str)):  # aliases may be huge
+            raise ValueError("it is no table of keys, or its image is no name of a file")
+        picture = path.parent / text["image"]
+        with _open(picture) as content:
             return _grid(text, _greys(content))
-    except KeyError as error:
-        raise RunError([_problem(path, f"{error.args[0]} is missing")]) from error
     except OSError as error:
-        raise RunError([_problem(path, f"{error.filename}: {error.strerror}")]) from error
-    except (ValueError, TypeError, yaml.YAMLError) as error:
-        raise RunError([_problem(path, str(error))]) from error
+        raise RunError([_problem(path, f"{picture}: {error.strerror}")]) from error
+    except RecursionError as error:
+        raise RunError([_problem(path, "it is nested too deeply")]) from error
+    except UNREADABLE as error:
+        cause = f"{error.args[0]} is missing" if isinstance(error, KeyError) else str(error)
+        raise RunError([_problem(path, cause)]) from error
+
+
+def _open(path: Path) -> IO[bytes]:
+    if path.exists() and not path.is_file():  # a pipe would keep its reader waiting
+        raise OSError(EINVAL, "this is a device, a pipe or a directory, not a file")
+    return path.open("rb")
 
 
 def _problem(path: Path, cause: str) -> Problem:
     cause, _, fix = cause.partition("; ")
-    needed = "image (a binary pgm), resolution, origin, negate, occupied_thresh and free_thresh"
-    cause = f"this map cannot be read: {cause}"
-    return Problem("E-MAP-IMAGE", str(path), cause, fix or f"state {needed}")
+    keys = "state image (binary pgm), resolution, origin, negate, occupied_thresh and free_thresh"
+    return Problem("E-MAP-IMAGE", str(path), f"this map cannot be read: {cause}", fix or keys)
 
 
-def _greys(content: BinaryIO) -> NDArray[np.uint8]:
+def _greys(content: IO[bytes]) -> NDArray[np.uint8]:
     """Reads no more than a header before it knows the size."""
     header = HEADER.match(content.read(HEADER_MAX))
     if header is None:
         raise ValueError("the picture is no binary pgm (P5)")
-    columns, rows, highest = map(int, (header[1], header[2], header[3]))
-    if highest != 255:
+    columns, rows, highest = map(int, header.groups())
+    if not 0 < highest <= 255:
         raise ValueError(f"its highest grey is {highest}; save the picture with 8 bits a cell")
     if not 0 < columns * rows <= CELLS_MAX:
         raise ValueError(
@@ -89,11 +98,9 @@ def _greys(content: BinaryIO) -> NDArray[np.uint8]:
     content.seek(header.end())
     body = content.read(columns * rows)
     if len(body) < columns * rows:
-        raise ValueError(
-            f"the picture has {len(body)} of {columns * rows} bytes; copy the whole file"
-        )
-    grey = np.frombuffer(body, np.uint8, columns * rows).reshape(rows, columns)
-    return np.flipud(grey)
+        raise ValueError(f"it has {len(body)} of {columns * rows} bytes; copy the whole file")
+    scaled = np.rint(np.minimum(np.arange(256) / highest, 1.0) * 255.0).astype(np.uint8)
+    return np.flipud(scaled[np.frombuffer(body, np.uint8).reshape(rows, columns)])
 
 
 def _grid(text: dict[str, Any], grey: NDArray[np.uint8]) -> OccupancyGrid:
@@ -121,7 +128,7 @@ def _cells_of_greys(text: dict[str, Any]) -> NDArray[np.int8]:
     if mode == "raw":
         return np.where(grey <= 100, grey, -1).astype(np.int8)
     if mode not in ("trinary", "scale"):
-        raise ValueError(f"mode is {mode}, not trinary, scale or raw")
+        raise ValueError(f"mode is {mode:.20}, not trinary, scale or raw")
     share = grey / 255.0 if int(text["negate"]) else (255.0 - grey) / 255.0
     high, low = float(text["occupied_thresh"]), float(text["free_thresh"])
     if not 0 <= low < high <= 1:

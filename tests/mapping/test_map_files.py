@@ -1,5 +1,6 @@
 """Map files, and pictures for and from ROS's map_server."""
 
+import os
 import tracemalloc
 
 import numpy as np
@@ -143,6 +144,29 @@ def test_a_damaged_imported_map_is_refused_or_can_be_searched(room_map, tmp_path
         assert Mapper(MapperParameters(), loaded).grid().cells.size
 
 
+def picture_read(folder, picture, keys):
+    (folder / "a.pgm").write_bytes(picture)
+    (folder / "a.yaml").write_text(
+        f"image: a.pgm\nresolution: 0.1\norigin: [-1.0, 2.0, 0.0]\n{keys}\n"
+        "occupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    )
+    return load_picture(folder / "a.yaml")
+
+
+@pytest.mark.parametrize(
+    ("header", "greys"),
+    [
+        (b"P5\n3 1\n#x\n255\n", (0, 205, 254)),
+        (b"P5#a\n3#b\n#c\n1 # d\n\t255\n", (0, 205, 254)),
+        (b"P5 3 1 100\n", (0, 80, 100)),
+        (b"P5 3 1 1\n", (0, 1, 1)),
+    ],
+)
+def test_comments_and_any_highest_grey_of_8_bits_are_read(tmp_path, header, greys):
+    cells = picture_read(tmp_path, header + bytes(greys), "negate: 0").cells.tolist()
+    assert cells == [[100, 0 if greys[1] == 1 else -1, 0]]
+
+
 # Greys of a row, by the rules of wiki.ros.org/map_server.
 @pytest.mark.parametrize(
     ("keys", "cells"),
@@ -156,12 +180,7 @@ def test_a_damaged_imported_map_is_refused_or_can_be_searched(room_map, tmp_path
 def test_pictures_are_read_by_the_rules_of_map_server(tmp_path, keys, cells):
     greys = {"trinary": [0, 100, 205, 254], "scale": [0, 115, 205, 254]}
     row = greys["scale" if "scale" in keys else "trinary"]
-    (tmp_path / "a.pgm").write_bytes(b"P5\n# a comment\n4 1\n255\n" + bytes(row))
-    (tmp_path / "a.yaml").write_text(
-        f"image: a.pgm\nresolution: 0.1\norigin: [-1.0, 2.0, 0.0]\n{keys}\n"
-        "occupied_thresh: 0.65\nfree_thresh: 0.196\n"
-    )
-    grid = load_picture(tmp_path / "a.yaml")
+    grid = picture_read(tmp_path, b"P5\n# a comment\n4 1\n255\n" + bytes(row), keys)
     assert isinstance(grid, OccupancyGrid)
     assert (grid.resolution, grid.origin) == (0.1, (-1.0, 2.0))
     assert grid.cells.tolist() == [cells]
@@ -187,6 +206,11 @@ WHOLE = {
         ({}, b"P5 0 10 255\n", "0 x 10 cells"),
         ({}, b"P5 10 10 255\n0", "of 100 bytes"),
         ({}, b"P5 2 1 65535\n\0\0\0\0", "8 bits a cell"),
+        ({}, b"P5 2 1 0\n\0\0", "highest grey is 0"),
+        ({"negate": float("inf")}, b"P5 2 1 255\n\0\xff", "cannot be read"),
+        ({"mode": ["grey"]}, b"P5 2 1 255\n\0\xff", "cannot be read"),
+        ({"image": "fifo"}, b"", "fifo: this is"),
+        ({"image": "/dev/zero"}, b"", "/dev/zero: this is"),
         ({"origin": [0, 0, 0.5]}, b"P5 2 1 255\n\0\xff", "turned by 0.5 rad"),
         ({"mode": "grey"}, b"P5 2 1 255\n\0\xff", "mode is grey"),
         ({"resolution": float("nan")}, b"P5 2 1 255\n\0\xff", "resolution nan"),
@@ -200,12 +224,20 @@ def test_what_is_no_map_of_map_server_is_refused(tmp_path, keys, picture, cause)
     fields = {name: value for name, value in (WHOLE | keys).items() if value is not None}
     (tmp_path / "a.yaml").write_text(yaml.safe_dump(fields))
     (tmp_path / "a.pgm").write_bytes(picture)
+    os.mkfifo(tmp_path / "fifo")
     with pytest.raises(RunError, match=cause):
         load_picture(tmp_path / "a.yaml")
 
 
 @pytest.mark.parametrize(
-    ("text", "cause"), [("- 1\n", "no table"), ("image: [", "cannot be read"), ("", "no table")]
+    ("text", "cause"),
+    [
+        ("- 1\n", "no table"),
+        ("image: [", "cannot be read"),
+        ("", "no table"),
+        ("[" * 9000, "nested too deeply"),
+        ("image: [a.pgm]", "its image is no name"),
+    ],
 )
 def test_what_is_no_description_is_refused(tmp_path, text, cause):
     (tmp_path / "a.yaml").write_text(text)
