@@ -88,8 +88,7 @@ def check(
 
     Exit code: 0 passed, 1 not yet, 2 wrong usage.
     """
-    lesson = _lesson(name)
-    folder = _folder()
+    lesson, folder = _lesson(name), _folder()
     if solution:
         return _check_solution(lesson, seed, as_json)
     if not folder.has_begun(lesson):
@@ -151,8 +150,7 @@ def solution(name: str | None = LESSON) -> None:
     """Show one solution of a lesson."""
     keep_lines(sys.stdout)  # code, which a person may copy
     lesson = _lesson(name)
-    files = [lesson.source("solution") / file for file in lesson.section.files]
-    for path in files:
+    for path in [lesson.source("solution") / file for file in lesson.section.files]:
         if path.is_file():
             click.echo(f"# {path.name}\n{path.read_text()}")
         else:

@@ -296,14 +296,16 @@ def _print_usage_error(error: click.ClickException) -> None:
 
 
 def _unexpected(error: Exception) -> UserError:
-    """A full disk, or a defect of this program, as an error for a person."""
+    """A full disk, a deleted directory, or a defect of this program, as an error for a person."""
     from diffbotctl.errors import Problem, RunError
 
     if isinstance(error, OSError) and error.errno in DISK_FULL:
-        place = str(error.filename or "the output")
-        cause = "no space is left on the disk"
+        place, cause = str(error.filename or "the output"), "no space is left on the disk"
         fix = "free some space (`df -h` shows where), or write to another disk"
         return RunError(Problem("E-DISK-FULL", place, cause, fix))
+    if isinstance(error, FileNotFoundError) and error.filename is None:  # of `os.getcwd`
+        cause, fix = "the working directory was deleted", "go to another one: `cd`"
+        return RunError(Problem("E-FILE-READ", ".", cause, fix))
     cause = f"internal error: {type(error).__name__}: {error}"
     fix = "this is a defect of diffbotctl; run it again with --debug and report what it prints"
     return RunError(Problem("E-DEFECT", "diffbotctl", cause, fix))

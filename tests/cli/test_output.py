@@ -96,6 +96,13 @@ def _limit_files():
     resource.setrlimit(resource.RLIMIT_FSIZE, (200, 200))
 
 
+@pytest.mark.parametrize("words", [("learn",), ("learn", "next"), ("start", "--status")])
+def test_a_deleted_working_directory_is_named_and_is_no_defect(tmp_path, words):
+    done = output_of(*words, cwd=tmp_path, preexec_fn=tmp_path.rmdir)
+    assert done.returncode == 1 and "E-FILE-READ" in done.stderr
+    assert "working directory was deleted" in done.stderr
+
+
 @pytest.mark.parametrize("words", (*PICTURES[:1], ("explain",), ("run", "goal", "--fast")))
 def test_a_full_disk_is_named_and_is_no_defect(words):
     with open("/dev/full", "w") as full:
