@@ -30,10 +30,11 @@ MODE_TEXT: dict[DriverMode, str] = {
 # What the bridge does with the motor: leaves its terminals open, or connects them.
 OffState = Literal["open", "shorted"]
 
-
 THRESHOLD_SHARE_MAX = 0.9  # of a battery that hardly exceeds the threshold
 LETTERS_AFTER_AN = "AEFHILMNORSX"  # their names begin with a vowel: an L298N, an MX1508
-PART_DIGITS_MIN = 3  # of a part number; fewer do not tell one part from another
+# Words with which the inputs stay the same: those left out of any name; makers, amounts, revisions.
+HARMLESS = re.compile("module|driver|board|breakout|dual|motors?|h|h?bridge|mosfet|channels?|red")
+BESIDE = re.compile(r"adafruit|pololu|carrier|chip|dc|e|x?\d{1,2}([avx]|ch)?|(v|r|rev)\d{0,2}")
 
 
 class BridgeFigures(NamedTuple):
@@ -152,10 +153,9 @@ def unknown_driver(written: str) -> UnsupportedPart:
     DRV8838 has PWM and a direction, and a DRV8837 that is driven so turns its motor at rest.
     """
     cause = f"driver cannot be '{written}'"
-    names = _meant(_normal(written))
-    supported = [name for name in names if name in MOTOR_DRIVERS]
-    if names and not supported:
-        row = _ROWS[names[0]]
+    supported = _meant(written)
+    if unsupported := [name for name in supported if name not in MOTOR_DRIVERS]:
+        row = _ROWS[unsupported[0]]
         return UnsupportedPart(f"{cause}: {row['unsupported']}", row["fix"])
     if len(supported) == 1:
         inputs = MODE_TEXT[MOTOR_DRIVERS[supported[0]].mode]
@@ -168,31 +168,32 @@ def unknown_driver(written: str) -> UnsupportedPart:
     return UnsupportedPart(cause, fix)
 
 
-def _meant(name: str) -> list[str]:
-    """The rows that `name` can mean: one of this name, of a name with a suffix, or of this number.
-
-    Makers put letters of their own before the number, and those of the package after it.
-    """
-    known = {
-        row: [
-            _normal(each) for each in (row, facts.get("title", ""), *facts.get("other_names", ()))
-        ]
-        for row, facts in _ROWS.items()
-    }
-    beginnings = {
-        each for names in known.values() for each in names if each and name.startswith(each)
-    }
-    if beginnings:
-        longest = max(beginnings, key=len)
-        return [row for row, names in known.items() if longest in names]
-    number = _number(name)
-    numbers = {row: map(_number, names) for row, names in known.items()}
-    return [row for row in known if len(number) >= PART_DIGITS_MIN and number in numbers[row]]
+def _meant(written: str) -> list[str]:
+    """The rows that `written` names; with an unknown word, only those that no mode can drive."""
+    known: dict[str, list[str]] = {}
+    for row, facts in _ROWS.items():
+        for name in (row, facts.get("title", row), *facts.get("other_names", ())):
+            known.setdefault("".join(_words(name)), []).append(row)
+    words, rows, has_unknown = _words(written), dict[str, None](), False
+    while words:
+        count, named = _named_first(words, known)
+        rows |= dict.fromkeys(named)
+        has_unknown = has_unknown or not (named or BESIDE.fullmatch(words[0]))
+        words = words[count:]
+    return [row for row in rows if not (has_unknown and row in MOTOR_DRIVERS)]
 
 
-def _normal(name: str) -> str:
-    return re.sub(r"[^a-z0-9]", "", name.lower()[:80])
+def _named_first(words: list[str], known: dict[str, list[str]]) -> tuple[int, list[str]]:
+    """How many of the first words are a name, with the letters of a package, and its rows."""
+    for count in range(len(words), 0, -1):
+        before, last = "".join(words[: count - 1]), words[count - 1]
+        for length in range(len(last), 0, -1):
+            name, package = before + last[:length], last[length:]
+            if name in known and re.fullmatch("[a-z]{0,3}", package):
+                return count, known[name]
+    return 1, []
 
 
-def _number(name: str) -> str:
-    return re.sub(r"[^0-9]", "", name)
+def _words(name: str) -> list[str]:
+    words = re.findall(r"[a-z0-9]+", name.lower()[:80])
+    return [word for word in words if not HARMLESS.fullmatch(word)] or words

@@ -83,6 +83,12 @@ def supported(driver):
         ("Monster Moto", "vnh2sp30"),
         ("MD10C R3", "mdd10a"),
         ("L298N mini", "mx1508"),
+        ("L298N red mini module", "mx1508"),
+        ("L298N MX1508", "mx1508"),
+        ("L298N H-bridge dual motor driver 2A", "l298n"),
+        ("Adafruit TB6612 breakout", "tb6612"),
+        ("VNH5019A-E carrier", "vnh5019"),
+        ("BTS7960 43A x2", "bts7960"),
         ("L298P shield", "l298p"),
         ("HR8833", "drv8833"),
     ],
@@ -93,12 +99,36 @@ def test_a_driver_by_another_name_is_answered_with_its_inputs(tmp_path, written,
     assert problem.fix == f"did you mean {driver}? It has {inputs}"
 
 
-@pytest.mark.parametrize("written", ["DRV8842", "l289n", "TB6621", "drv883", "A4940", "x"])
+@pytest.mark.parametrize(
+    "written",
+    [
+        "DRV8842",
+        "l289n",
+        "TB6621",
+        "drv883",
+        "A4940",
+        "x",
+        "HW-230",
+        "8833",
+        "DRV8876 PH/EN",
+        "DRV8876PHEN",
+        "TB6612 shield",
+        "Grove L298N",
+        "ZK-BM10",
+        "SLF8833",
+    ],
+)
 def test_an_unknown_driver_is_not_answered_with_a_similar_name(tmp_path, written):
     (problem,) = problems(tmp_path, f"drive: {{motor: {{driver: {written}}}}}")
     assert "did you mean" not in problem.fix
     for driver in ("l298n", "drv8838", "drv8833"):
         assert supported(driver) in problem.fix
+
+
+@pytest.mark.parametrize("driver", [*MOTOR_DRIVERS, "L298N", "TB6612FNG", "DRV 8833"])
+@pytest.mark.parametrize("more", ["{} i3c", "PH/EN {}", "quad {}", "{} 74HC165", "{}-lookalike"])
+def test_a_name_with_an_unknown_word_is_not_answered(driver, more):
+    assert "did you mean" not in unknown_driver(more.format(driver)).fix
 
 
 def test_no_number_of_a_family_is_answered_with_another_one():
@@ -123,6 +153,12 @@ def test_a_name_of_drivers_with_different_inputs_lists_them(written):
         ("PCA9685", "over I2C"),
         ("Adafruit Motor Shield", "over I2C"),
         ("L293D shield", "shift register"),
+        ("L293 motor shield", "shift register"),
+        ("Adafruit Motor Shield V1", "shift register"),
+        ("Adafruit Motor Shield V2", "over I2C"),
+        ("tb6612_i2c", "over I2C"),
+        ("TB6612 motor featherwing", "over I2C"),
+        ("TB6612FNG+PCA9685", "over I2C"),
         ("ULN2003A", "one direction only"),
         ("Sabertooth 2x12", "servo pulses"),
     ],
