@@ -66,7 +66,7 @@ def formatted_value(finding: Finding, origin: Provenance) -> str:
     """
     unit = _unit(finding.field)
     entries = {"value": _format_value(finding.value, unit)}
-    if finding.sd is not None:
+    if finding.sd:
         digits = SD_DIGITS if finding.own_sd is None else PART_SD_DIGITS
         entries["sd"] = _format_value(finding.sd, unit, digits)
         if finding.own_sd is not None:

@@ -103,11 +103,7 @@ def read_robot(
 
 
 def read_pipeline(
-    path: Path,
-    overrides: Iterable[Override],
-    problems: list[Problem],
-    *,
-    skips_named: bool = False,
+    path: Path, overrides: Iterable[Override], problems: list[Problem], *, skips_named: bool = False
 ) -> tuple[Value, list[Path]]:
     """As `read_robot`, of the pipeline file at `path`. Raises NamedIncludesError.
 

@@ -57,11 +57,7 @@ SYNTAX = [
         "a brace or bracket before this point is not closed",
         "close it, and put a comma between its entries",
     ),
-    (
-        r"expected ':'",
-        "a key without a colon",
-        "write `key: value`, with a space after the colon",
-    ),
+    (r"expected ':'", "a key without a colon", "write `key: value`, with a space after the colon"),
     (
         r"quoted scalar|end of stream",
         "a quoted text before this point is not closed",

@@ -48,6 +48,7 @@ def test_an_entry_has_value_deviation_and_origin():
         Finding("drive.polarity", "calibrated"), Provenance("x", "", None, None)
     )
     assert unmeasured == '{value: calibrated, date: "", method: x, volts: not measured}'
+    assert "sd" not in formatted_value(TRACK._replace(sd=0.0), ORIGIN)  # which files refuse
 
 
 @pytest.mark.parametrize(

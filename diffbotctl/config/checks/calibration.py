@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from datetime import date
 from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -32,9 +33,7 @@ class PlausibleRatio(NamedTuple):
 PLAUSIBLE = {
     r"drive\.track": PlausibleRatio(0.7, 1.4, "measure the track between the tyre centres"),
     r"drive\.(left|right)\.wheel\.diameter": PlausibleRatio(
-        0.85,
-        1.18,
-        "the rolling diameter is close to the one measured with a ruler",
+        0.85, 1.18, "the rolling diameter is close to the one measured with a ruler"
     ),
     r"drive\.(left|right)\.encoder\.slots": PlausibleRatio(0.2, 5.0, "count the slots of the disc"),
     r"drive\.(left|right)\.motor\.rated": PlausibleRatio(
@@ -95,16 +94,20 @@ def check_calibration(context: CheckContext) -> None:
     if context.robot is None:
         return
     for path, calibrated in (context.robot.calibration or {}).items():
-        _check_sd(context, path, calibrated)
+        key, wrong = ("", "") if calibrated is None else _wrong_note(context, path, calibrated)
+        if wrong:
+            fix = f"calibrate again, or delete the {key}"
+            context.error(
+                "E-IMPLAUSIBLE", context.robot_place("calibration", path, key), wrong, fix
+            )
         value, stated = context.values(path), context.nominal_values(path)
         if value is None:
             continue
         cause = _implausible(path, value[0], stated[0] if stated else None)
         cause = cause or _inconsistent(context, path)
         if cause:
-            entry = context.robot_value("calibration", path, "value")
-            fix = "calibrate again, or delete the entry"
-            context.error("E-IMPLAUSIBLE", entry.place if entry else path, cause, fix)
+            place = context.robot_place("calibration", path, "value")
+            context.error("E-IMPLAUSIBLE", place, cause, "calibrate again, or delete the entry")
     if context.refuse_simulated:
         _refuse_simulated(context, context.robot)
     if context.real:
@@ -135,32 +138,37 @@ def simulated_fields(robot: Robot) -> list[str]:
     return [field for field, entry in entries if entry is not None and entry.simulated]
 
 
-def _check_sd(context: CheckContext, path: str, calibrated: Calibrated | None) -> None:
-    """Refuse a standard deviation of a single value that is not a quantity of its unit."""
-    declaration = robot_tree.field(path)
-    if calibrated is None or declaration is None or declaration.kind is not float:
-        return
-    if calibrated.sd is None and calibrated.own_sd is None:
-        return
+def _wrong_note(context: CheckContext, path: str, calibrated: Calibrated) -> tuple[str, str]:
+    """Which note beside a calibrated value cannot be, and why; an empty text if each can."""
+    day, volts, key = calibrated.date, calibrated.volts, "volts"
     try:
-        sd = quantity(str(calibrated.sd or 0), declaration.unit)
-        value = context.values(path)
-        own_sd = quantity(str(calibrated.own_sd or 0), declaration.unit)
-        is_ratio = any(re.fullmatch(pattern, path) for pattern in PLAUSIBLE)
-        most = SD_RATIO_MAX * value[0] if is_ratio and value else inf
-        cause = "" if 0.0 <= sd < inf else f"{calibrated.sd} is no standard deviation"
-        if not cause and not 0.0 <= own_sd <= sd:
-            cause = f"own_sd is {calibrated.own_sd}, and no part of the sd, {calibrated.sd or 0}"
-        if not cause and value and sd > most:
-            cause = (
-                f"{path} of {value[0]:g} with a standard deviation of {sd:g} is not known at all"
-            )
+        date.fromisoformat((day or "2026-01-31")[:10])
+        if volts not in (None, "not measured") and quantity(str(volts), "V") <= 0.0:
+            return key, f"{volts} is not the voltage of a battery"
+        key = "sd"
+        return _wrong_sd(context, path, calibrated)
     except UnitError as error:
-        cause = str(error)
-    if cause:
-        entry = context.robot_value("calibration", path, "sd")
-        fix = "calibrate again, or delete the sd" + (" and own_sd" if calibrated.own_sd else "")
-        context.error("E-IMPLAUSIBLE", entry.place if entry else path, cause, fix)
+        return key, str(error)
+    except ValueError:
+        return "date", f"'{day}' is no date, such as 2026-01-31"
+
+
+def _wrong_sd(context: CheckContext, path: str, entry: Calibrated) -> tuple[str, str]:
+    """As `_wrong_note`, of the standard deviations of a single value. Raises UnitError."""
+    declaration = robot_tree.field(path)
+    if declaration is None or declaration.kind is not float:
+        return "", ""
+    sd = quantity(str(entry.sd or 0), declaration.unit)
+    own_sd = quantity(str(entry.own_sd or 0), declaration.unit)
+    if entry.sd is not None and not 0.0 < sd < inf:
+        return "sd", f"{entry.sd} is no standard deviation: no measurement is exact"
+    if not 0.0 <= own_sd <= sd:
+        return "own_sd", f"{entry.own_sd} is no part of the sd, {entry.sd or 0}"
+    value = context.values(path)
+    is_ratio = any(re.fullmatch(pattern, path) for pattern in PLAUSIBLE)
+    if value and is_ratio and sd > SD_RATIO_MAX * value[0]:
+        return "sd", f"with a standard deviation of {sd:g}, {value[0]:g} is not known at all"
+    return "", ""
 
 
 def _implausible(path: str, value: Any, stated: Any) -> str | None:
