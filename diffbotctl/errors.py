@@ -117,8 +117,8 @@ class RunError(UserError):
 
 
 def rendered(problems: Sequence[Problem]) -> Iterator[str]:
-    """The text of each of the first problems, and how many others there are."""
-    for problem in problems[:PROBLEMS_SHOWN_MAX]:
+    """The text of each of the first problems, errors before warnings, and how many others."""
+    for problem in sorted(problems, key=lambda each: each.severity)[:PROBLEMS_SHOWN_MAX]:
         yield problem.render()
     more = len(problems) - PROBLEMS_SHOWN_MAX
     if more > 0:

@@ -36,6 +36,13 @@ def test_the_tone():
     )
 
 
+def test_errors_stand_before_warnings():
+    warning = Problem("W-TEST", "robot.yaml", "unwise", "think", "warning")
+    first, second = (Problem("E-TEST", "robot.yaml", cause, "mend it") for cause in "ab")
+    text = str(ConfigurationError([*[warning] * 30, first, second]))
+    assert text.startswith(f"{first.render()}\n\n{second.render()}\n\n{warning.render()}")
+
+
 def test_a_warning_is_marked_as_such():
     problem = Problem("W-TEST", "robot.yaml", "unwise", "think", "warning")
     assert problem.render() == "robot.yaml  W-TEST  (warning)\n  unwise; think"
