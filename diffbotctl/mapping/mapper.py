@@ -27,7 +27,8 @@ SEARCH_STEPS = 3  # of the search for the robot's place, for each scan
 FOUND = np.diag([0.10, 0.10, 0.05]) ** 2  # covariance of a place that was found
 HEADING_KNOWN = 1.0  # rad, standard deviation of a pose that can be taken without a search
 UNKNOWN = np.diag([50.0, 50.0, np.pi]) ** 2
-EXPLAINED_MIN, CONTRADICTED_MAX = 0.5, 0.25  # shares of the points of a scan that fits the map
+# Rays of a scan that fits the map: share of all, and relative to those that the map explains.
+CONTRADICTED_MAX, CONTRADICTED_RATIO_MAX = 0.25, 0.75
 MISMATCHES_MAX = 5  # scans in a row
 SUDDEN = (0.2, 0.35)  # m, rad, by odometry; after more motion a scan may show a place not seen yet
 LOOK_PERIOD = 1.0  # s, between looks from one place
@@ -230,11 +231,9 @@ class Mapper:
         field = self._field if self._builder is None else self._builder.field
         assert field is not None
         fit = self._tracker.correct(field, surface)
-        is_wrong = (
-            len(surface.points) > 0
-            and explained(field, surface, self._tracker.pose) < EXPLAINED_MIN
-            and self._drawn.contradicted(scan, self._pose()[0]) > CONTRADICTED_MAX
-        )
+        limit = CONTRADICTED_RATIO_MAX * explained(field, surface, self._tracker.pose)
+        contradicted = self._drawn.contradicted(scan, self._pose()[0])
+        is_wrong = contradicted > max(CONTRADICTED_MAX, limit)
         is_near = self._builder is None or not apart(self._fitted, scan.odometry, SUDDEN)
         if not is_wrong:
             self._fitted, self._mismatches = scan.odometry, 0
