@@ -185,16 +185,16 @@ def reached(checkout: Checkout, mutations: list[Mutation]) -> list[set[str] | No
 
 def stages(mutation: Mutation, modules: set[str] | None) -> Iterator[tuple[bool, list[str]]]:
     """Words that choose the tests of a mutation, one run after the other; are they short?"""
-    near = AREAS[mutation.area][1].split()
-    if modules is None:
-        yield from ((True, near), (True, []), (False, ["-m", "nightly"]))
-        return
-    first = sorted(each for each in modules if each.startswith(tuple(f"{name}/" for name in near)))
-    for words in (first, sorted(modules.difference(first))):
-        if words:
-            yield True, words
-    if modules:
-        yield False, ["-m", "nightly", *sorted(modules)]
+    rest = set(modules or ())
+    for name in AREAS[mutation.area][1].split():
+        near = [name] if modules is None else [each for each in rest if each.startswith(f"{name}/")]
+        rest.difference_update(near)
+        if near:
+            yield True, sorted(near)
+    if rest or modules is None:
+        yield True, sorted(rest)
+    if modules is None or modules:
+        yield False, ["-m", "nightly", *sorted(modules or ())]
 
 
 def examined(checkout: Checkout, mutation: Mutation, modules: set[str] | None) -> Found:
