@@ -209,8 +209,8 @@ WHOLE = {
         ({}, b"P5 2 1 0\n\0\0", "highest grey is 0"),
         ({"negate": float("inf")}, b"P5 2 1 255\n\0\xff", "cannot be read"),
         ({"mode": ["grey"]}, b"P5 2 1 255\n\0\xff", "cannot be read"),
-        ({"image": "fifo"}, b"", "fifo: this is"),
-        ({"image": "/dev/zero"}, b"", "/dev/zero: this is"),
+        ({"image": "fifo"}, b"", "a device, a pipe"),
+        ({"image": "/dev/zero"}, b"", "a device, a pipe"),
         ({"origin": [0, 0, 0.5]}, b"P5 2 1 255\n\0\xff", "turned by 0.5 rad"),
         ({"mode": "grey"}, b"P5 2 1 255\n\0\xff", "mode is grey"),
         ({"resolution": float("nan")}, b"P5 2 1 255\n\0\xff", "resolution nan"),
@@ -225,8 +225,9 @@ def test_what_is_no_map_of_map_server_is_refused(tmp_path, keys, picture, cause)
     (tmp_path / "a.yaml").write_text(yaml.safe_dump(fields))
     (tmp_path / "a.pgm").write_bytes(picture)
     os.mkfifo(tmp_path / "fifo")
-    with pytest.raises(RunError, match=cause):
+    with pytest.raises(RunError) as raised:
         load_picture(tmp_path / "a.yaml")
+    assert cause in " ".join(str(raised.value).split())
 
 
 @pytest.mark.parametrize(
