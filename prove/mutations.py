@@ -34,6 +34,8 @@ AREAS = {
     "firmware": ("firmware/*.c", "tests/firmware tests/runs"),
 }
 NOT_IN_AN_IMAGE = {"bridge.c"}  # another program, which is written by hand on a Mega
+# A loop without an end is noticed, too: all tests take less than that.
+TESTS_MAX_S, TIMED_OUT, NO_END = 7200, (124, 137), "the tests do not end"
 # Written into the checkout as diffbotctl/reached.py, and a plugin of pytest: what a module of tests
 # reaches when it is imported is its own. A confined process may not write.
 REACHED = """
@@ -111,8 +113,9 @@ class Checkout:
     def run(self, *words: str) -> subprocess.CompletedProcess[str]:
         """Run tests beside each other, as `make test` does."""
         options = ["-n", "5", "--dist", "loadscope", "--no-loadscope-reorder"]
+        limit = ["timeout", "--kill-after=5", str(TESTS_MAX_S), sys.executable]  # and its children
         return subprocess.run(
-            [sys.executable, "-m", "pytest", *options, "-q", "-p", "no:cacheprovider", *words],
+            [*limit, "-m", "pytest", *options, "-q", "-p", "no:cacheprovider", *words],
             cwd=self.folder,
             env=self.environment,
             capture_output=True,
@@ -125,6 +128,8 @@ class Checkout:
         done = self.run("-x", *left_out, *words)
         if done.returncode in (0, 5):  # 5: no test was chosen
             return None
+        if done.returncode in TIMED_OUT:
+            return NO_END
         failed = re.search(r"^(?:FAILED|ERROR) (.*?)(?: - .*)?$", done.stdout, re.M)
         return failed[1] if failed else "collection"
 
@@ -205,6 +210,8 @@ def examined(checkout: Checkout, mutation: Mutation, modules: set[str] | None) -
         checkout.write(mutation, mutation.applied(original))
         for is_short, words in stages(mutation, modules):
             while (test := checkout.failing(passed, words)) is not None:
+                if test == NO_END:
+                    return Found(test, is_short)
                 if not checkout.fails(test):
                     passed.append(test)
                     continue
