@@ -6,6 +6,7 @@ from random import Random
 
 import pytest
 
+from diffbotctl.links import diffbot_frames
 from diffbotctl.links.diffbot_frames import COMMAND_AGE_NONE, StateFrame
 from diffbotctl.links.diffbot_telemetry import COMMAND_AGE, TICK, SentCommand, Telemetry
 from diffbotctl.time import MILLISECOND
@@ -169,3 +170,9 @@ def test_the_first_burst_of_a_board_does_not_bend_its_clock():
     """The first frames are late by up to 0.5 s: no clock that is slow by that much."""
     for time, _, sent in read_in_stalls([(990, 500)], [0.0] * 100, late_stamp=True)[60:]:
         assert time == pytest.approx(sent, abs=5)
+
+
+def test_each_flag_is_a_bit_of_its_own():
+    flags = [value for name, value in vars(diffbot_frames).items() if name.startswith("FLAG_")]
+    assert len(flags) > 10 and len(set(flags)) == len(flags)
+    assert all(flag.bit_count() == 1 for flag in flags)
