@@ -90,7 +90,7 @@ BUDGETS = {  # lines of Python at most, by folder; `.`: the modules beside the f
     "geometry": 720,
     "learn": 695,
     "links": 4_240,
-    "mapping": 2_250,
+    "mapping": 2_255,
     "model": 240,
     "parts": 30,
     "plant": 4_130,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import inf
+from sys import float_info
 
 from diffbotctl.block import Block, FromRobot, In, Out
 from diffbotctl.control.velocity_limits import is_turn
@@ -15,7 +15,6 @@ from diffbotctl.geometry.footprint import (
     arc_motion,
     into_frame,
     out_of_frame,
-    ray_directions,
     scan_points,
     scanner_near,
     sensor_mount,
@@ -223,11 +222,11 @@ class ScanStop(Block):
         """
         if 2 * sum(far <= 0.0 for far in scan.distances) > len(scan.distances):
             return False
-        directions = ray_directions(scan.start, scan.step, len(scan.distances))
-        rays = zip((far or self.nearest for far in scan.distances), directions, strict=True)
-        echoes = [(far * c, far * s) for far, (c, s) in rays if 0.0 < far < inf]
-        points = out_of_frame(echoes, *self.mount)
-        return any(self.outline.clearance(*point) > OWN_ECHO_MAX for point in points)
+        points = scan_points(scan.start, scan.step, scan.distances, self.nearest, float_info.max)
+        return any(
+            self.outline.clearance(*out_of_frame([point], *self.mount)[0]) > OWN_ECHO_MAX
+            for _, point in points
+        )
 
     def _stale_event(self, now: int) -> Stop | None:
         """A Stop when there is no fresh scan; the first one may take up to `stale_after`."""

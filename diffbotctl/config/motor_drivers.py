@@ -153,17 +153,17 @@ def unknown_driver(written: str) -> UnsupportedPart:
     DRV8838 has PWM and a direction, and a DRV8837 that is driven so turns its motor at rest.
     """
     cause = f"driver cannot be '{written}'"
-    supported = _meant(written)
-    if unsupported := [name for name in supported if name not in MOTOR_DRIVERS]:
+    meant = _meant(written)
+    if unsupported := [name for name in meant if name not in MOTOR_DRIVERS]:
         row = _ROWS[unsupported[0]]
         return UnsupportedPart(f"{cause}: {row['unsupported']}", row["fix"])
-    if len(supported) == 1:
-        inputs = MODE_TEXT[MOTOR_DRIVERS[supported[0]].mode]
-        return UnsupportedPart(cause, f"did you mean {supported[0]}? It has {inputs}")
+    if len(meant) == 1:
+        inputs = MODE_TEXT[MOTOR_DRIVERS[meant[0]].mode]
+        return UnsupportedPart(cause, f"did you mean {meant[0]}? It has {inputs}")
     cause += "; a driver with other inputs than its name states can turn the motors at rest"
     fix = "find its inputs in its data sheet, and write a driver that has the same"
     for mode, text in MODE_TEXT.items():
-        same = [name for name in supported or MOTOR_DRIVERS if MOTOR_DRIVERS[name].mode == mode]
+        same = [name for name in meant or MOTOR_DRIVERS if MOTOR_DRIVERS[name].mode == mode]
         fix += f". {text[0].upper()}{text[1:]}: {', '.join(same)}" if same else ""
     return UnsupportedPart(cause, fix)
 

@@ -123,17 +123,19 @@ class GridBuilder:
             return 0.0
         source = transformed(np.array([scan.origin]), pose)[0]
         ray = transformed(scan.points, pose) - source
-        length = np.hypot(*ray.T)[:, None]
-        along = self.resolution * np.arange(int((length.max() + CLEARANCE) / self.resolution) + 1)
-        before, past = along < length - CLEARANCE, along >= length + CLEARANCE
-        share = np.where(past, 0.0, along) / np.maximum(length, 1e-9)
-        place = np.floor((source + ray[:, None, :] * share[..., None]) / self.resolution)
-        column, row = (place - self.low).astype(np.int64).transpose(2, 0, 1)
+        length = np.hypot(*ray.T)
+        counts = np.floor((length + CLEARANCE) / self.resolution).astype(np.int64) + 1  # of cells
+        starts = np.cumsum(counts) - counts
+        along = self.resolution * (np.arange(counts.sum()) - starts.repeat(counts))
+        share = along / np.maximum(length, 1e-9).repeat(counts)
+        place = np.floor((source + ray.repeat(counts, 0) * share[:, None]) / self.resolution)
+        column, row = (place.astype(np.int64) - self.low).T
         rows, columns = self.odds.shape
         inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
         odds = inside * self.odds.reshape(-1)[np.where(inside, row * columns + column, 0)]
-        contradicts = ((odds > 0) & before).any(1) | ((odds < 0) | before | past).all(1)
-        return float(contradicts.mean())
+        before = along < (length - CLEARANCE).repeat(counts)
+        passes = np.logical_or.reduceat((odds > 0) & before, starts)
+        return float((passes | np.logical_and.reduceat((odds < 0) | before, starts)).mean())
 
     def grid(self) -> OccupancyGrid:
         """The grid with a probability for each cell: 50 where free and occupied balance."""
